@@ -1,0 +1,65 @@
+"""Bottles: the values that robots, tests and configuration files exchange, in YARP's types and YARP's text form.
+
+``Bottle.parse('[set] [pos] 0 10.0')`` reads, ``bottle.to_text()`` writes, ``bottle.find("key")`` looks up, and
+``as_int``, ``as_float``, ``as_string`` … convert as YARP does. :class:`Property` keeps groups by key. Everything else
+a user meets here is a scalar type that Python does not have. This package knows neither files nor ports.
+"""
+
+from rtf.bottle.access import (
+    as_bool,
+    as_bytes,
+    as_dict,
+    as_float,
+    as_float32,
+    as_int,
+    as_list,
+    as_string,
+    as_vocab,
+    is_bool,
+)
+from rtf.bottle.balance import Balance, is_complete
+from rtf.bottle.bottle import MAX_DEPTH, Bottle, coerce, kind_of, same
+from rtf.bottle.errors import BottleError, BottleLimitError, BottleSyntaxError, BottleTypeError
+from rtf.bottle.property import Property
+from rtf.bottle.reading import MAX_TEXT
+from rtf.bottle.values import FALSE, TRUE, Dialect, Float32, Int8, Int16, Int64, Kind, Value, Vocab, Vocab64
+from rtf.bottle.writing import to_string, to_text
+
+__all__ = [
+    "FALSE",
+    "MAX_DEPTH",
+    "MAX_TEXT",
+    "TRUE",
+    "Balance",
+    "Bottle",
+    "BottleError",
+    "BottleLimitError",
+    "BottleSyntaxError",
+    "BottleTypeError",
+    "Dialect",
+    "Float32",
+    "Int8",
+    "Int16",
+    "Int64",
+    "Kind",
+    "Property",
+    "Value",
+    "Vocab",
+    "Vocab64",
+    "as_bool",
+    "as_bytes",
+    "as_dict",
+    "as_float",
+    "as_float32",
+    "as_int",
+    "as_list",
+    "as_string",
+    "as_vocab",
+    "coerce",
+    "is_bool",
+    "is_complete",
+    "kind_of",
+    "same",
+    "to_string",
+    "to_text",
+]

@@ -1,0 +1,223 @@
+"""The bottle: a list of typed values, and the rules by which values and groups are looked up in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, MutableSequence
+from typing import TYPE_CHECKING, Any, SupportsIndex, overload
+
+from rtf.bottle.errors import BottleError, BottleLimitError, BottleTypeError
+from rtf.bottle.values import (
+    FALSE,
+    INT32_MAX,
+    INT32_MIN,
+    INT64_MAX,
+    INT64_MIN,
+    TRUE,
+    Dialect,
+    Float32,
+    Int8,
+    Int16,
+    Int64,
+    Kind,
+    Vocab,
+    Vocab64,
+)
+
+if TYPE_CHECKING:
+    from rtf.bottle.values import Value
+
+MAX_DEPTH = 100
+"""How deep lists may be nested, in text, on the wire and in memory; YARP has no bound, robots use three levels."""
+
+
+class Bottle(MutableSequence["Value"]):
+    """A list of values. What is put in is checked and made a value at once; a bottle inside a bottle is a list value.
+
+    ``bool`` becomes a vocab, lists, tuples and arrays become bottles, enumerations their plain value. Two bottles are
+    equal when the types and contents of their elements are (``1`` is not ``1.0``). Membership and ``index`` use
+    Python's own equality. A bottle can change, so it is not hashable.
+    """
+
+    __slots__ = ("_items",)
+    __hash__ = None  # type: ignore[assignment]  # the protocol for "not hashable"
+
+    def __init__(self, values: Iterable[object] = ()) -> None:
+        self._items: list[Value] = [coerce(value) for value in values]
+
+    @staticmethod
+    def adopt(items: list[Value]) -> Bottle:
+        """Make a bottle of a list that nobody else keeps and that holds only values; nothing is checked or copied."""
+        bottle: Bottle = Bottle.__new__(Bottle)
+        bottle._items = items
+        return bottle
+
+    @staticmethod
+    def parse(text: str, *, strict: bool = False, dialect: Dialect = Dialect.YARP3) -> Bottle:
+        """Read the text form. As in YARP an element that is not closed is dropped; ``strict`` raises an error for it.
+
+        Raises :class:`BottleLimitError` for text that is too long or too deeply nested, :class:`BottleSyntaxError`
+        when strict, :class:`BottleError` for a vocab that cannot be written as UTF-8, and nothing else.
+        """
+        from rtf.bottle.reading import read_items
+
+        return Bottle.adopt(read_items(text, strict=strict, dialect=dialect))
+
+    def to_text(self) -> str:
+        """Write the text form: elements separated by one blank, without parentheses around the whole."""
+        from rtf.bottle.writing import items_text
+
+        return items_text(self._items)
+
+    def get(self, index: int, default: Value | None = None) -> Value | None:
+        """The element at ``index``, or ``default`` where there is none; a negative index has none, as in YARP."""
+        return self._items[index] if 0 <= index < len(self._items) else default
+
+    def tail(self) -> Bottle:
+        """A new bottle of all elements but the first."""
+        return self.adopt(self._items[1:])
+
+    def find(self, key: str) -> Value | None:
+        """The second element of the list ``(key …)``, or the element after a flat ``key``; ``None`` when there is none.
+
+        The elements are scanned in order and the first match wins, even when nothing follows it.
+        """
+        index = self._position(key)
+        if index < 0:
+            return None
+        found = self._items[index]
+        return found.get(1) if isinstance(found, Bottle) else self.get(index + 1)
+
+    def check(self, key: str) -> bool:
+        """Whether ``key`` begins a list in this bottle or is an element itself."""
+        return self._position(key) >= 0
+
+    def find_group(self, key: str) -> Bottle | None:
+        """The list ``(key …)`` itself, or for a flat key a new bottle of the key and the element after it."""
+        index = self._position(key)
+        if index < 0:
+            return None
+        found = self._items[index]
+        return found if isinstance(found, Bottle) else Bottle.adopt(self._items[index : index + 2])
+
+    def _position(self, key: str) -> int:
+        from rtf.bottle.writing import to_string
+
+        for index, item in enumerate(self._items):
+            head = item.get(0) if isinstance(item, Bottle) else item
+            if (head if isinstance(head, str) else to_string(head)) == key:
+                return index
+        return -1
+
+    def insert(self, index: SupportsIndex, value: object) -> None:
+        """Put a value in front of ``index``, as ``list.insert`` does; errors as for :func:`coerce`."""
+        self._items.insert(index, coerce(value))
+
+    def append(self, value: object) -> None:
+        """Add one value at the end; errors as for :func:`coerce`."""
+        self._items.append(coerce(value))
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> Value: ...
+    @overload
+    def __getitem__(self, index: slice) -> Bottle: ...
+    def __getitem__(self, index: SupportsIndex | slice) -> Value | Bottle:
+        if isinstance(index, slice):
+            return self.adopt(self._items[index])
+        return self._items[index]
+
+    def __setitem__(self, index: SupportsIndex | slice, value: object) -> None:
+        if isinstance(index, slice):
+            if not isinstance(value, Iterable):
+                raise BottleTypeError(f"a slice is replaced by several values, not by {value!r}")
+            self._items[index] = [coerce(item) for item in value]
+        else:
+            self._items[index] = coerce(value)
+
+    def __delitem__(self, index: SupportsIndex | slice) -> None:
+        del self._items[index]
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other) if isinstance(other, Bottle) else NotImplemented
+
+    def __str__(self) -> str:
+        return self.to_text()
+
+    def __repr__(self) -> str:
+        return f"Bottle.parse({self.to_text()!r})"
+
+    def __copy__(self) -> Bottle:
+        return self.adopt(self._items.copy())
+
+
+_KINDS: dict[type, Kind] = {
+    float: Kind.FLOAT64,
+    str: Kind.STRING,
+    bytes: Kind.BLOB,
+    Bottle: Kind.LIST,
+    Vocab: Kind.VOCAB32,
+    Vocab64: Kind.VOCAB64,
+    Int8: Kind.INT8,
+    Int16: Kind.INT16,
+    Int64: Kind.INT64,
+    Float32: Kind.FLOAT32,
+}
+
+
+def register(container: type, kind: Kind) -> None:
+    """Let a further class be a value; :class:`Property` does so for itself, because it is built upon bottles."""
+    _KINDS[container] = kind
+
+
+def kind_of(value: Value) -> Kind:
+    """The type of a value; raises :class:`BottleTypeError` for an object that is none."""
+    if type(value) is int:
+        return Kind.INT32 if INT32_MIN <= value <= INT32_MAX else Kind.INT64
+    try:
+        return _KINDS[type(value)]
+    except KeyError:
+        raise BottleTypeError(f"a {type(value).__name__} is not a value of a bottle: {value!r}") from None
+
+
+def coerce(value: object) -> Value:
+    """Make a value of a Python object.
+
+    Raises :class:`BottleTypeError` for an object that is none and :class:`BottleError` for a number beyond 64 bits.
+    """
+    if type(value) in _KINDS:
+        return value  # type: ignore[return-value]  # the table holds exactly the types of Value
+    for types, convert in _CONVERSIONS:
+        if isinstance(value, types):
+            return convert(value)
+    if hasattr(value, "tolist"):  # the arrays and scalars of numpy and its kin
+        return coerce(value.tolist())
+    raise BottleTypeError(f"a {type(value).__name__} cannot be put into a bottle: {value!r}")
+
+
+def _whole(value: int) -> int:
+    if not INT64_MIN <= value <= INT64_MAX:
+        raise BottleError(f"{value:#x} does not fit into 64 bits; send it as a float or a string")
+    return int(value)
+
+
+_CONVERSIONS: tuple[tuple[Any, Callable[[Any], Value]], ...] = (  # each function takes the types it stands beside
+    (bool, lambda value: TRUE if value else FALSE),
+    (int, _whole),
+    (float, float),
+    (str, str.__str__),
+    ((list, tuple), Bottle),
+    ((bytes, bytearray, memoryview), bytes),
+)
+
+
+def same(one: Value, other: Value, depth: int = 0) -> bool:
+    """Whether two values agree in type and content; raises :class:`BottleLimitError` below the greatest depth."""
+    if depth > MAX_DEPTH:
+        raise BottleLimitError(f"a bottle is nested more than {MAX_DEPTH} levels deep, or inside itself")
+    if kind_of(one) is not kind_of(other):
+        return False
+    if isinstance(one, Bottle) and isinstance(other, Bottle):
+        return len(one) == len(other) and all(same(a, b, depth + 1) for a, b in zip(one, other, strict=True))
+    return one == other

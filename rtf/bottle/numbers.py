@@ -1,0 +1,59 @@
+"""Tells which words are numbers, and reads them as the C library does.
+
+A word is a number when it begins with a digit, a sign or a point (or is ``inf``, ``-inf``, ``nan``) and holds nothing
+but digits, points, signs and ``e``; after an ``x`` among the leading zeros and signs also the letters of hexadecimal.
+What it is worth is then what the C library makes of its beginning: ``1-2`` is 1, ``-`` and ``-x`` are 0, ``08`` is 0
+because it is octal.
+"""
+
+from __future__ import annotations
+
+import re
+
+from rtf.bottle.values import INT64_MAX, INT64_MIN
+
+# Among the leading zeros there may be one sign; later signs do not matter. One point in all.
+_DECIMAL_SHAPE = re.compile(r"0*+[+-]?+0*+(?![+-])[0-9eE+-]*+(?:\.[0-9eE+-]*+)?")
+_HEXADECIMAL_SHAPE = re.compile(r"[0xX]*+[+-]?+[0xX]*+(?![+-])[0-9a-fA-F+-]*+(?:\.[0-9a-fA-F+-]*+)?")
+_HEXADECIMAL_LEAD = re.compile(r"[0+-]*+[xX]")
+_INTEGER = re.compile(r"([+-]?)(?:0[xX]([0-9a-fA-F]+)|(0[0-7]*)|([1-9][0-9]*))")
+_FLOAT = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_HEXADECIMAL_FLOAT = re.compile(r"[+-]?0[xX](?:[0-9a-fA-F]+\.?[0-9a-fA-F]*|\.[0-9a-fA-F]+)")
+_NAMED = {"inf": float("inf"), "-inf": float("-inf"), "nan": float("nan")}
+_FIRST = frozenset("0123456789+-.")
+_MAX_HEXADECIMAL_DIGITS = 8
+_MAX_DIGITS = 22  # as many as the longest octal number of 64 bits has; longer ones are too large anyway
+
+
+def read_number(word: str) -> int | float | None:
+    """The number that ``word`` is, an ``int`` cut to 64 bits or a ``float``; ``None`` when it is a string."""
+    if word in _NAMED:
+        return _NAMED[word]
+    hexadecimal = _HEXADECIMAL_LEAD.match(word) is not None
+    shape = _HEXADECIMAL_SHAPE if hexadecimal else _DECIMAL_SHAPE
+    if word[:1] not in _FIRST or word == "." or shape.fullmatch(word) is None:
+        return None
+    if hexadecimal and len(word) - max(word.rfind("x"), word.rfind("X")) - 1 > _MAX_HEXADECIMAL_DIGITS:
+        return None
+    if "." in word or (not hexadecimal and ("e" in word or "E" in word)):
+        return _float(word)
+    return _integer(word)
+
+
+def _integer(word: str) -> int:
+    match = _INTEGER.match(word)
+    if match is None:
+        return 0
+    sign, hexadecimal, octal, decimal = match.groups()
+    base, digits = (16, hexadecimal) if hexadecimal else (8, octal) if octal else (10, decimal)
+    digits = digits.lstrip("0") or "0"
+    magnitude = int(digits, base) if len(digits) <= _MAX_DIGITS else INT64_MAX + 1
+    return max(-magnitude, INT64_MIN) if sign == "-" else min(magnitude, INT64_MAX)
+
+
+def _float(word: str) -> float:
+    match = _HEXADECIMAL_FLOAT.match(word)
+    if match is not None:
+        return float.fromhex(match[0])
+    match = _FLOAT.match(word)
+    return float(match[0]) if match is not None else 0.0

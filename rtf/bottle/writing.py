@@ -1,0 +1,90 @@
+"""Writes values as text, digit for digit as YARP does.
+
+What is written reads back equal, except: integers come back as I32 or I64 whatever their width, F32 as F64, a
+property as a list of lists; the strings ``null``, ``nan``, ``inf`` as a vocab and floats; and a vocab that contains
+blanks, commas, quotes, parentheses, braces, backslashes or a NUL in the middle, because nothing is escaped inside ``[
+]``.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from rtf.bottle.bottle import MAX_DEPTH, Bottle
+from rtf.bottle.errors import BottleLimitError, BottleTypeError
+from rtf.bottle.property import Property
+from rtf.bottle.values import Float32, Int8, Int16, Int64, Vocab, Vocab64
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from rtf.bottle.values import Value
+
+_BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
+_BOOLEANS = ("true", "false")
+_TRUTHS = (0, ord("1"))
+_ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\0": "\\0"})
+
+
+def items_text(items: Iterable[Value], depth: int = 0) -> str:
+    """Write several values with a blank between them; raises :class:`BottleLimitError` beyond the greatest depth."""
+    return " ".join([to_text(item, depth) for item in items])
+
+
+def to_text(value: Value, depth: int = 0) -> str:
+    """Write one value as it stands inside a bottle: strings quoted where they must be, lists in parentheses."""
+    writer = _WRITERS.get(type(value))
+    if writer is not None:
+        return writer(value)
+    if not isinstance(value, Bottle | Property):
+        raise BottleTypeError(f"a {type(value).__name__} is not a value of a bottle: {value!r}")
+    if depth >= MAX_DEPTH:
+        raise BottleLimitError(f"a bottle is nested more than {MAX_DEPTH} levels deep, or inside itself")
+    return f"({items_text(value if isinstance(value, Bottle) else value.to_bottle(), depth + 1)})"
+
+
+def to_string(value: Value | None) -> str:
+    """Write one value as it stands alone: nothing quoted, no brackets around it, and nothing at all for ``None``."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Bottle | Property):
+        return value.to_text()
+    if value is None or isinstance(value, Vocab):
+        return "" if value is None else str(value)
+    return to_text(value).strip("{}")
+
+
+def quote(text: str) -> str:
+    """Write a string: bare where it looks like a name, else in double quotes; TAB and letters stay as they are."""
+    if _BARE.fullmatch(text) and text not in _BOOLEANS:
+        return text
+    return f'"{text.translate(_ESCAPES)}"'
+
+
+def float_text(value: float) -> str:
+    """Write a number with 21 significant digits, trailing zeros dropped, so that it always looks like a float."""
+    text = f"{value:.21g}"
+    return text if "." in text or "e" in text or "n" in text else text + ".0"
+
+
+def _vocab_text(value: Vocab) -> str:
+    return str(value) if value.value in _TRUTHS else f"[{value.text}]"
+
+
+def _blob_text(value: bytes) -> str:
+    return "{" + " ".join(map(str, value)) + "}"
+
+
+_WRITERS: dict[type, Callable[[Any], str]] = {  # each function takes the type it stands beside
+    int: str,
+    str: quote,
+    float: float_text,
+    bytes: _blob_text,
+    Vocab: _vocab_text,
+    Vocab64: _vocab_text,
+    Int8: str,
+    Int16: str,
+    Int64: str,
+    Float32: float_text,
+}

@@ -1,0 +1,55 @@
+"""Configuration files and where they are: YARP's property file format, its command lines and its ResourceFinder.
+
+:func:`read_property_file` reads a file into a :class:`~rtf.bottle.Property`, :class:`ResourceFinder` finds it and
+tells where it looked, :func:`find_parameters` does both for a test. Nothing here opens a port.
+"""
+
+from rtf.resources.arguments import parse_arguments, split_arguments
+from rtf.resources.errors import (
+    ResourceError,
+    ResourceIncludeError,
+    ResourceLimitError,
+    ResourceNotFoundError,
+    ResourceReadError,
+    ResourceSyntaxError,
+)
+from rtf.resources.finder import Place, PlaceStatus, Policy, ResourceFinder, Search
+from rtf.resources.lines import Diagnostic, DiagnosticKind
+from rtf.resources.parameters import DEFAULT_CONTEXT, Parameters, find_parameters
+from rtf.resources.property_file import (
+    MAX_FILES,
+    MAX_INCLUDE_DEPTH,
+    MAX_SIZE,
+    PropertyFile,
+    parse_property_text,
+    read_property_directory,
+    read_property_file,
+)
+
+__all__ = [
+    "DEFAULT_CONTEXT",
+    "MAX_FILES",
+    "MAX_INCLUDE_DEPTH",
+    "MAX_SIZE",
+    "Diagnostic",
+    "DiagnosticKind",
+    "Parameters",
+    "Place",
+    "PlaceStatus",
+    "Policy",
+    "PropertyFile",
+    "ResourceError",
+    "ResourceFinder",
+    "ResourceIncludeError",
+    "ResourceLimitError",
+    "ResourceNotFoundError",
+    "ResourceReadError",
+    "ResourceSyntaxError",
+    "Search",
+    "find_parameters",
+    "parse_arguments",
+    "parse_property_text",
+    "read_property_directory",
+    "read_property_file",
+    "split_arguments",
+]

@@ -1,0 +1,72 @@
+"""Command lines: how a parameter string becomes words, and how words become a property."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Bottle, Property, is_complete, to_string
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from rtf.bottle import Value
+
+_WORD = re.compile(r'"([^"]*)"?|([^ "]+)')
+
+
+def split_arguments(text: str) -> list[str]:
+    """Cut a parameter string of a suite file into words, as the ancestor of this framework does.
+
+    Only the blank separates; tabs and newlines are ordinary. A double quote begins or ends a stretch in which blanks
+    are kept, stands outside the words itself and separates them, so ``a"b c"d`` is three words and ``""`` none. A
+    quote that is not closed protects the rest. Nothing is escaped. There is no limit to the number of words.
+    """
+    return [word[1] or word[2] for word in _WORD.finditer(text) if word[1] or word[2]]
+
+
+def parse_arguments(words: Iterable[str], *, into: Property | None = None) -> Property:
+    """Make a property of ``--key value…`` words; ``into`` is added to and returned, else a new property is made.
+
+    Words before the first ``--key`` are ignored; ``-5`` is a value. ``--section::key value`` sets a key inside a
+    section. Each word is read as a value: a number, a list in parentheses, a string. A backslash stands for itself. A
+    word of several values (it has a blank in it) and one whose quotes or brackets are not closed are strings as they
+    stand. Raises :class:`~rtf.bottle.BottleError` for words beyond the limits of bottles.
+    """
+    properties = Property() if into is None else into
+    groups: list[Bottle] = []
+    for word in words:
+        if word.startswith("--"):
+            groups.append(Bottle([_value(word[2:])]))
+        elif groups:
+            groups[-1].append(_value(word))
+    for group in groups:
+        key = to_string(group[0])
+        if not key:
+            continue
+        if "::" in key:
+            _put_nested(properties, key, group)
+        else:
+            properties.put_group(group, key=key)
+    return properties
+
+
+def _value(word: str) -> Value:
+    text = word.replace("\\", "\\\\")
+    values = Bottle.parse(text) if is_complete(text) else Bottle()
+    return values[0] if len(values) == 1 else word
+
+
+def _put_nested(properties: Property, key: str, group: Bottle) -> None:
+    first, *rest = key.removesuffix("::").split("::")
+    parent = properties.find_group(first)
+    if parent is None:
+        parent = Bottle([first])
+        properties.put_group(parent, key=first)
+    for name in rest:
+        child = next((item for item in parent if isinstance(item, Bottle) and to_string(item.get(0)) == name), None)
+        if child is None:
+            child = Bottle([name])
+            parent.append(child)
+        parent = child
+    parent[:] = [rest[-1] if rest else first, *group[1:]]
