@@ -1,0 +1,58 @@
+"""The xUnit core: test cases, fixtures, suites, the runner and its events. It knows neither robots nor ports.
+
+Authors of tests and fixtures find here what they need: ``from rtf.testing import TestCase, Parameter, Unit``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rtf.testing.case import TestCase
+    from rtf.testing.fixture import FixtureManager, FixtureUnusable
+    from rtf.testing.measurement import Measurement, Unit
+    from rtf.testing.outcome import FixtureCollapsed, Inconclusive, SkipTest, TestFailure, TestProblem
+    from rtf.testing.parameters import Parameter
+    from rtf.testing.reporting import Reporter
+
+__all__ = [
+    "FixtureCollapsed",
+    "FixtureManager",
+    "FixtureUnusable",
+    "Inconclusive",
+    "Measurement",
+    "Parameter",
+    "Reporter",
+    "SkipTest",
+    "TestCase",
+    "TestFailure",
+    "TestProblem",
+    "Unit",
+]
+
+_HOMES = {
+    "FixtureCollapsed": "outcome",
+    "FixtureManager": "fixture",
+    "FixtureUnusable": "fixture",
+    "Inconclusive": "outcome",
+    "Measurement": "measurement",
+    "Parameter": "parameters",
+    "Reporter": "reporting",
+    "SkipTest": "outcome",
+    "TestCase": "case",
+    "TestFailure": "outcome",
+    "TestProblem": "outcome",
+    "Unit": "measurement",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Load a public name when it is first asked for: ``testrunner --help`` must not pay for the runner."""
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(f"rtf.testing.{home}"), name)
+    globals()[name] = value
+    return value

@@ -1,0 +1,491 @@
+"""The test case: the class an author derives from.
+
+A test plug-in is a file with one class derived from :class:`TestCase`. The runner makes one object per attempt, in a
+process of its own, and calls ``setup``, then ``run`` (once more for each repetition), then ``teardown``; the clean-ups
+follow in reverse order of being added. ``teardown`` and the clean-ups run whenever ``setup`` was begun, whatever
+happened since.
+
+*Assertions* end the test (or the sub-result they are made in) when they do not hold. *Checks* report and go on.
+A failure says that the thing under test is wrong; an error that it could not be tested.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, NoReturn
+
+from rtf.testing.events import Asked, Attached, Measured, Progressed, SeriesRecorded, TestRenamed
+from rtf.testing.measurement import Measurement, Unit, limits_text, margin_of, quantity, unit
+from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
+from rtf.testing.parameters import Declared, Parameter
+from rtf.testing.verdict import MeasurementVerdict, Severity
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from contextlib import AbstractContextManager
+
+    from numpy.typing import ArrayLike
+
+    from rtf.testing.session import Session
+
+    Cleanup = tuple[Callable[..., object], tuple[object, ...], dict[str, object]]
+
+_CHECKS = "checks"
+_UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
+
+
+def _caller() -> tuple[str, int]:
+    """The nearest frame outside this file: where the author made the call."""
+    frame = sys._getframe(1)  # noqa: SLF001 - inspect.stack() reads source files and takes milliseconds
+    while frame.f_code.co_filename == __file__ and frame.f_back is not None:
+        frame = frame.f_back
+    return frame.f_code.co_filename, frame.f_lineno
+
+
+class TestCase(Declared):
+    """A test. Derive from it, declare parameters as class attributes, and write ``run``.
+
+    ``plugin_name`` is the name suites use (default: the class name); ``aliases`` are further ones; ``tags`` and
+    ``requires`` are added to those of the suite; ``timeout`` is the author's limit for one ``run`` in seconds, used
+    where the suite says none.
+    """
+
+    __test__ = False  # pytest collects suites, not this class
+
+    plugin_name: ClassVar[str] = ""
+    aliases: ClassVar[tuple[str, ...]] = ()
+    tags: ClassVar[tuple[str, ...]] = ()
+    requires: ClassVar[tuple[str, ...]] = ()
+    timeout: ClassVar[float | None] = None
+
+    name = Parameter(str, "name under which the test reports", default="")
+    description = Parameter(str, "what the test shows, in a sentence", default="")
+
+    _session: Session
+    _environment: str = ""
+
+    # What an author writes -------------------------------------------------------------------------------------
+
+    def setup(self) -> bool | None:
+        """Prepare. Returning False is an error of the test; None and True are not."""
+
+    def run(self) -> None:
+        """Test. The body of the test; called once more for each repetition."""
+        raise NotImplementedError(f"{type(self).__name__} has no run()")
+
+    def teardown(self) -> None:
+        """Undo what ``setup`` did, as far as it came."""
+
+    # What an author calls --------------------------------------------------------------------------------------
+
+    @property
+    def environment(self) -> str:
+        """The environment string of the suite, such as ``--robotname icubSim``."""
+        return self._environment
+
+    @property
+    def folder(self) -> Path:
+        """A folder of the test's own inside the run's folder; made when it is first asked for."""
+        folder = self._session.folder
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+
+    def rename(self, name: str, description: str = "") -> None:
+        """Report under another name from now on."""
+        self._session.emit(TestRenamed(test=self._session.test, name=name, description=description))
+
+    def report(self, text: str) -> None:
+        """Say something; it weighs nothing."""
+        self._session.message(Severity.INFO, "reports", text, _caller())
+
+    def warn(self, text: str) -> None:
+        """Say something that somebody should look at; it weighs nothing in the verdict."""
+        self._session.message(Severity.WARNING, "warns", text, _caller())
+
+    def add_cleanup(self, function: Callable[..., object], /, *args: object, **kwargs: object) -> None:
+        """Have ``function`` called after ``teardown``, last added first, whatever happens."""
+        self.cleanup_stack().append((function, args, kwargs))
+
+    def cleanup_stack(self) -> list[Cleanup]:
+        """The clean-ups not yet done, the next one last. For the worker that does them."""
+        stack: list[Cleanup] = self.__dict__.setdefault("_cleanup_stack", [])
+        return stack
+
+    def attach_to(self, session: Session, environment: str) -> None:
+        """Connect the test to its runner. For the worker, before anything else is called."""
+        self._session = session
+        self._environment = environment
+
+    def skip(self, reason: str) -> NoReturn:
+        """End the test (or sub-result): there is nothing to test here."""
+        raise SkipTest(reason)
+
+    def inconclusive(self, reason: str) -> NoReturn:
+        """End the test (or sub-result): it ran, and nothing can be said."""
+        raise Inconclusive(reason)
+
+    def subresult(self, subject: str) -> AbstractContextManager[None]:
+        """A part of the test with a verdict of its own: ``with self.subresult("joint 3"): …``.
+
+        Whatever ends the part, a failed assertion or an exception too, does not end the test.
+        """
+        return self._session.part(subject)
+
+    # Assertions: end the test --------------------------------------------------------------------------------
+
+    def assert_fail(self, text: str) -> NoReturn:
+        """Fail."""
+        self._session.judged()
+        raise TestFailure(text)
+
+    def assert_error(self, text: str) -> NoReturn:
+        """End as an error: the test cannot be carried out."""
+        raise TestProblem(text)
+
+    def assert_true(self, condition: object, text: str) -> None:
+        """Fail unless the condition holds."""
+        self._session.judged()
+        if not condition:
+            raise TestFailure(text)
+
+    def assert_fail_if_true(self, condition: object, text: str) -> None:
+        """Fail if the condition holds."""
+        self.assert_true(not condition, text)
+
+    def assert_fail_if_false(self, condition: object, text: str) -> None:
+        """Fail if the condition does not hold."""
+        self.assert_true(condition, text)
+
+    def assert_error_if_true(self, condition: object, text: str) -> None:
+        """End as an error if the condition holds."""
+        if condition:
+            raise TestProblem(text)
+
+    def assert_error_if_false(self, condition: object, text: str) -> None:
+        """End as an error if the condition does not hold."""
+        if not condition:
+            raise TestProblem(text)
+
+    def assert_equal(self, value: object, expected: object, text: str) -> None:
+        """Fail unless the two are equal."""
+        self._compare_equal(value, expected, text, stop=True)
+
+    def assert_near(self, value: float, expected: float, tolerance: float, symbol: str = "", text: str = "") -> None:
+        """Fail unless ``value`` is within ``expected`` ± ``tolerance`` (all in ``symbol``, inclusive)."""
+        self._compare_near(value, expected, tolerance, symbol, text, stop=True)
+
+    def assert_within(
+        self, value: float, low: float | None, high: float | None, symbol: str = "", text: str = ""
+    ) -> None:
+        """Fail unless ``value`` lies within the limits (inclusive; None means no limit on that side)."""
+        self._compare(value, low, high, symbol, text, stop=True)
+
+    def assert_vector_near(
+        self,
+        values: Sequence[float],
+        expected: Sequence[float],
+        tolerance: float | Sequence[float],
+        symbol: str = "",
+        text: str = "",
+    ) -> None:
+        """Fail unless each element is within its tolerance; the failure names every element that is not."""
+        self._compare_vector(values, expected, tolerance, symbol, text, stop=True)
+
+    # Checks: report and go on ----------------------------------------------------------------------------------
+
+    def check(self, condition: object, text: str) -> bool:
+        """Report the text if the condition holds, as a failure if it does not. Returns whether it holds."""
+        self._session.judged()
+        self._session.message(Severity.PASS if condition else Severity.FAILURE, _CHECKS, text, _caller())
+        return bool(condition)
+
+    def check_fail_if_true(self, condition: object, text: str) -> bool:
+        """Report a failure if the condition holds; silent otherwise. Returns whether all is well."""
+        return self.check_fail_if_false(not condition, text)
+
+    def check_fail_if_false(self, condition: object, text: str) -> bool:
+        """Report a failure if the condition does not hold; silent otherwise. Returns whether all is well."""
+        self._session.judged()
+        if not condition:
+            self._session.message(Severity.FAILURE, "checking", text, _caller())
+        return bool(condition)
+
+    def check_equal(self, value: object, expected: object, text: str) -> bool:
+        """Check that the two are equal."""
+        return self._compare_equal(value, expected, text, stop=False)
+
+    def check_near(self, value: float, expected: float, tolerance: float, symbol: str = "", text: str = "") -> bool:
+        """Check that ``value`` is within ``expected`` ± ``tolerance`` (all in ``symbol``, inclusive)."""
+        return self._compare_near(value, expected, tolerance, symbol, text, stop=False)
+
+    def check_within(
+        self, value: float, low: float | None, high: float | None, symbol: str = "", text: str = ""
+    ) -> bool:
+        """Check that ``value`` lies within the limits (inclusive; None means no limit on that side)."""
+        return self._compare(value, low, high, symbol, text, stop=False)
+
+    def check_vector_near(
+        self,
+        values: Sequence[float],
+        expected: Sequence[float],
+        tolerance: float | Sequence[float],
+        symbol: str = "",
+        text: str = "",
+    ) -> bool:
+        """Check that each element is within its tolerance; the failure names every element that is not."""
+        return self._compare_vector(values, expected, tolerance, symbol, text, stop=False)
+
+    # Measurements and data ---------------------------------------------------------------------------------------
+
+    def measure(
+        self,
+        name: str,
+        value: float,
+        symbol: str | Unit = Unit.NONE,
+        low: float | None = None,
+        high: float | None = None,
+        marginal: float | None = None,
+    ) -> Measurement:
+        """Record a value with its unit; outside its (inclusive) limits it is a failure, and the test goes on.
+
+        ``marginal`` is the width of the zone inside each limit that is shown as a warning.
+        """
+        measurement = Measurement(name, float(value), unit(symbol), low, high, marginal)
+        place = _caller()
+        verdict = measurement.verdict
+        session = self._session
+        session.recorded() if verdict is MeasurementVerdict.RECORDED else session.judged()
+        session.emit(
+            Measured(
+                test=session.test,
+                name=name,
+                value=measurement.value,
+                unit=measurement.unit,
+                low=low,
+                high=high,
+                marginal=marginal,
+                margin=measurement.margin,
+                verdict=verdict,
+                subject=session.subject,
+                file=place[0],
+                line=place[1],
+            ),
+        )
+        if verdict is MeasurementVerdict.FAILED:
+            session.message(
+                Severity.FAILURE,
+                "measures",
+                str(measurement),
+                place,
+                comparison={
+                    "value": measurement.value,
+                    "low": low,
+                    "high": high,
+                    "margin": measurement.margin,
+                    "unit": str(measurement.unit),
+                },
+            )
+        return measurement
+
+    def record(self, name: str, /, **columns: tuple[ArrayLike, str | Unit]) -> Path:
+        """Keep columns of numbers; the first is the axis: ``record("elbow", t=(t, "s"), position=(q, "deg"))``.
+
+        All columns are one-dimensional and of one length. They are stored as ``.npz`` beside the journal and plotted in
+        reports. Returns the file.
+        """
+        import numpy as np
+
+        if not columns:
+            raise ValueError(f"series {name!r} has no columns")
+        arrays = {key: np.asarray(values, dtype=np.float64) for key, (values, _) in columns.items()}
+        shapes = {array.shape for array in arrays.values()}
+        if len(shapes) != 1 or any(array.ndim != 1 for array in arrays.values()):
+            listed = ", ".join(f"{key} {array.shape}" for key, array in arrays.items())
+            raise ValueError(f"the columns of series {name!r} must be one-dimensional and of one length: {listed}")
+        units = [{"name": key, "unit": str(unit(symbol))} for key, (_, symbol) in columns.items()]
+        session = self._session
+        path = self._free_path(f"{session.subject}-{name}" if session.subject else name, ".npz")
+        np.savez(path, allow_pickle=False, **arrays)
+        session.recorded()
+        session.emit(
+            SeriesRecorded(
+                test=session.test,
+                name=name,
+                path=self._relative(path),
+                columns=tuple(units),
+                rows=len(next(iter(arrays.values()))),
+                subject=session.subject,
+            ),
+        )
+        return path
+
+    def attach(self, source: str | Path | bytes, name: str = "", media_type: str = "") -> Path:
+        """Keep a file with the run: a path to copy, or bytes to write (then ``name`` is needed). Returns the copy."""
+        import mimetypes
+
+        if isinstance(source, bytes):
+            if not name:
+                raise ValueError("attached bytes need a name")
+            path = self._free_path(Path(name).stem, Path(name).suffix)
+            path.write_bytes(source)
+        else:
+            name = name or Path(source).name
+            path = self._free_path(Path(name).stem, Path(name).suffix)
+            import shutil
+
+            shutil.copyfile(source, path)
+        self._session.emit(
+            Attached(
+                test=self._session.test,
+                name=name,
+                path=self._relative(path),
+                media_type=media_type or mimetypes.guess_type(name)[0] or "application/octet-stream",
+                size=path.stat().st_size,
+            ),
+        )
+        return path
+
+    def progress(self, fraction: float, text: str = "") -> None:
+        """Say how far the test has come, from 0 to 1."""
+        session = self._session
+        session.emit(Progressed(test=session.test, fraction=min(1.0, max(0.0, float(fraction))), text=text))
+
+    # Questions to the operator -----------------------------------------------------------------------------------
+
+    def confirm(self, text: str, *, timeout: float = 60.0, default: bool | None = None, picture: str = "") -> bool:
+        """Ask yes or no. Without an answer in ``timeout`` seconds the default counts, or the test is inconclusive."""
+        standard = None if default is None else "yes" if default else "no"
+        return self._ask(text, "confirm", timeout=timeout, default=standard, picture=picture) == "yes"
+
+    def ask(
+        self,
+        text: str,
+        choices: Sequence[str] = (),
+        *,
+        timeout: float = 60.0,
+        default: str | None = None,
+        picture: str = "",
+    ) -> str:
+        """Ask for a text, or for one of ``choices``. Without an answer in time: the default, or inconclusive."""
+        form = "choice" if choices else "text"
+        return self._ask(text, form, choices=tuple(choices), timeout=timeout, default=default, picture=picture)
+
+    def ask_number(
+        self, text: str, symbol: str = "", *, timeout: float = 60.0, default: float | None = None, picture: str = ""
+    ) -> float:
+        """Ask for a number in ``symbol``. Without an answer in time: the default, or inconclusive."""
+        standard = None if default is None else repr(float(default))
+        answer = self._ask(text, "number", symbol=str(unit(symbol)), timeout=timeout, default=standard, picture=picture)
+        try:
+            return float(answer)
+        except ValueError:
+            raise Inconclusive(f"the answer to {text!r} is no number: {answer!r}") from None
+
+    def _ask(
+        self,
+        text: str,
+        form: str,
+        *,
+        timeout: float,
+        default: str | None,
+        picture: str,
+        choices: tuple[str, ...] = (),
+        symbol: str = "",
+    ) -> str:
+        session = self._session
+        question = Asked(
+            test=session.test,
+            question=session.next_question(),
+            text=text,
+            form=form,
+            choices=choices,
+            unit=symbol,
+            picture=picture,
+            timeout=timeout,
+            default=default,
+        )
+        answer = session.ask(question)
+        if answer is None:
+            raise Inconclusive(f"nobody answered within {timeout:g} s: {text}")
+        return answer
+
+    # Behind the calls --------------------------------------------------------------------------------------------
+
+    def _compare(
+        self, value: float, low: float | None, high: float | None, symbol: str, text: str, *, stop: bool
+    ) -> bool:
+        symbol = str(unit(symbol))
+        value = float(value)
+        margin = margin_of(value, low, high)
+        holds = not math.isnan(value) if margin is None else margin >= 0
+        sentence = f"{quantity(value, symbol)}, expected {limits_text(low, high, symbol)}"
+        if margin is not None:
+            sentence += f", margin {quantity(margin, symbol)}"
+        detail = f"{text}: {sentence}" if text else sentence
+        return self._conclude(holds, detail, stop=stop, value=value, low=low, high=high, margin=margin, unit=symbol)
+
+    def _compare_near(
+        self, value: float, expected: float, tolerance: float, symbol: str, text: str, *, stop: bool
+    ) -> bool:
+        tolerance = abs(tolerance)
+        return self._compare(value, expected - tolerance, expected + tolerance, symbol, text, stop=stop)
+
+    def _compare_equal(self, value: object, expected: object, text: str, *, stop: bool) -> bool:
+        holds = bool(value == expected)
+        detail = f"{text}: {value!r}" if holds else f"{text}: {value!r}, expected {expected!r}"
+        return self._conclude(holds, detail, stop=stop)
+
+    def _compare_vector(
+        self,
+        values: Sequence[float],
+        expected: Sequence[float],
+        tolerance: float | Sequence[float],
+        symbol: str,
+        text: str,
+        *,
+        stop: bool,
+    ) -> bool:
+        symbol = str(unit(symbol))
+        given = [float(value) for value in values]
+        wanted = [float(value) for value in expected]
+        allowed = [float(tolerance)] * len(wanted) if isinstance(tolerance, int | float) else [*map(float, tolerance)]
+        if len(given) != len(wanted) or len(allowed) != len(wanted):
+            raise ValueError(
+                f"vectors of different lengths: {len(given)} values, {len(wanted)} expected, {len(allowed)} tolerances",
+            )
+        wrong = [
+            f"[{index}] {quantity(value, symbol)}, expected {quantity(target, symbol)} ± {quantity(limit, symbol)}"
+            for index, (value, target, limit) in enumerate(zip(given, wanted, allowed, strict=True))
+            if not abs(value - target) <= abs(limit)
+        ]
+        sentence = "; ".join(wrong) if wrong else f"{len(wanted)} elements within tolerance"
+        return self._conclude(not wrong, f"{text}: {sentence}" if text else sentence, stop=stop)
+
+    def _conclude(self, holds: bool, detail: str, *, stop: bool, **comparison: float | str | None) -> bool:
+        session = self._session
+        session.judged()
+        if holds:
+            if not stop:
+                session.message(Severity.PASS, _CHECKS, detail, _caller(), comparison=comparison)
+            return True
+        if stop:
+            raise TestFailure(detail, comparison=comparison)
+        session.message(Severity.FAILURE, _CHECKS, detail, _caller(), comparison=comparison)
+        return False
+
+    def _free_path(self, stem: str, suffix: str) -> Path:
+        stem = _UNSAFE.sub("_", stem).strip("._") or "file"
+        suffix = _UNSAFE.sub("_", suffix)
+        folder = self.folder
+        path = folder / f"{stem}{suffix}"
+        count = 1
+        while path.exists():
+            count += 1
+            path = folder / f"{stem}~{count}{suffix}"
+        return path
+
+    def _relative(self, path: Path) -> str:
+        return path.relative_to(self._session.run_folder).as_posix()

@@ -1,0 +1,130 @@
+"""The fixture manager: the class an author derives from to bring up what tests stand on, and to watch it.
+
+A fixture lives in a process of its own. There ``setup`` is called once, then ``check`` every half second while tests
+run, then ``teardown``, all in the main thread. A collapse may also be announced at any moment and from any thread with
+:meth:`FixtureManager.collapsed`. After a collapse the old process tears down what is left and ends, and a new one, the
+next *incarnation*, sets up again.
+
+======================  ======================================================================================
+what happens            what is called
+======================  ======================================================================================
+the first start         ``setup``
+a later start           ``before_restart``, ``setup``
+while it is up          ``check``; ``park`` after a test that was cut short
+it collapsed            ``on_collapse``, ``teardown``
+``setup`` did not work  ``teardown``
+it is no longer needed  ``park``, ``teardown``
+======================  ======================================================================================
+
+Whatever takes too long is interrupted by an exception that is not for catching (it derives from BaseException), so
+``finally`` is executed; only ``teardown`` is never interrupted, but killed when its time is up.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, ClassVar
+
+from rtf.testing.outcome import FixtureCollapsed
+from rtf.testing.parameters import Declared
+from rtf.testing.verdict import Severity
+
+if TYPE_CHECKING:
+    from rtf.testing.fixture_host import Host
+
+
+class FixtureUnusable(FixtureCollapsed):
+    """Raised in ``setup``: it cannot be brought up, and another try would come to the same."""
+
+
+class FixtureManager(Declared):
+    """Brings up something that tests need, says whether it is still there, and brings it down.
+
+    ``plugin_name`` is the name suites use (default: the class name), ``aliases`` are further ones.
+    """
+
+    plugin_name: ClassVar[str] = ""
+    aliases: ClassVar[tuple[str, ...]] = ()
+
+    _host: Host
+    _environment: str = ""
+
+    # What an author writes -------------------------------------------------------------------------------------
+
+    def setup(self) -> bool | None:
+        """Bring it up, and return when tests can stand on it. Returning False, or raising, means it is not usable.
+
+        It is then torn down and tried again, as often as the suite's ``restarts`` say; after FixtureUnusable it is not.
+        """
+
+    def check(self) -> bool | None:
+        """Say whether it is still up. Returning False means it collapsed; so does raising, with the reason said.
+
+        Raise FixtureCollapsed to give the reason in your words. It has ten seconds.
+        """
+
+    def teardown(self) -> None:
+        """Bring it down, as far as ``setup`` came. Called whenever ``setup`` was begun, exactly once.
+
+        What it raises is told, makes the run fail, and keeps nothing else from being torn down.
+        """
+
+    def park(self) -> None:
+        """Bring what a test left into a safe state: after a test that was stopped or killed, and before ``teardown``.
+
+        Called only while the fixture is up. If it raises, or takes more than fifteen seconds, between tests, the
+        fixture is taken for collapsed: nobody knows what the next test would stand on.
+        """
+
+    def on_collapse(self, reason: str) -> None:
+        """Take note of a collapse, before ``teardown``; the place to save logs. Not called when ``setup`` failed."""
+
+    def before_restart(self, incarnation: int) -> None:
+        """Prepare the ground for another try (``incarnation`` is 2 or more), before ``setup``."""
+
+    # What an author calls --------------------------------------------------------------------------------------
+
+    @property
+    def environment(self) -> str:
+        """The environment string of the suite, such as ``--robotname icubSim``."""
+        return self._environment
+
+    @property
+    def incarnation(self) -> int:
+        """How many times this fixture has been set up in this run, this time included."""
+        return self._host.incarnation
+
+    def collapsed(
+        self, reason: str, *, exit_status: int | None = None, signal_name: str = "", output: str = ""
+    ) -> None:
+        """Announce that the fixture can no longer be stood on. From any thread; the first announcement counts.
+
+        ``exit_status`` or ``signal_name`` say how a program ended, ``output`` holds the last it said.
+        """
+        self._host.announce_collapse(reason, exit_status=exit_status, signal_name=signal_name, output=output)
+
+    def report(self, text: str) -> None:
+        """Say something."""
+        self._host.message(Severity.INFO, "reports", text, _place())
+
+    def warn(self, text: str) -> None:
+        """Say something that somebody should look at."""
+        self._host.message(Severity.WARNING, "warns", text, _place())
+
+    def output(self, line: str, stream: str = "stdout") -> None:
+        """Put a line, or several, that a program of the fixture wrote into the journal. From any thread.
+
+        ``line`` is without its line end. The journal takes 256 KiB at once and 8 KiB a second after that; of what is
+        beyond that, the last 64 KiB are kept and the rest is counted.
+        """
+        self._host.output(line, stream)
+
+    def attach_to(self, host: Host, environment: str) -> None:
+        """Connect the fixture to its host. For the host, before anything else is called."""
+        self._host = host
+        self._environment = environment
+
+
+def _place() -> tuple[str, int]:
+    frame = sys._getframe(2)  # noqa: SLF001 - inspect.stack() reads source files and takes milliseconds
+    return frame.f_code.co_filename, frame.f_lineno

@@ -1,0 +1,187 @@
+"""Look into a plug-in without letting it near the process that asks: what it declares, and whether its values fit.
+
+Each look happens in a forked child that is given a limited time and then ended; a plug-in that crashes or hangs while
+it is loaded is a finding, not an accident.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rtf import clock
+from rtf.testing import plugins, processes
+from rtf.testing.parameters import Declared, Parameter, ParameterError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.testing.plugins import PluginRef
+
+#: Seconds a plug-in may take to load.
+LOAD_LIMIT = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Inspection:
+    """What was found: the class, its text, its declarations (rows of strings), and every problem."""
+
+    class_name: str = ""
+    description: str = ""
+    names: tuple[str, ...] = ()
+    tags: tuple[str, ...] = ()
+    requires: tuple[str, ...] = ()
+    timeout: float | None = None
+    parameters: tuple[dict[str, str], ...] = ()
+    problems: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    values: tuple[dict[str, str], ...] = field(default=())
+
+
+def inspect_plugin(ref: PluginRef, **values: Any) -> Inspection:  # whatever resolve_parameters takes
+    """Load a plug-in and, with ``values`` (those of ``resolve_parameters``), try what would be given to it."""
+    answer = isolated(lambda: _look(ref, values or None), LOAD_LIMIT)
+    if isinstance(answer, str):
+        return Inspection(problems=(answer,))
+    tupled: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in answer.items()
+    }
+    return Inspection(**tupled)
+
+
+def isolated(function: Callable[[], dict[str, Any]], limit: float) -> dict[str, Any] | str:
+    """Call a function in a forked child and return the JSON object it made, or a sentence on why there is none."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    read_end, write_end = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        try:
+            os.close(read_end)
+            os.setpgid(0, 0)
+            processes.die_with_parent()
+            null = os.open(os.devnull, os.O_RDWR)
+            for descriptor in (0, 1, 2):
+                os.dup2(null, descriptor)
+            _write_all(write_end, json.dumps(function()).encode())
+        finally:
+            os._exit(0)
+    os.close(write_end)
+    data = _read_until(read_end, clock.Deadline.after(limit))
+    os.close(read_end)
+    processes.signal_group(pid, signal.SIGKILL)
+    _, status = os.waitpid(pid, 0)
+    if data is None:
+        return f"it did not load within {limit:g} s"
+    if not data:
+        exit_status, signal_text = processes.split_status(status)
+        return f"its process ended while it was being loaded: {processes.describe_end(exit_status, signal_text)}"
+    found: dict[str, Any] = json.loads(data)
+    return found
+
+
+def _write_all(descriptor: int, data: bytes) -> None:
+    view = memoryview(data)
+    while view:
+        view = view[os.write(descriptor, view) :]
+
+
+def _read_until(descriptor: int, deadline: clock.Deadline) -> bytes | None:
+    import select
+
+    data = b""
+    while True:
+        if not select.select([descriptor], [], [], deadline.remaining())[0]:
+            return None
+        piece = os.read(descriptor, 1 << 16)
+        if not piece:
+            return data
+        data += piece
+
+
+def _look(ref: PluginRef, values: dict[str, Any] | None) -> dict[str, Any]:
+    load: Callable[[PluginRef], Declared] = plugins.load_fixture if ref.kind == "fixture" else plugins.load_test
+    try:
+        plugin = load(ref)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever keeps a plug-in from loading is the finding
+        return {"problems": [f"{type(error).__name__}: {error}"]}
+    cls = type(plugin)
+    found: dict[str, Any] = {
+        "class_name": cls.__name__,
+        "description": (cls.__doc__ or "").strip(),
+        "names": [name for name in (getattr(cls, "plugin_name", ""), *getattr(cls, "aliases", ())) if name],
+        "tags": list(getattr(cls, "tags", ())),
+        "requires": list(getattr(cls, "requires", ())),
+        "timeout": getattr(cls, "timeout", None),
+        "parameters": [_row(parameter) for parameter in cls.parameter_table()],
+    }
+    if values is not None:
+        try:
+            found["values"] = plugin.resolve_parameters(**values)
+        except ParameterError as error:
+            found["problems"] = list(error.problems)
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - likewise
+            found["problems"] = [str(error)]
+        found["warnings"] = list(plugin.parameter_warnings)
+    return found
+
+
+def _row(parameter: Parameter[Any]) -> dict[str, str]:
+    return {
+        "name": parameter.key,
+        "aliases": ", ".join(parameter.aliases),
+        "type": parameter.type_name,
+        "unit": parameter.unit,
+        "default": parameter.default_text(),
+        "range": parameter.range_text(),
+        "description": parameter.description,
+    }
+
+
+def describe_in_text(ref: PluginRef, found: Inspection) -> list[str]:
+    """What a person wants to know of a plug-in, as lines."""
+    title = found.class_name or Path(ref.path).name
+    also = [name for name in found.names if name != title]
+    others = f" (also: {', '.join(also)})" if also else ""
+    lines = [f"{title}{others}", f"  {ref.path}"]
+    lines += [f"  {line}".rstrip() for line in found.description.splitlines()]
+    for label, words in (("tags", found.tags), ("requires", found.requires)):
+        if words:
+            lines.append(f"  {label}: {', '.join(words)}")
+    if found.timeout:
+        lines.append(f"  run() is given {found.timeout:g} s")
+    lines += ["", *table(found.parameters)] if found.parameters else ["", "  no declared parameters"]
+    return lines
+
+
+def table(rows: tuple[dict[str, str], ...]) -> list[str]:
+    """Rows of parameters as an aligned table; columns that are empty throughout are left out."""
+    columns = [
+        name for name in ("name", "type", "unit", "default", "range", "description") if any(row[name] for row in rows)
+    ]
+    widths = {name: max(len(name), *(len(row[name]) for row in rows)) for name in columns}
+    lines = ["  " + "  ".join(name.ljust(widths[name]) for name in columns).rstrip()]
+    lines.append("  " + "  ".join("-" * widths[name] for name in columns))
+    lines += ["  " + "  ".join(row[name].ljust(widths[name]) for name in columns).rstrip() for row in rows]
+    return lines
+
+
+def markdown(found: Inspection) -> str:
+    """The parameters as a Markdown table, for the documentation."""
+    head = "| parameter | type | unit | default | range | meaning |\n| --- | --- | --- | --- | --- | --- |\n"
+    rows = [
+        f"| `{row['name']}` | {row['type']} | {row['unit']} | {value_cell(row['default'])} "
+        f"| {row['range']} | {row['description']} |"
+        for row in found.parameters
+    ]
+    return head + "\n".join(rows) + "\n"
+
+
+def value_cell(text: str) -> str:
+    """A default in a Markdown table."""
+    return text if text in ("", "required") else f"`{text}`"

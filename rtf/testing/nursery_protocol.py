@@ -1,0 +1,34 @@
+"""What a runner and its nursery say to each other, and the signals by which a test is stopped and asked for its stacks.
+
+Requests and reports are records of fixed size on a stream socket: both ends handle some for every test. They have a
+file of their own because the runner needs the words and not the nursery, which loads everything that a test needs.
+"""
+
+from __future__ import annotations
+
+import signal
+import struct
+
+#: What the runner asks for: the kind, and for the signals and MARK_HOST a child, and the signal for it. PRELOAD is
+#: followed by the names of modules in a text, with its length in bytes in the place of the child.
+REQUEST = struct.Struct("=cii")
+FORK, FORK_SPARE, SIGNAL, SIGNAL_GROUP, MARK_HOST, PRELOAD = b"f", b"l", b"s", b"g", b"h", b"p"
+FORK_REQUEST = REQUEST.pack(FORK, 0, 0)
+#: A child that nobody waits for: the report of it may come together with that of the next end or child, because each
+#: report wakes the runner.
+FORK_SPARE_REQUEST = REQUEST.pack(FORK_SPARE, 0, 0)
+
+#: What the nursery tells: the kind, a process, its wait status, CPU time in seconds and largest resident size in bytes.
+#: CHILD comes with the runner's ends of the child's socket and of its pipes for stdout and stderr. READY and UNFIT are
+#: followed by a text, with its length in bytes in the place of the process.
+REPORT = struct.Struct("=ciidq")
+CHILD, EXITED, READY, UNFIT = b"c", b"x", b"r", b"u"
+
+#: Asks a test to end, and makes any process of ours write the stacks of its threads into the nursery's dump file.
+STOP_SIGNAL = signal.SIGINT
+DUMP_SIGNAL = signal.SIGQUIT
+
+#: The files of a nursery beside 0, 1 and 2. A child has its own socket on SOCKET_FD, the dump file, and no others.
+SOCKET_FD = 3
+DUMP_FD = 4
+CONTROL_FD = 5

@@ -1,0 +1,427 @@
+"""Parameters that tests and fixtures declare once, with type, unit, default and range, and where values come from.
+
+A declaration is a class attribute, and reading it from an object gives the value::
+
+    class JointLimits(TestCase):
+        part = Parameter(str, "part of the robot", default="left_arm")
+        joints = Parameter(list[int], "joints to test", default=[0, 1, 2, 3])
+        speed = Parameter(list[float], "reference speeds", unit="deg/s", default=20.0, low=1.0, length="joints")
+
+Later layers win: defaults, the file of ``--from``, the suite's ``param``, its ``<parameter>`` elements, ``--set``.
+Each value remembers which it came from. A key that nobody declared, a value of the wrong type, out of range or of the
+wrong length is an error that names the place; all of them are told in one go.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args, get_origin, overload
+
+from rtf.bottle import Bottle, Value, as_bool, is_bool, to_string, to_text
+from rtf.resources import find_parameters
+from rtf.testing.measurement import limits_text, number, unit
+from rtf.testing.outcome import TestingError
+from rtf.testing.plugins import shipped_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from rtf.resources import Parameters
+
+T = TypeVar("T")
+
+#: Keys that say where values come from and are no parameters themselves.
+_CONTROL_KEYS = frozenset({"from", "context"})
+
+
+class ParameterError(TestingError, ValueError):
+    """Values that do not fit their declarations; the message lists every problem, a line each."""
+
+    def __init__(self, owner: str, problems: Sequence[str]) -> None:
+        self.problems = tuple(problems)
+        head = f"{len(problems)} problem{'s' if len(problems) > 1 else ''} with the parameters of {owner}"
+        super().__init__("\n".join([f"{head}:", *(f"  {problem}" for problem in problems)]))
+
+
+class _Required:
+    def __repr__(self) -> str:
+        return "required"
+
+
+REQUIRED = _Required()
+
+
+class Parameter(Generic[T]):
+    """The declaration of one parameter of type ``bool``, ``int``, ``float``, ``str``, a ``list`` of one, or ``Bottle``.
+
+    ``default`` is the value when no layer has one; without it the parameter must be given. For a list with a ``length``
+    a single default element stands for all. ``low`` and ``high`` are inclusive and hold for each element of a list.
+    ``length`` is a number, or the name of another parameter: the length of a list, or the value of an ``int``.
+    ``Bottle`` takes everything that follows the key, or a whole section, as it is.
+    """
+
+    def __init__(
+        self,
+        kind: type[T],
+        description: str,
+        *,
+        default: Any = REQUIRED,  # T, or one element of it
+        unit: str = "",
+        low: float | None = None,
+        high: float | None = None,
+        length: int | str | None = None,
+        choices: Sequence[object] = (),
+        aliases: Sequence[str] = (),
+        key: str = "",
+    ) -> None:
+        self.kind = kind
+        self.description = description
+        self.default = default
+        self.unit = _unit(unit)
+        self.low = low
+        self.high = high
+        self.length = length
+        self.choices = tuple(choices)
+        self.aliases = tuple(aliases)
+        self.key = key
+        self.element: type[object] = get_args(kind)[0] if get_origin(kind) is list else kind
+        self.is_list = get_origin(kind) is list
+        if self.element not in (bool, int, float, str, Bottle):
+            raise TypeError(f"a parameter is a bool, int, float, str, a list of one of these, or a Bottle; not {kind}")
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+        self.key = self.key or name
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Parameter[T]: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> T: ...
+    def __get__(self, instance: object | None, owner: type) -> Parameter[T] | T:
+        if instance is None:
+            return self
+        values: dict[str, Any] = instance.__dict__.setdefault("_parameter_values", {})
+        if self.name in values:
+            value: T = values[self.name]
+            return value
+        if self.default is REQUIRED:
+            raise AttributeError(f"parameter {self.key!r} of {owner.__name__} has no value yet")
+        fallback: T = self.default
+        return fallback
+
+    def __set__(self, instance: object, value: T) -> None:
+        instance.__dict__.setdefault("_parameter_values", {})[self.name] = value
+
+    @property
+    def required(self) -> bool:
+        """Whether there is no default."""
+        return self.default is REQUIRED
+
+    @property
+    def type_name(self) -> str:
+        """The type for people, such as ``list of float``."""
+        return f"list of {self.element.__name__}" if self.is_list else self.element.__name__.lower()
+
+    def range_text(self) -> str:
+        """What is allowed, for people; empty when everything is."""
+        parts = []
+        if self.choices:
+            parts.append(" | ".join(map(str, self.choices)))
+        if self.low is not None or self.high is not None:
+            parts.append(limits_text(self.low, self.high, self.unit))
+        if self.length is not None:
+            parts.append(f"as many as {self.length}" if isinstance(self.length, str) else f"{self.length} values")
+        return ", ".join(parts)
+
+    def default_text(self) -> str:
+        """The default in text form, for people."""
+        return "required" if self.required else value_text(self.default)
+
+    # From values to what the test sees -----------------------------------------------------------------------------
+
+    def convert(self, group: Bottle) -> T:
+        """Make the value of everything that followed the key. Raises ValueError with what is wrong."""
+        if self.element is Bottle and not self.is_list:
+            return group  # type: ignore[return-value]
+        values: list[Value] = list(group)
+        if self.is_list:
+            if len(values) == 1 and isinstance(values[0], Bottle):
+                values = list(values[0])
+            return [self._element(value, index) for index, value in enumerate(values)]  # type: ignore[return-value]
+        if len(values) != 1:
+            if not values:
+                raise ValueError("has no value")
+            raise ValueError(f"is one {self.type_name}, not {len(values)} values; put a text with blanks in quotes")
+        return self._element(values[0], None)  # type: ignore[return-value]
+
+    def _element(self, value: Value, index: int | None) -> object:
+        where = "" if index is None else f"element {index}: "
+        made = _ELEMENTS[self.element](value)
+        if made is None:
+            raise ValueError(f"{where}{to_text(value)} is no {self.element.__name__}")
+        if isinstance(made, int | float) and not isinstance(made, bool):
+            low, high = self.low, self.high
+            if math.isnan(made) or (low is not None and made < low) or (high is not None and made > high):
+                raise ValueError(f"{where}{number(made)} is not {limits_text(low, high, self.unit)}")
+        if self.choices and made not in self.choices:
+            import difflib
+
+            near = difflib.get_close_matches(str(made), [str(choice) for choice in self.choices], n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise ValueError(f"{where}{made!r} is none of {', '.join(map(repr, self.choices))}{hint}")
+        return made
+
+
+def _unit(symbol: str) -> str:
+    return str(unit(symbol))
+
+
+def _to_bool(value: Value) -> bool | None:
+    return as_bool(value) if is_bool(value) or (isinstance(value, int) and value in (0, 1)) else None
+
+
+def _to_int(value: Value) -> int | None:
+    return int(value) if isinstance(value, int) else None
+
+
+def _to_float(value: Value) -> float | None:
+    return float(value) if isinstance(value, int | float) else None
+
+
+def _to_str(value: Value) -> str | None:
+    return None if isinstance(value, Bottle) else to_string(value)
+
+
+_ELEMENTS: dict[type[object], Callable[[Value], object | None]] = {
+    bool: _to_bool,
+    int: _to_int,
+    float: _to_float,
+    str: _to_str,
+    Bottle: lambda value: value,
+}
+
+
+def value_text(value: object) -> str:
+    """Write a value in text form."""
+    if isinstance(value, Bottle):
+        return value.to_text()
+    if isinstance(value, float):
+        return number(value)
+    if isinstance(value, list | tuple):
+        return f"({' '.join(value_text(item) for item in value)})"
+    return Bottle([value]).to_text()
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """One value of one layer: the key as written, what followed it, and where."""
+
+    key: str
+    group: Bottle
+    source: str
+
+
+class Declared:
+    """Base of tests and fixtures: collects the declarations of a class and fills an object's values."""
+
+    #: Keys that files may carry and that mean nothing (any more).
+    ignored_keys: ClassVar[tuple[str, ...]] = ()
+    #: What reading the parameter file found doubtful, such as a variable that is not defined.
+    parameter_warnings: tuple[str, ...] = ()
+
+    @classmethod
+    def declarations(cls) -> dict[str, Parameter[Any]]:
+        """The declared parameters by attribute name, those of base classes first."""
+        return {
+            name: value
+            for base in reversed(cls.__mro__)
+            for name, value in vars(base).items()
+            if isinstance(value, Parameter)
+        }
+
+    def resolve_parameters(
+        self,
+        *,
+        param: str,
+        parameters: Sequence[tuple[str, str]] = (),
+        overrides: Sequence[tuple[str, str]] = (),
+        environment: str = "",
+        place: str = "",
+        folder: str = "",
+    ) -> list[dict[str, str]]:
+        """Fill the values from all layers, and say each with its source: rows of name, value, unit, source.
+
+        ``place`` names the suite's line, ``folder`` is the suite's. Raises ParameterError with every problem, and
+        whatever reading the file of ``--from`` raises.
+        """
+        declared = declarations_of(type(self))
+        if not (param or parameters or overrides or len(declared) > _BUILT_IN):
+            return []  # the common case of a test without parameters costs nothing
+        found = find_parameters(param, environment, roots=_roots(folder))
+        self.parameter_warnings = tuple(f"{item.location}: {item}" for item in found.diagnostics)
+        return _Filling(self, declared).fill([*_layers(found, parameters, overrides, place)])
+
+    @classmethod
+    def parameter_table(cls) -> list[Parameter[Any]]:
+        """The declarations in the order of writing, for documentation."""
+        return [*cls.declarations().values()]
+
+    def parameter_values(self) -> dict[str, Any]:
+        """The current value of every parameter by name."""
+        return {
+            name: getattr(self, name) for name, p in self.declarations().items() if not p.required or _has(self, name)
+        }
+
+
+_declarations: dict[type[Declared], dict[str, Parameter[Any]]] = {}
+
+
+def declarations_of(cls: type[Declared]) -> dict[str, Parameter[Any]]:
+    """The declarations of a class, looked up once: a template does so before its tests are forked from it."""
+    found = _declarations.get(cls)
+    if found is None:
+        found = _declarations[cls] = cls.declarations()
+    return found
+
+
+#: ``name`` and ``description``, which every test has.
+_BUILT_IN = 2
+
+
+def _has(target: Declared, name: str) -> bool:
+    return name in target.__dict__.get("_parameter_values", {})
+
+
+def _roots(folder: str) -> list[str]:
+    """Where parameter files are looked for after YARP's own places: beside the suite, and with the shipped suites."""
+    return [*([folder] if folder else []), str(shipped_folder("suites"))]
+
+
+def _layers(
+    found: Parameters, parameters: Sequence[tuple[str, str]], overrides: Sequence[tuple[str, str]], place: str
+) -> Iterator[Given]:
+    if found.file is not None:
+        yield from _file_layer(found)
+    for key, group in found.arguments.items():
+        if key not in _CONTROL_KEYS:
+            yield Given(key, group.tail(), f"param of {place}" if place else "param")
+    for key, text in parameters:
+        yield Given(key, _parse(text), f"<parameter> of {place}" if place else "<parameter>")
+    for key, text in overrides:
+        yield Given(key, _parse(text), "--set")
+
+
+def _parse(text: str) -> Bottle:
+    """Read a value that stands alone: a text with blanks is one string, as on a command line."""
+    bottle = Bottle.parse(text)
+    if len(bottle) > 1 and all(isinstance(value, str) for value in bottle):
+        return Bottle([text])
+    return bottle
+
+
+def _file_layer(found: Parameters) -> Iterator[Given]:
+    for key, group in found.properties.items():
+        place = found.properties.location(key)
+        yield Given(key, group.tail(), str(place) if place else str(found.file))
+
+
+class _Filling:
+    """One pass over the layers, which collects every problem instead of ending at the first."""
+
+    def __init__(self, target: Declared, declared: dict[str, Parameter[Any]]) -> None:
+        self._target = target
+        self._declared = declared
+        self._problems: list[str] = []
+        self._sources: dict[str, str] = {}
+        self._by_key = {
+            key: name for name, parameter in declared.items() for key in (parameter.key, *parameter.aliases)
+        }
+
+    def fill(self, layers: list[Given]) -> list[dict[str, str]]:
+        chosen: dict[str, Given] = {}
+        for given in layers:
+            name = self._name_of(given)
+            if name:
+                chosen[name] = given  # a later layer wins
+        for name, given in chosen.items():
+            self._convert(name, given)
+        for name, parameter in self._declared.items():
+            if name not in chosen:
+                self._default(name, parameter)
+        for name, parameter in self._declared.items():
+            self._check_length(name, parameter)
+        if self._problems:
+            raise ParameterError(type(self._target).__name__, self._problems)
+        return self._rows()
+
+    def _name_of(self, given: Given) -> str:
+        name = self._by_key.get(given.key)
+        if name is not None:
+            return name
+        if given.key not in self._target.ignored_keys:
+            import difflib
+
+            known = sorted(self._by_key)
+            lower = {key.lower(): key for key in known}
+            near = [lower[match] for match in difflib.get_close_matches(given.key.lower(), lower, n=1)]
+            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+            self._problems.append(f"unknown parameter {given.key!r} ({given.source}); {hint}")
+        return ""
+
+    def _convert(self, name: str, given: Given) -> None:
+        parameter = self._declared[name]
+        try:
+            value = parameter.convert(given.group)
+        except ValueError as error:
+            self._problems.append(f"{given.key}: {error} ({given.source})")
+            return
+        parameter.__set__(self._target, value)
+        self._sources[name] = given.source
+
+    def _default(self, name: str, parameter: Parameter[Any]) -> None:
+        if parameter.required:
+            self._problems.append(f"{parameter.key}: must be given ({parameter.type_name}; {parameter.description})")
+            return
+        value = parameter.default
+        if parameter.is_list and not isinstance(value, list | tuple):
+            count = self._wanted_length(parameter)
+            value = [value] * (1 if count is None else count)
+        parameter.__set__(self._target, list(value) if parameter.is_list else value)
+        self._sources[name] = "default"
+
+    def _wanted_length(self, parameter: Parameter[Any]) -> int | None:
+        if not isinstance(parameter.length, str):
+            return parameter.length
+        other = self._declared.get(parameter.length)
+        if other is None:
+            raise TypeError(f"{parameter.name}: its length refers to {parameter.length!r}, which is not declared")
+        if not _has(self._target, other.name):
+            if other.required or isinstance(other.default, _Required):
+                return None
+            value = other.default
+        else:
+            value = getattr(self._target, other.name)
+        return len(value) if isinstance(value, list | tuple) else int(value)
+
+    def _check_length(self, name: str, parameter: Parameter[Any]) -> None:
+        if not parameter.is_list or parameter.length is None or not _has(self._target, name):
+            return
+        wanted = self._wanted_length(parameter)
+        have = len(getattr(self._target, name))
+        if wanted is not None and have != wanted:
+            reason = f" (as many as {parameter.length})" if isinstance(parameter.length, str) else ""
+            source = self._sources[name]
+            self._problems.append(f"{parameter.key}: has {have} values, must have {wanted}{reason} ({source})")
+
+    def _rows(self) -> list[dict[str, str]]:
+        return [
+            {
+                "name": parameter.key,
+                "value": value_text(getattr(self._target, name)),
+                "unit": parameter.unit,
+                "source": self._sources[name],
+            }
+            for name, parameter in self._declared.items()
+            if not (self._sources[name] == "default" and name in {"name", "description"})
+        ]

@@ -1,0 +1,414 @@
+"""Find a plug-in by name along the search path, and load it.
+
+A plug-in is a file. A name in a suite is resolved without running any of it: a path relative to the suite's folder, a
+file of that name, or a Python file that declares the name or an alias, in this order, folder by folder:
+
+1. the suite's folder,
+2. each folder of ``RTF_PLUGIN_PATH`` (separated by ``:``),
+3. the user's plug-in folder,
+4. the folders that ship with RTF,
+5. entry points of installed packages (``rtf.tests``, ``rtf.fixtures``, ``rtf.reporters``).
+
+The file is loaded, in the process that needs it, as ``rtf_plugins.<kind>.<stem>``.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import importlib.machinery
+import importlib.util
+import os
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+import rtf
+from rtf.testing.outcome import TestingError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+    from types import ModuleType
+
+    from rtf.testing.case import TestCase
+    from rtf.testing.fixture import FixtureManager
+
+P = TypeVar("P", bound=object)
+
+KINDS = {"test": "icub_tests", "fixture": "fixtures", "report": "reports"}
+_GROUPS = {"test": "rtf.tests", "fixture": "rtf.fixtures", "report": "rtf.reporters"}
+
+#: The types a suite may name, and the language each means. ``dll`` is the ancestor's word for a compiled plug-in; here
+#: it is the Python plug-in that declares the name.
+LANGUAGES = {
+    "python": "python",
+    "py": "python",
+    "dll": "python",
+    "lua": "lua",
+    "executable": "executable",
+    "exe": "executable",
+    "tap": "executable:tap",
+    "gtest": "executable:junit",
+    "junit": "executable:junit",
+    "exit": "executable:exit",
+}
+_SUFFIXES = {".py": "python", ".lua": "lua"}
+_DECLARING = re.compile(r"^\s+(plugin_name|aliases)\b|^class\s+(\w+)", re.MULTILINE)
+
+
+class PluginError(TestingError, ImportError):
+    """A plug-in was found and cannot be loaded."""
+
+
+class PluginNotFoundError(PluginError):
+    """No file answers to a name; ``tried`` lists every place in order."""
+
+    def __init__(self, text: str, tried: Iterable[str] = ()) -> None:
+        super().__init__(text)
+        self.tried = tuple(tried)
+
+    def __str__(self) -> str:
+        """The sentence, then the places tried, a line each."""
+        return "\n".join([super().__str__(), *(f"  tried {place}" for place in self.tried)])
+
+
+class PluginRef(NamedTuple):
+    """A plug-in that was found: its language (with ``:mode`` for executables), file, and class where it is known."""
+
+    kind: str
+    name: str
+    path: str
+    language: str
+    class_name: str = ""
+
+
+def shipped_folder(kind: str) -> Path:
+    """The folder of the plug-ins of one kind that come with RTF: inside the package, or beside it in a checkout."""
+    package = Path(rtf.__file__).parent
+    folder = KINDS.get(kind, kind)
+    inside = package / "shipped" / folder
+    return inside if inside.is_dir() else package.parent / folder
+
+
+def search_path(kind: str, beside: Path | None, environ: Mapping[str, str] | None = None) -> Iterator[Path]:
+    """The folders in which a plug-in is looked for, in order."""
+    environ = os.environ if environ is None else environ
+    if beside is not None:
+        yield beside
+    for word in environ.get("RTF_PLUGIN_PATH", "").split(":"):
+        if word:
+            yield Path(word).expanduser()
+    yield user_folder(kind)
+    yield shipped_folder(kind)
+
+
+def user_folder(kind: str) -> Path:
+    """The folder of the user's own plug-ins of one kind."""
+    import platformdirs
+
+    return Path(platformdirs.user_data_dir("rtf", appauthor=False)) / KINDS[kind]
+
+
+def find(kind: str, name: str, type_: str | None = None, *, beside: Path | None = None) -> PluginRef:
+    """Find the plug-in that a suite's ``name`` and ``type`` mean; raises PluginNotFoundError with all places tried.
+
+    ``beside`` is the suite's folder. No plug-in's code is run.
+    """
+    name = os.path.expandvars(os.path.expanduser(name.strip()))  # noqa: PTH111 - the name may be no path
+    if not name:
+        raise PluginNotFoundError("a plug-in needs a name")
+    language = _language(type_, name)
+    tried: list[str] = []
+    for folder in dict.fromkeys(folder.absolute() for folder in search_path(kind, beside)):
+        found = _in_folder(kind, name, language, folder, tried)
+        if found is not None:
+            return found
+        if os.path.isabs(name):  # noqa: PTH117
+            break
+    found = _on_path(kind, name, language, tried) or _entry_point(kind, name, language, tried)
+    if found is not None:
+        return found
+    hint = _near_names(kind, name, beside)
+    raise PluginNotFoundError(f"no {kind} plug-in {name!r}{_of_type(type_)}{hint}", tried)
+
+
+def _of_type(type_: str | None) -> str:
+    return f" of type {type_!r}" if type_ else ""
+
+
+def _language(type_: str | None, name: str) -> str | None:
+    if type_:
+        language = LANGUAGES.get(type_.strip().lower())
+        if language is None:
+            known = ", ".join(sorted(LANGUAGES))
+            raise PluginNotFoundError(f"unknown plug-in type {type_!r} of {name!r}; types are {known}")
+        return language
+    suffix = Path(name).suffix.lower()
+    return "python" if suffix in {".so", ".dll"} else _SUFFIXES.get(suffix)
+
+
+def _in_folder(kind: str, name: str, language: str | None, folder: Path, tried: list[str]) -> PluginRef | None:
+    for candidate in _candidates(folder, name, language):
+        if candidate.is_file():
+            found = language or _SUFFIXES.get(candidate.suffix.lower())
+            if found is None and os.access(candidate, os.X_OK):
+                found = "executable"
+            if found is not None:
+                return PluginRef(kind, name, str(candidate.resolve()), found)
+            tried.append(f"{candidate}: neither .py nor .lua nor executable (chmod +x mends that)")
+        else:
+            tried.append(str(candidate))
+    if language in (None, "python"):
+        return _declaring_file(kind, bare_name(name), folder, tried)
+    return None
+
+
+def bare_name(name: str) -> str:
+    """The name without folder and without a shared library's ending."""
+    stem = Path(name).name
+    return stem[: -len(Path(stem).suffix)] if Path(stem).suffix.lower() in {".so", ".dll", ".py"} else stem
+
+
+def _candidates(folder: Path, name: str, language: str | None) -> Iterator[Path]:
+    path = folder / name
+    suffix = path.suffix.lower()
+    if suffix not in {".so", ".dll"} or (language or "").startswith("executable"):
+        yield path
+    if language in (None, "python") and suffix != ".py":
+        yield path.with_name(f"{bare_name(name)}.py")
+    if language == "lua" and suffix != ".lua":
+        yield path.with_name(f"{path.name}.lua")
+
+
+def _declaring_file(kind: str, name: str, folder: Path, tried: list[str]) -> PluginRef | None:
+    if not folder.is_dir():
+        return None
+    for path in sorted(folder.glob("*.py")):
+        facts = declared_names(path).get(name)
+        if facts is not None:
+            return PluginRef(kind, name, str(path.resolve()), "python", facts.class_name)
+    tried.append(f"{folder}/*.py: none declares the name {name!r}")
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class ClassFacts:
+    """What a class says of itself in plain literals, known without running its file."""
+
+    class_name: str
+    tags: tuple[str, ...] = ()
+    requires: tuple[str, ...] = ()
+    timeout: float | None = None
+    description: str = ""
+
+
+_declared: dict[tuple[str, int], dict[str, ClassFacts]] = {}
+
+
+def declared_names(path: Path) -> dict[str, ClassFacts]:
+    """The plug-in names a Python file declares, and the class of each, read without running it.
+
+    A class declares its own name, its ``plugin_name`` and its ``aliases``, as far as they are written as plain strings.
+    """
+    key = (str(path), path.stat().st_mtime_ns)
+    found = _declared.get(key)
+    if found is None:
+        found = _declared[key] = _read_names(path)
+    return found
+
+
+def _read_names(path: Path) -> dict[str, ClassFacts]:
+    try:
+        source = path.read_text(encoding="utf-8")
+        if not _DECLARING.search(source):
+            return {}
+        tree = ast.parse(source)
+    except (OSError, ValueError, SyntaxError):
+        return {}  # whoever names this file gets the error; a search must not stumble over it
+    names: dict[str, ClassFacts] = {}
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef) and node.bases:
+            facts, also = _class_facts(node)
+            for name in (node.name, *also):
+                names[name] = facts
+    return names
+
+
+def _class_facts(node: ast.ClassDef) -> tuple[ClassFacts, list[str]]:
+    literals: dict[str, Any] = {}
+    for statement in node.body:
+        if isinstance(statement, ast.Assign) and len(statement.targets) == 1:
+            target, value = statement.targets[0], statement.value
+        elif isinstance(statement, ast.AnnAssign) and statement.value is not None:
+            target, value = statement.target, statement.value
+        else:
+            continue
+        if isinstance(target, ast.Name) and target.id in _FACTS:
+            with contextlib.suppress(ValueError):  # a value that must be computed is no fact yet
+                literals[target.id] = ast.literal_eval(value)
+    timeout = literals.get("timeout")
+    facts = ClassFacts(
+        node.name,
+        _strings(literals.get("tags")),
+        _strings(literals.get("requires")),
+        float(timeout) if isinstance(timeout, int | float) else None,
+        (ast.get_docstring(node) or "").partition("\n")[0],
+    )
+    return facts, [*_strings(literals.get("plugin_name")), *_strings(literals.get("aliases"))]
+
+
+_FACTS = frozenset({"plugin_name", "aliases", "tags", "requires", "timeout"})
+
+
+def _strings(value: object) -> tuple[str, ...]:
+    if isinstance(value, str):
+        return (value,) if value else ()
+    return tuple(str(item) for item in value) if isinstance(value, tuple | list) else ()
+
+
+def facts_of(ref: PluginRef) -> ClassFacts | None:
+    """What the class of a Python plug-in says of itself; None for other languages and where it cannot be read."""
+    if ref.language != "python":
+        return None
+    names = declared_names(Path(ref.path))
+    for wanted in (ref.class_name, bare_name(ref.name)):
+        if wanted in names:
+            return names[wanted]
+    classes = {facts.class_name: facts for facts in names.values()}
+    return next(iter(classes.values())) if len(classes) == 1 else None
+
+
+def _on_path(kind: str, name: str, language: str | None, tried: list[str]) -> PluginRef | None:
+    if language is None or not language.startswith("executable") or "/" in name:
+        return None
+    import shutil
+
+    program = shutil.which(name)
+    if program is None:
+        tried.append(f"PATH: no program {name!r}")
+        return None
+    return PluginRef(kind, name, program, language)
+
+
+def _entry_point(kind: str, name: str, language: str | None, tried: list[str]) -> PluginRef | None:
+    if language not in (None, "python"):
+        return None
+    from importlib.metadata import entry_points
+
+    for point in entry_points(group=_GROUPS[kind]):
+        if point.name == bare_name(name):
+            return PluginRef(kind, name, point.value, "entry point")
+    tried.append(f"entry points {_GROUPS[kind]!r} of installed packages")
+    return None
+
+
+def _near_names(kind: str, name: str, beside: Path | None) -> str:
+    import difflib
+
+    known = {declared for path in all_files(kind, beside) for declared in (*declared_names(path), path.stem)}
+    bare = bare_name(name)
+    near = [word for word in known if word.lower() == bare.lower()]
+    near = near or difflib.get_close_matches(bare, sorted(known), n=3, cutoff=0.6)
+    return f"; did you mean {' or '.join(sorted(near))}?" if near else ""
+
+
+def all_files(kind: str, beside: Path | None = None) -> list[Path]:
+    """Every Python plug-in file of one kind along the search path, in order."""
+    return [path for folder in search_path(kind, beside) if folder.is_dir() for path in sorted(folder.glob("*.py"))]
+
+
+# Loading -------------------------------------------------------------------------------------------------------------
+
+
+def load_module(ref: PluginRef) -> ModuleType:
+    """Run the file of a Python plug-in as module ``rtf_plugins.<kind>.<stem>``. Its own folder can be imported from."""
+    path = Path(ref.path)
+    name = f"rtf_plugins.{ref.kind}.{path.stem}"
+    loader = importlib.machinery.SourceFileLoader(name, ref.path)
+    spec = importlib.util.spec_from_file_location(name, ref.path, loader=loader)
+    if spec is None:
+        raise PluginError(f"{ref.path} cannot be loaded as Python")
+    module = importlib.util.module_from_spec(spec)
+    folder = str(path.parent)
+    if folder not in sys.path:
+        sys.path.append(folder)
+    sys.modules[name] = module
+    try:
+        loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def load_test(ref: PluginRef) -> TestCase:
+    """Make the test that a reference stands for; raises PluginError, or what the plug-in itself raises."""
+    from rtf.testing.case import TestCase
+
+    language, _, mode = ref.language.partition(":")
+    if language == "lua":
+        from rtf.testing.lua_plugin import load_lua
+
+        return load_lua(ref)
+    if language == "executable":
+        from rtf.testing.executable import ExecutableTest
+
+        return ExecutableTest(Path(ref.path), mode)
+    if language == "entry point":
+        return _from_entry_point(ref, TestCase)()
+    from rtf.testing import legacy_python
+
+    legacy_python.install()  # a script of the ancestor may import what the ancestor provided
+    module = load_module(ref)
+    old = getattr(module, "TestCase", None)
+    if isinstance(old, type) and not issubclass(old, TestCase):
+        return legacy_python.adapt(ref, module, old)
+    return choose_class(ref, module, TestCase)()
+
+
+def load_fixture(ref: PluginRef) -> FixtureManager:
+    """Make the fixture manager that a reference stands for; raises PluginError, or what the plug-in itself raises."""
+    from rtf.testing.fixture import FixtureManager
+
+    if ref.language == "entry point":
+        return _from_entry_point(ref, FixtureManager)()
+    if ref.language != "python":
+        raise PluginError(
+            f"{ref.path}: a fixture manager is written in Python; to run a program, use the fixture 'process'"
+        )
+    return choose_class(ref, load_module(ref), FixtureManager)()
+
+
+def choose_class(ref: PluginRef, module: ModuleType, base: type[P]) -> type[P]:
+    """The class of a plug-in module: the one named, else the only one that is written in it."""
+    own = [
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and issubclass(value, base) and value.__module__ == module.__name__
+    ]
+    wanted = ref.class_name or bare_name(ref.name)
+    named = [cls for cls in own if wanted in _names_of(cls)]
+    if named:
+        return named[-1]
+    leaves = [cls for cls in own if not any(other is not cls and issubclass(other, cls) for other in own)]
+    if len(leaves) == 1:
+        return leaves[0]
+    found = ", ".join(cls.__name__ for cls in leaves) or "none"
+    raise PluginError(
+        f"{ref.path} must have one class derived from {base.__name__}, or one named {wanted!r}; found: {found}"
+    )
+
+
+def _names_of(cls: type[Any]) -> set[str]:
+    return {cls.__name__, cls.plugin_name, *cls.aliases}
+
+
+def _from_entry_point(ref: PluginRef, base: type[P]) -> type[P]:
+    from importlib.metadata import EntryPoint
+
+    loaded = EntryPoint(ref.name, ref.path, _GROUPS[ref.kind]).load()
+    if not isinstance(loaded, type) or not issubclass(loaded, base):
+        raise PluginError(f"entry point {ref.name} = {ref.path} is no class derived from {base.__name__}")
+    return loaded

@@ -1,0 +1,194 @@
+"""Processes on Linux: how one is tied to its parent, who its descendants are, how a whole group is ended.
+
+The isolation of tests, fixtures and simulators rests on these few kernel services; everything else is built on them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import resource
+import signal
+import struct
+
+_PR_SET_PDEATHSIG = 1
+_PR_SET_CHILD_SUBREAPER = 36
+
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+_plain_prctl = _libc.prctl
+
+
+def _prctl(option: int, argument: int) -> None:
+    if _libc.prctl(option, argument, 0, 0, 0) != 0:
+        number = ctypes.get_errno()
+        raise OSError(number, f"prctl({option}): {os.strerror(number)}")
+
+
+def die_with_parent(signum: int = signal.SIGKILL) -> None:
+    """Have the kernel send ``signum`` to this process when the thread that made it ends, however it ends."""
+    _prctl(_PR_SET_PDEATHSIG, signum)
+
+
+def adopt_orphans() -> None:
+    """Become the new parent of descendants whose own parent dies, so that none can get away."""
+    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+
+
+def tie_to_parent(signum: int = signal.SIGKILL) -> None:
+    """Both of the above for a process that has just been forked, where it cannot fail and each call counts."""
+    _plain_prctl(_PR_SET_PDEATHSIG, signum, 0, 0, 0)
+    _plain_prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+_wait4 = _libc.wait4
+_wait_status = ctypes.c_int()
+_wait_status_pointer = ctypes.byref(_wait_status)
+_usage = ctypes.create_string_buffer(256)  # struct rusage: user time, system time, largest resident size in KiB, …
+_USAGE = struct.Struct("@lllll")
+
+
+def reap(pid: int) -> tuple[int, float, int]:
+    """Take note of a child that has ended: its wait status, its CPU time in seconds, its peak memory in bytes.
+
+    ``os.wait4`` does the same, and imports a module each time to make its result of.
+    """
+    _wait4(pid, _wait_status_pointer, 0, _usage)
+    user, user_micro, system, system_micro, resident = _USAGE.unpack_from(_usage)
+    return _wait_status.value, user + system + (user_micro + system_micro) * 1e-6, resident * 1024
+
+
+def children_of(pid: int) -> list[int]:
+    """The living and unreaped children of a single-threaded process; empty when it is gone."""
+    try:
+        with open(f"/proc/{pid}/task/{pid}/children", "rb") as stream:  # noqa: PTH123 - read after every test
+            return [int(word) for word in stream.read().split()]
+    except (FileNotFoundError, ProcessLookupError):
+        return []
+
+
+def all_children_of(pid: int) -> list[int]:
+    """The children of every thread of a process."""
+    try:
+        threads = os.listdir(f"/proc/{pid}/task")  # noqa: PTH208 - names only
+    except (FileNotFoundError, ProcessLookupError):
+        return []
+    found: list[int] = []
+    for thread in threads:
+        gone = contextlib.suppress(FileNotFoundError, ProcessLookupError)
+        with gone, open(f"/proc/{pid}/task/{thread}/children", "rb") as stream:  # noqa: PTH123
+            found.extend(int(word) for word in stream.read().split())
+    return found
+
+
+def descendants_of(pid: int) -> list[int]:
+    """All processes below ``pid``, nearest first."""
+    found: list[int] = []
+    level = all_children_of(pid)
+    while level:
+        found.extend(level)
+        level = [child for parent in level for child in all_children_of(parent) if child not in found]
+    return found
+
+
+def carries(pid: int, mark: str) -> bool:
+    """Whether a process was started with the environment entry ``mark`` (``NAME=value``)."""
+    try:
+        with open(f"/proc/{pid}/environ", "rb") as stream:  # noqa: PTH123
+            return mark.encode() in stream.read().split(b"\0")
+    except OSError:
+        return False
+
+
+def in_transit(pid: int) -> bool:
+    """Whether a process is between two programs or on its way out: it cannot be read, and may have children."""
+    try:
+        for name in ("environ", "cmdline"):
+            with open(f"/proc/{pid}/{name}", "rb") as stream:  # noqa: PTH123
+                if stream.read(1):
+                    return False
+        with open(f"/proc/{pid}/stat", "rb") as stream:  # noqa: PTH123
+            return stream.read().rpartition(b")")[2].split()[0] not in (b"Z", b"X")
+    except (OSError, IndexError):
+        return False
+
+
+def signal_group(pid: int, signum: int) -> bool:
+    """Send a signal to the process group led by ``pid``, or to it alone where it leads none. False when it is gone."""
+    try:
+        os.killpg(pid, signum)
+    except ProcessLookupError:
+        return signal_process(pid, signum)
+    except PermissionError:
+        return False
+    return True
+
+
+def signal_process(pid: int, signum: int) -> bool:
+    """Send a signal to one process. False when it is gone or not ours."""
+    try:
+        os.kill(pid, signum)
+    except (ProcessLookupError, PermissionError):
+        return False
+    return True
+
+
+def signal_name(number: int) -> str:
+    """The name of a signal, such as ``SIGSEGV``; ``signal 35`` for one that has none."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
+
+
+def split_status(wait_status: int) -> tuple[int | None, str]:
+    """Exit status and signal name of a status from ``wait``: exactly one of the two says something."""
+    if os.WIFSIGNALED(wait_status):
+        return None, signal_name(os.WTERMSIG(wait_status))
+    return os.WEXITSTATUS(wait_status), ""
+
+
+def describe_end(exit_status: int | None, signal_text: str) -> str:
+    """Say how a process ended, such as ``killed by SIGSEGV`` or ``exit status 3``."""
+    return f"killed by {signal_text}" if signal_text else f"exit status {exit_status}"
+
+
+def limit_memory(limit: int) -> None:
+    """Let allocations of this process fail beyond ``limit`` bytes of private memory, for the machine's sake."""
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+
+
+def give_memory_back() -> None:
+    """Return to the kernel what the C library keeps of freed memory."""
+    with contextlib.suppress(AttributeError):  # the GNU C library has it, musl does not
+        _libc.malloc_trim(0)
+
+
+def memory_limit() -> int:
+    """The limit of :func:`limit_memory` that holds for this process, -1 for none."""
+    return resource.getrlimit(resource.RLIMIT_DATA)[0]
+
+
+def no_core_dumps() -> None:
+    """Do not write core files: a run may contain a hundred crashes."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def prefer_for_oom_kill() -> None:
+    """Make this process and its children the ones that go first when the machine runs out of memory."""
+    with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w") as stream:  # noqa: PTH123
+        stream.write("500")
+
+
+def kernel_state(pid: int) -> str:
+    """What the kernel says of a process that cannot speak for itself: its state and where it waits."""
+    lines = []
+    for name in ("status", "wchan", "syscall"):
+        with contextlib.suppress(OSError), open(f"/proc/{pid}/{name}") as stream:  # noqa: PTH123
+            text = stream.read(4096)
+            if name == "status":
+                text = "\n".join(line for line in text.splitlines() if line.startswith(("Name", "State", "Sig")))
+            lines.append(f"{name}: {text.strip()}")
+    return "\n".join(lines)

@@ -1,0 +1,59 @@
+"""Tests that declare no parameters: executables, Lua scripts and the ancestor's Python scripts.
+
+They take the suite's ``param`` string as it stands. A ``<parameter>`` element or a ``--set`` becomes ``--key value``
+behind it, where programs that read their arguments from left to right let the last one win.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.resources.arguments import split_arguments
+from rtf.testing.case import TestCase
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+class RawParameters(TestCase):
+    """Base of the tests that get their parameters unread."""
+
+    #: The parameter string with everything that was added to it.
+    parameter: str = ""
+    #: The values given by ``<parameter>`` and ``--set`` alone, the latter winning.
+    added: dict[str, str]
+    #: The words of the parameter string; an added value is one word whatever is in it.
+    words: tuple[str, ...] = ()
+
+    def __init__(self) -> None:
+        self.added = {}
+
+    def resolve_parameters(
+        self,
+        *,
+        param: str,
+        parameters: Sequence[tuple[str, str]] = (),
+        overrides: Sequence[tuple[str, str]] = (),
+        environment: str = "",
+        place: str = "",
+        folder: str = "",
+    ) -> list[dict[str, str]]:
+        """Keep the string; nothing in it is interpreted, not even ``--from``. See the base class for the arguments."""
+        del environment, folder
+        self.added = dict(parameters) | dict(overrides)
+        self.parameter = " ".join([*([param] if param else []), *(_option(*pair) for pair in self.added.items())])
+        words = split_arguments(param)
+        for key, value in self.added.items():
+            words += [f"--{key}", *([value] if value else [])]
+        self.words = tuple(words)
+        rows = [{"name": "param", "value": param, "unit": "", "source": f"param of {place}" if place else "param"}]
+        origin = dict.fromkeys(dict(parameters), f"<parameter> of {place}" if place else "<parameter>")
+        origin |= dict.fromkeys(dict(overrides), "--set")
+        added = [{"name": key, "value": self.added[key], "unit": "", "source": origin[key]} for key in self.added]
+        return (rows if param else []) + added
+
+
+def _option(key: str, value: str) -> str:
+    if not value:
+        return f"--{key}"
+    return f'--{key} "{value}"' if " " in value and '"' not in value else f"--{key} {value}"

@@ -1,0 +1,65 @@
+"""What a test requires of its surroundings, and whether it is there; checked before anything of it is started."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf.testing.suite import TEST_REQUIREMENT
+from rtf.testing.verdict import Verdict
+
+if TYPE_CHECKING:
+    from rtf.testing.plan import PlannedTest
+    from rtf.testing.results import RunResult
+
+
+@dataclass(frozen=True, slots=True)
+class Unmet:
+    """A requirement that does not hold: what the test's verdict becomes, and the sentence for people."""
+
+    verdict: Verdict
+    text: str
+
+
+def unmet(test: PlannedTest, results: RunResult, features: frozenset[str]) -> Unmet | None:
+    """The first requirement of a test that does not hold.
+
+    A test that stands on another one (``test:``) is blocked when that did not pass; all else is a reason to skip:
+    ``program:NAME`` on the PATH, ``module:NAME`` to import, ``env:NAME`` set, ``file:PATH`` there, or a bare word that
+    the command line grants with ``--feature``.
+    """
+    for token in test.entry.requires:
+        kind, separator, name = token.partition(":")
+        if token.startswith(TEST_REQUIREMENT):
+            other = results.tests.get(name)
+            if other is None or other.verdict is None or not other.verdict.good or other.verdict is Verdict.SKIPPED:
+                state = "is not in this run" if other is None else f"came to: {other.verdict or 'nothing yet'}"
+                return Unmet(Verdict.BLOCKED, f"needs test {name}, which {state}")
+        elif separator and not _there(kind, name, test):
+            return Unmet(Verdict.SKIPPED, f"requires {_WORDS.get(kind, kind)} {name!r}, which is not there")
+        elif not separator and token not in features:
+            return Unmet(Verdict.SKIPPED, f"requires {token!r}; grant it with --feature {token}")
+    return None
+
+
+_WORDS = {"program": "program", "module": "Python module", "env": "environment variable", "file": "file"}
+
+
+def _there(kind: str, name: str, test: PlannedTest) -> bool:
+    if kind == "program":
+        return shutil.which(name) is not None
+    if kind == "module":
+        try:
+            return importlib.util.find_spec(name) is not None
+        except (ImportError, ValueError):
+            return False
+    if kind == "env":
+        return name in os.environ
+    if kind == "file":
+        beside = Path(test.entry.location.file).parent if test.entry.location.file else Path()
+        return (beside / Path(name).expanduser()).exists()
+    return False

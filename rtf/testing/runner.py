@@ -1,0 +1,337 @@
+"""The runner: what runs next, and what a collapse, a time-out or an interrupt does to it.
+
+A run has lanes. Each lane is a thread with a nursery, a reactor and a supervisor of its own, and works through suites
+that share a fixture, one after the other; without ``-j`` there is one lane, in the main thread. A planned test always
+gets exactly one final :class:`~rtf.testing.events.TestEnded`, whatever happens to it, to its fixtures or to the run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import getpass
+import os
+import platform
+import signal
+import sys
+import threading
+import traceback
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import rtf
+from rtf import clock
+from rtf.testing import processes
+from rtf.testing.attempt import GRACE, Limits
+from rtf.testing.events import (
+    Diagnosed,
+    InternalError,
+    RunEnded,
+    RunStarted,
+    SuitePlanned,
+    TestEnded,
+    TestPlanned,
+)
+from rtf.testing.suite import Isolation, TestEntry, Timeouts
+from rtf.testing.verdict import ExitCode, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from rtf.testing.events import Asked
+    from rtf.testing.launch import Launched
+    from rtf.testing.plan import PlannedSuite, PlannedTest
+    from rtf.testing.reporting import Broadcast
+from rtf.testing.interrupts import Interrupts, alarm
+from rtf.testing.lane import Lane
+
+#: Seconds a test may take where neither suite, plug-in nor command line says anything: everything ends.
+DEFAULT_LIMITS = Timeouts(setup=60.0, run=300.0, teardown=30.0)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """What a run is told beside its plan. Times in seconds, memory in bytes (0: no limit).
+
+    ``grace`` is how long a test that is asked to stop may take to begin its teardown before it is killed.
+    """
+
+    run_folder: Path
+    jobs: int = 1
+    limits: Timeouts = DEFAULT_LIMITS
+    run_timeout: float | None = None
+    grace: float = GRACE
+    memory: int = 0
+    overrides: tuple[tuple[str, str], ...] = ()
+    features: frozenset[str] = frozenset()
+    isolation: Isolation | None = None
+    repetition: int | None = None
+    retries: int | None = None
+    fail_fast: bool = False
+    allow_empty: bool = False
+    done: frozenset[str] = frozenset()
+    resumed: bool = False
+    robot: str = ""
+    station: str = ""
+    seed: int | None = None
+    command: tuple[str, ...] = ()
+    handle_signals: bool = True
+    ask: Callable[[Asked, Callable[[str | None, str], None]], None] | None = None
+    facts: Mapping[str, str] = field(default_factory=dict)
+
+
+class Run:
+    """One run of a plan, from its first event to its last."""
+
+    def __init__(
+        self,
+        suites: Sequence[PlannedSuite],
+        options: RunOptions,
+        broadcast: Broadcast,
+        launched: Launched | None = None,
+    ) -> None:
+        self.suites = suites
+        self.options = options
+        self.interrupts = Interrupts()
+        self.failed_fast = threading.Event()
+        self._broadcast = broadcast
+        self._limits: dict[str, Limits] = {}
+        self._launched = [] if launched is None else [launched]
+        self.emit = broadcast.emit
+
+    @property
+    def results(self) -> Any:
+        """The results so far."""
+        return self._broadcast.results
+
+    def execute(self, diagnostics: Iterable[Diagnosed] = ()) -> ExitCode:
+        """Run everything, tear everything down, report everything. Returns the exit code."""
+        began = clock.monotonic()
+        options = self.options
+        processes.adopt_orphans()
+        restore = self._take_signals() if options.handle_signals else []
+        try:
+            with alarm(options.run_timeout, self._overdue):
+                self._begin(diagnostics)
+                self._run_lanes()
+        except Exception as error:  # noqa: BLE001 - reported, and everything else still ends in order
+            self._broke(error)
+        finally:
+            code = self._end(began)
+            for signum, handler in restore:
+                signal.signal(signum, handler)
+        return code
+
+    def _overdue(self) -> None:
+        self.interrupts.request(f"time-out of the run after {self.options.run_timeout:g} s", stage=2)
+
+    # Beginning and end -------------------------------------------------------------------------------------------
+
+    def _begin(self, diagnostics: Iterable[Diagnosed]) -> None:
+        options = self.options
+        self.emit(
+            RunStarted(
+                run=options.run_folder.name,
+                version=rtf.__version__,
+                command=options.command,
+                environment={**_facts(), **options.facts},
+                robot=options.robot,
+                station=options.station or platform.node(),
+                seed=options.seed,
+                resumed=options.resumed,
+            ),
+        )
+        for diagnosed in diagnostics:
+            self.emit(diagnosed)
+        for suite in self.suites:
+            self._plan(suite)
+
+    def _plan(self, planned: PlannedSuite) -> None:
+        suite = planned.suite
+        known = self._broadcast.results
+        if suite.id not in known.suites:
+            self._plan_suite(planned)
+        for test in planned.tests:
+            if test.entry.id not in known.tests:
+                self._plan_test(planned, test)
+
+    def _plan_suite(self, planned: PlannedSuite) -> None:
+        suite = planned.suite
+        self.emit(
+            SuitePlanned(
+                suite=suite.id,
+                name=suite.name,
+                file=suite.file,
+                description=suite.description,
+                environment=suite.environment,
+                fixtures=tuple(entry.name for entry in suite.fixtures),
+                tags=suite.tags,
+            ),
+        )
+
+    def _plan_test(self, planned: PlannedSuite, test: PlannedTest) -> None:
+        entry = test.entry
+        self.emit(
+            TestPlanned(
+                test=entry.id,
+                suite=planned.suite.id,
+                name=entry.name,
+                plugin=entry.plugin,
+                type=entry.type or "",
+                param=entry.param,
+                tags=entry.tags,
+                file=entry.location.file,
+                line=entry.location.line,
+                repetition=self.repetition_of(entry),
+                retries=self.retries_of(entry),
+                expected=entry.expected,
+                run_timeout=self.limits_of(planned, test).run,
+            ),
+        )
+
+    def _end(self, began: float) -> ExitCode:
+        self.interrupts.announce(self.emit)
+        self._account_for_all()
+        code = self._say_end(began)
+        self._broadcast.close_reporters()
+        if self._exit_code() is not code:  # a reporter broke while it was finishing
+            code = self._say_end(began)
+        self._broadcast.close()
+        return code if code is ExitCode.INTERNAL else self._exit_code()
+
+    def _say_end(self, began: float) -> ExitCode:
+        code = self._exit_code()
+        results = self._broadcast.results
+        self.emit(
+            RunEnded(
+                verdict=results.verdict(allow_empty=self.options.allow_empty),
+                exit_code=int(code),
+                duration=clock.monotonic() - began,
+                counts={str(verdict): count for verdict, count in results.counts().items()},
+            ),
+        )
+        return code
+
+    def _exit_code(self) -> ExitCode:
+        return self._broadcast.results.exit_code(allow_empty=self.options.allow_empty)
+
+    def _account_for_all(self) -> None:
+        """No planned test goes without a last word."""
+        for test in [*self._broadcast.results.tests.values()]:
+            if test.verdict is None:
+                verdict = Verdict.NOT_RUN
+                detail = "the run was interrupted" if self.interrupts.stage else "the run ended before it"
+                self.emit(
+                    TestEnded(
+                        test=test.id, verdict=verdict, outcome=verdict, attempt=0, reason="not run", detail=detail
+                    ),
+                )
+
+    def _broke(self, error: Exception) -> None:
+        text = f"{type(error).__name__}: {error}"
+        self.emit(InternalError(text=text, traceback="".join(traceback.format_exception(error))))
+
+    def _take_signals(self) -> list[tuple[signal.Signals, Any]]:
+        if threading.current_thread() is not threading.main_thread():
+            return []
+        taken: list[tuple[signal.Signals, Any]] = []
+        for signum in _SIGNALS:
+            if signal.getsignal(signum) is not signal.SIG_IGN:
+                handler = signal.signal(
+                    signum, lambda number, _frame: self.interrupts.request(processes.signal_name(number))
+                )
+                taken.append((signum, handler))
+        return taken
+
+    # Lanes -------------------------------------------------------------------------------------------------------
+
+    def _run_lanes(self) -> None:
+        groups = _groups_sharing_fixtures(self.suites)
+        if self.options.jobs <= 1 or len(groups) <= 1:
+            self._run_lane(self.suites)
+            return
+        with ThreadPoolExecutor(max_workers=self.options.jobs, thread_name_prefix="rtf-lane") as pool:
+            for future in [pool.submit(self._run_lane, group) for group in groups]:
+                while True:
+                    try:
+                        future.result(timeout=0.2)  # a signal handler runs only between the main thread's waits
+                        break
+                    except TimeoutError:
+                        continue
+
+    def _run_lane(self, suites: Sequence[PlannedSuite]) -> None:
+        try:
+            Lane(self, suites).run()
+        except Exception as error:  # noqa: BLE001 - reported; the other lanes go on
+            self._broke(error)
+
+    # What holds for a test ---------------------------------------------------------------------------------------
+
+    def limits_of(self, planned: PlannedSuite, test: PlannedTest) -> Limits:
+        """The limits of a test: its own, its suite's, its author's, the command line's or the defaults."""
+        limits = self._limits.get(test.entry.id)
+        if limits is None:
+            chosen = planned.suite.timeouts_of(test.entry).inherit(Timeouts(run=test.timeout))
+            chosen = chosen.inherit(self.options.limits).inherit(DEFAULT_LIMITS)
+            limits = Limits(
+                setup=chosen.setup,
+                run=chosen.run,
+                teardown=chosen.teardown,
+                total=chosen.total,
+                grace=self.options.grace,
+            )
+            self._limits[test.entry.id] = limits
+        return limits
+
+    def take_launched(self) -> Launched | None:
+        """The nursery that was started before the run, for the first lane that asks."""
+        with contextlib.suppress(IndexError):
+            return self._launched.pop()
+        return None
+
+    def repetition_of(self, entry: TestEntry) -> int:
+        """Additional runs of the body."""
+        return entry.repetition if self.options.repetition is None else self.options.repetition
+
+    def retries_of(self, entry: TestEntry) -> int:
+        """Additional attempts after a failure."""
+        return entry.retries if self.options.retries is None else self.options.retries
+
+    def stop_reason(self) -> str:
+        """Why no further test is to be started, or an empty text."""
+        if self.interrupts.stage:
+            self.interrupts.announce(self.emit)
+            return "the run was interrupted"
+        return "a test failed before (--fail-fast)" if self.failed_fast.is_set() else ""
+
+
+def _groups_sharing_fixtures(suites: Sequence[PlannedSuite]) -> list[list[PlannedSuite]]:
+    """Suites that use a fixture in common must not run at the same time; the groups keep the order of the plan."""
+    groups: list[tuple[set[tuple[str, str]], list[PlannedSuite]]] = []
+    for planned in suites:
+        keys = {(entry.plugin, entry.param) for entry in planned.suite.fixtures}
+        joined = [group for group in groups if group[0] & keys]
+        members = [member for group in joined for member in group[1]]
+        merged = (keys.union(*(group[0] for group in joined)), [*members, planned])
+        groups = [group for group in groups if not group[0] & keys]
+        groups.append(merged)
+    order = {id(planned): index for index, planned in enumerate(suites)}
+    return [sorted(members, key=lambda planned: order[id(planned)]) for _, members in groups]
+
+
+def _facts() -> dict[str, str]:
+    """Where, with what and by whom the run is made."""
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):
+        user = str(os.getuid())
+    return {
+        "host": platform.node(),
+        "user": user,
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        "python": platform.python_version(),
+        "executable": sys.executable,
+        "folder": str(Path.cwd()),
+    }

@@ -1,0 +1,351 @@
+"""What stands behind a test while it runs: where its events go, what they add up to, how it is stopped and answered.
+
+A session lives in the test's own process. Any thread of the test may emit; only the main thread is ever stopped.
+"""
+
+from __future__ import annotations
+
+import traceback
+from _thread import allocate_lock, get_ident  # not ``threading``, see the nursery's module text
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rtf import clock
+from rtf.testing.events import Answered, Asked, Event, SubResultEnded, from_record, to_record
+from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem, TestStopped
+from rtf.testing.verdict import Phase, Severity, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+#: Frames of these files are not the author's; a failure is located and a traceback shown without them.
+_OWN_FOLDER = str(Path(__file__).parent)
+
+#: A text longer than this is cut in the middle, and says so: an event must stay something a page can show.
+TEXT_LIMIT = 1 << 20
+
+
+#: Looking up a member of an enumeration runs Python code; see :class:`Session`.
+_BAD = (Severity.FAILURE, Severity.ERROR)
+_FAILURE = Severity.FAILURE
+_PASSED = Verdict.PASSED
+_NOTHING: Mapping[str, float | str | None] = {}
+
+
+@dataclass(slots=True)
+class Tally:
+    """What the events of a test, or of one part of it, add up to."""
+
+    failures: int = 0
+    errors: int = 0
+    judged: int = 0  # checks, assertions and limited measurements made
+    recorded: int = 0  # measurements without limits, and series
+    skipped: str | None = None
+    inconclusive: str | None = None
+    first: str = ""  # the first failure or error: the reason people want to read
+
+    def verdict(self) -> Verdict:
+        """What is to be said. A failure is never hidden by what came after it."""
+        if self.failures:
+            return Verdict.FAILED
+        if self.errors:
+            return Verdict.ERROR
+        if self.skipped is not None:
+            return Verdict.SKIPPED
+        if self.inconclusive is not None:
+            return Verdict.INCONCLUSIVE
+        return Verdict.MEASURED if self.recorded and not self.judged else _PASSED
+
+    def note(self, severity: Severity, text: str) -> None:
+        """Count one failure or error."""
+        if severity is _FAILURE:
+            self.failures += 1
+        else:
+            self.errors += 1
+        self.first = self.first or text
+
+
+@dataclass(slots=True)
+class _Part:
+    subject: str
+    tally: Tally = field(default_factory=Tally)
+
+
+def bounded(text: str) -> str:
+    """The text, or its two ends where it is longer than an event may carry."""
+    if len(text) <= TEXT_LIMIT:
+        return text
+    half = TEXT_LIMIT // 2
+    return f"{text[:half]}\n… {len(text) - 2 * half} characters left out …\n{text[-half:]}"
+
+
+def text_of(error: BaseException) -> str:
+    """The text of an error, also of one that cannot be written."""
+    try:
+        return str(error)
+    except Exception as broken:  # noqa: BLE001 - an author's __str__ may do anything, and must not hide the error
+        return f"(its text cannot be had: {type(broken).__name__})"
+
+
+def author_place(error: BaseException) -> tuple[str, int]:
+    """File and line of the innermost frame of an error that is not the framework's own."""
+    place = ("", 0)
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        file = frame.f_code.co_filename
+        if not file.startswith((_OWN_FOLDER, "<frozen")):
+            place = (file, line)
+    return place
+
+
+def author_traceback(error: BaseException) -> str:
+    """The traceback as Python prints it, beginning at the first frame that is not the framework's own."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_frame.f_code.co_filename.startswith(_OWN_FOLDER):
+        trace = trace.tb_next
+    return bounded("".join(traceback.format_exception(type(error), error, trace or error.__traceback__)))
+
+
+class Session:
+    """The one channel between a test and its runner.
+
+    ``send`` puts one event on its way and blocks while the runner is slower than the test. ``receive`` waits so many
+    seconds for an answer (question, answer, source); it is None where nobody can answer. ``folder`` is the test's own
+    inside ``run_folder``.
+
+    ``send_record`` may take the place of ``send``: it gets what the event's line is made of. What every test does goes
+    that way, without an event object: in a fresh process each function that is called and each object that is touched
+    costs the copy of a page of memory. Hence also plain attributes, and paths that are made when they are asked for.
+    """
+
+    def __init__(
+        self,
+        test: str,
+        send: Callable[[Event], None],
+        *,
+        folder: str | Path,
+        run_folder: str | Path,
+        receive: Callable[[float], tuple[str, str | None, str] | None] | None = None,
+        send_record: Callable[[dict[str, Any]], None] | None = None,
+    ) -> None:
+        self.test = test
+        self._folder = folder
+        self._run_folder = run_folder
+        self.phase: Phase | None = None
+        self.tally = Tally()
+        self._parts: list[_Part] = []
+        self._send = send
+        self._send_record = send_record
+        self._receive = receive
+        self._lock = allocate_lock()
+        self._sending = False
+        self._stoppable = False
+        self._stop: str | None = None
+        self.stopped = ""  # why the test was asked to end, once it was
+        self._questions = 0
+        self._main = get_ident()
+
+    @property
+    def folder(self) -> Path:
+        """The test's own folder, which need not exist yet."""
+        return Path(self._folder)
+
+    @property
+    def run_folder(self) -> Path:
+        """The folder of the run."""
+        return Path(self._run_folder)
+
+    def emit(self, event: Event) -> None:
+        """Send one event. A stop that arrives meanwhile takes effect after the event is whole."""
+        self._put(to_record(event) if self._send_record is not None else event)
+
+    def _put(self, event: Event | dict[str, Any]) -> None:
+        with self._lock:
+            self._sending = True
+            try:
+                if not isinstance(event, dict):
+                    self._send(event)
+                elif self._send_record is not None:
+                    self._send_record(event)
+                else:
+                    self._send(from_record(event))
+            finally:
+                self._sending = False
+        if self._stop is not None and self._stoppable and get_ident() == self._main:
+            self._raise_stop()
+
+    def enter(self, phase: Phase, repetition: int = 0) -> None:
+        """Say that a phase begins; the runner's time-out for it begins with this."""
+        self.phase = phase
+        record = {"event": "phase_started", "time": round(clock.now(), 6), "test": self.test, "phase": phase}
+        if repetition:
+            record["repetition"] = repetition
+        self._put(record)
+
+    def stop(self, reason: str) -> None:
+        """Ask the main thread to end; called from its signal handler, with :class:`TestStopped` as the effect.
+
+        It takes effect at once in the author's code, and when an event that is being sent is whole; outside the
+        author's code it keeps the body from being started.
+        """
+        self._stop = self.stopped = reason
+        if self._stoppable and not self._sending:
+            self._raise_stop()
+
+    def _raise_stop(self) -> None:
+        reason, self._stop = self._stop or "stopped", None
+        raise TestStopped(reason)
+
+    def run_stoppable(self, function: Callable[[], object]) -> None:
+        """Call a function of the author's; in it, and only in it, the main thread may be stopped.
+
+        A stop that came a moment before keeps it from being called, but not what undoes things.
+        """
+        if self.phase in (Phase.TEARDOWN, Phase.CLEANUP):
+            self._stop = None
+        self._stoppable = True
+        try:
+            if self._stop is not None:
+                self._raise_stop()
+            function()
+        finally:
+            self._stoppable = False
+
+    @property
+    def subject(self) -> str:
+        """The sub-result the main thread is in, outermost first, parts joined by ``/``."""
+        return self._parts[-1].subject if self._parts else ""
+
+    def _tallies(self) -> list[Tally]:
+        return [self.tally, *(part.tally for part in self._parts)]
+
+    def judged(self) -> None:
+        """Count one judgement, whatever it came to."""
+        self.tally.judged += 1
+        for part in self._parts:
+            part.tally.judged += 1
+
+    def recorded(self) -> None:
+        """Count one thing that was only recorded."""
+        self.tally.recorded += 1
+        for part in self._parts:
+            part.tally.recorded += 1
+
+    def message(
+        self,
+        severity: Severity,
+        title: str,
+        detail: str,
+        place: tuple[str, int],
+        *,
+        traceback_text: str = "",
+        comparison: Mapping[str, float | str | None] = _NOTHING,
+    ) -> None:
+        """Send a message and count it if it is a failure or an error.
+
+        ``comparison`` fills value, low, high, margin and unit of the message.
+        """
+        if len(detail) > TEXT_LIMIT:
+            detail = bounded(detail)
+        if severity in _BAD:
+            for tally in self._tallies():
+                tally.note(severity, detail or title)
+        record: dict[str, Any] = {
+            "event": "message",
+            "time": round(clock.now(), 6),
+            "severity": severity,
+            "title": title,
+        }
+        if detail:
+            record["detail"] = detail
+        record["test"] = self.test
+        if self._parts:
+            record["subject"] = self._parts[-1].subject
+        if self.phase is not None:
+            record["phase"] = self.phase
+        if place[0]:
+            record["file"], record["line"] = place
+        if traceback_text:
+            record["traceback"] = traceback_text
+        if comparison:
+            record |= {name: value for name, value in comparison.items() if value not in (None, "")}
+        self._put(record)
+
+    def raised(self, error: Exception) -> None:
+        """Turn an exception that left the author's code into data: the one place where this is done."""
+        if isinstance(error, SkipTest | Inconclusive):
+            self._set_aside(error)
+            return
+        place = author_place(error)
+        if isinstance(error, TestFailure):
+            self.message(Severity.FAILURE, error.title, error.detail, place, comparison=error.comparison)
+        elif isinstance(error, TestProblem):
+            self.message(Severity.ERROR, error.title, error.detail, place)
+        elif isinstance(error, AssertionError):
+            self.judged()
+            self.message(
+                Severity.FAILURE,
+                "asserts failure with exception",
+                text_of(error) or "assertion failed",
+                place,
+                traceback_text=author_traceback(error),
+            )
+        else:
+            text = text_of(error)
+            text = f"{type(error).__name__}: {text}" if text else type(error).__name__
+            self.message(Severity.ERROR, "exception", text, place, traceback_text=author_traceback(error))
+
+    def _set_aside(self, error: SkipTest | Inconclusive) -> None:
+        tally = self._parts[-1].tally if self._parts else self.tally
+        kind = "skipped" if isinstance(error, SkipTest) else "inconclusive"
+        setattr(tally, kind, str(error))
+        self.message(Severity.INFO, kind, str(error), author_place(error))
+
+    @contextmanager
+    def part(self, subject: str) -> Iterator[None]:
+        """A part of the test with its own verdict; what stops the part does not stop the test."""
+        path = f"{self.subject}/{subject}" if self._parts else subject
+        part = _Part(path)
+        began = clock.monotonic()
+        self._parts.append(part)
+        try:
+            yield
+        except Exception as error:  # noqa: BLE001 - recorded, which is the point of a part
+            self.raised(error)
+        finally:
+            self._parts.pop()
+            tally = part.tally
+            verdict = tally.verdict()
+            if verdict is Verdict.INCONCLUSIVE and self.tally.inconclusive is None:
+                self.tally.inconclusive = f"{path}: {tally.inconclusive}"
+            self.emit(
+                SubResultEnded(
+                    test=self.test,
+                    subject=path,
+                    verdict=verdict,
+                    reason=bounded(tally.first or tally.skipped or tally.inconclusive or ""),
+                    duration=clock.monotonic() - began,
+                ),
+            )
+
+    def ask(self, question: Asked) -> str | None:
+        """Put a question to the operator and wait for the answer; None when nobody answered in time."""
+        self._questions += 1
+        self.emit(question)
+        answer, source = question.default, "timeout"
+        if self._receive is None:
+            source = "automatic"
+        else:
+            deadline = clock.Deadline.after(question.timeout)
+            while not deadline.expired:
+                received = self._receive(deadline.remaining())
+                if received is not None and received[0] == question.question:
+                    answer, source = received[1], received[2]
+                    break
+        self.emit(Answered(test=self.test, question=question.question, answer=answer, source=source))
+        return answer
+
+    def next_question(self) -> str:
+        """An identifier for the next question, unique within the run."""
+        return f"{self.test}#{self._questions + 1}"

@@ -1,0 +1,142 @@
+"""The small languages inside a suite file: words, durations, whole numbers, variables, names made into ids.
+
+Pure functions on strings. Each raises ValueError with a sentence that fits behind "attribute x of <y>"; who calls
+them adds the place.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+MAX_TEXT = 64 * 1024
+"""The longest attribute or text after variables were put in, in characters."""
+MAX_SLUG = 100
+"""Ids end up in links and file names; most file systems allow 255 bytes for a name."""
+
+_SECONDS = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}
+_DURATION = re.compile(r"([0-9]{1,12}(?:\.[0-9]{0,9})?|\.[0-9]{1,9}) ?(ms|s|min|h)?")
+_INTEGER = re.compile(r"[+-]?[0-9]{1,12}")
+_VARIABLE = re.compile(r"\$\{([^{}$]{1,64})\}")
+_FROM_FILE = re.compile(r'(?<![^ ])--from +(?:"([^"]*)"|([^ "]+))')
+_SUFFIX = re.compile(r"\.[A-Za-z]{1,5}(?:\.[0-9]{1,9})*$")
+_NOT_SLUG = re.compile(r"[^a-z0-9._]+")
+
+
+class NameBook:
+    """Hands out names that are unique: the second asker for ``arm`` gets ``arm~2``, the third ``arm~3``."""
+
+    def __init__(self) -> None:
+        self._taken: set[str] = set()
+        self._count: dict[str, int] = {}
+
+    def reserve(self, name: str) -> None:
+        """Keep a name from being handed out."""
+        self._taken.add(name)
+
+    def unique(self, name: str) -> str:
+        """Give the name, or the name with the smallest number that is still free behind it."""
+        count = self._count.get(name, 0) + 1
+        unique = name if count == 1 else f"{name}~{count}"
+        while unique in self._taken:
+            count += 1
+            unique = f"{name}~{count}"
+        self._count[name] = count
+        self._taken.add(unique)
+        return unique
+
+
+def condense(text: str) -> str:
+    """Trim a text and turn every run of white space in it into one blank."""
+    return " ".join(text.split())
+
+
+def slug(text: str, fallback: str) -> str:
+    """Make an id out of a name: lower case ASCII letters, digits, dots, underscores and dashes, safe in a link."""
+    plain = unicodedata.normalize("NFKD", text[: 4 * MAX_SLUG]).encode("ascii", "ignore").decode("ascii")
+    return _NOT_SLUG.sub("-", plain.lower())[:MAX_SLUG].strip("-.") or fallback
+
+
+def split_words(text: str, *, commas: bool = True) -> tuple[str, ...]:
+    """Split at white space (and commas); single or double quotes protect, also in the middle of a word."""
+    words: list[str] = []
+    word: list[str] = []
+    mark = ""
+    quoted = False
+    for char in text:
+        if mark:
+            if char == mark:
+                mark = ""
+            else:
+                word.append(char)
+        elif char in "'\"":
+            mark = char
+            quoted = True
+        elif char.isspace() or (commas and char == ","):
+            if word or quoted:
+                words.append("".join(word))
+            word, quoted = [], False
+        else:
+            word.append(char)
+    if mark:
+        raise ValueError(f"has a quote ({mark}) that is never closed")
+    if word or quoted:
+        words.append("".join(word))
+    return tuple(words)
+
+
+def parse_duration(text: str, low: float, high: float) -> float:
+    """Read ``20``, ``1.5 s``, ``200ms``, ``3min`` or ``1h``; the answer is in seconds."""
+    match = _DURATION.fullmatch(text.strip())
+    allowed = f"a duration from {low:g} s to {high:g} s such as 20, 1.5s, 200ms, 3min or 1h"
+    if match is None:
+        raise ValueError(f"is {quote(text)}; it must be {allowed}")
+    seconds = float(match[1]) * _SECONDS[match[2] or "s"]
+    if not low <= seconds <= high:
+        raise ValueError(f"is {quote(text)}, which is out of range; it must be {allowed}")
+    return seconds
+
+
+def parse_integer(text: str, low: int, high: int) -> int:
+    """Read a whole number in ASCII digits."""
+    allowed = f"a whole number from {low} to {high}"
+    if _INTEGER.fullmatch(text.strip()) is None:
+        raise ValueError(f"is {quote(text)}; it must be {allowed}")
+    number = int(text)
+    if not low <= number <= high:
+        raise ValueError(f"is {quote(text)}, which is out of range; it must be {allowed}")
+    return number
+
+
+def substitute(text: str, bindings: Mapping[str, str]) -> str:
+    """Replace ``${name}`` by its value; a name without a value stays as it is, and values are not looked into again."""
+    if "${" not in text or not bindings:
+        return text
+    size = len(text) + sum(len(bindings.get(match[1], "")) for match in _VARIABLE.finditer(text))
+    if size > MAX_TEXT:
+        raise ValueError(f"is longer than {MAX_TEXT} characters once its variables are put in")
+    return _VARIABLE.sub(lambda match: bindings.get(match[1], match[0]), text)
+
+
+def plugin_stem(plugin: str) -> str:
+    """The name of a plug-in without folder and file ending: ``checks/encoders.py`` gives ``encoders``."""
+    name = plugin.replace("\\", "/").rstrip("/").rpartition("/")[2] or plugin
+    return _SUFFIX.sub("", name, count=1) or name
+
+
+def parameter_file_stem(param: str) -> str:
+    """The stem of the file a parameter string names with ``--from``; empty when it names none."""
+    match = _FROM_FILE.search(param)
+    if match is None:
+        return ""
+    return (match[1] or match[2] or "").rpartition("/")[2].removesuffix(".ini")
+
+
+def quote(text: str) -> str:
+    """Write a text from a file into a message: in quotes, control characters escaped, cut where it gets long."""
+    limit = 60
+    return repr(text if len(text) <= limit else text[: limit - 1] + "…")

@@ -1,0 +1,96 @@
+"""What can be said of a test, a suite or a run when it is over, and what that means for the exit code."""
+
+from __future__ import annotations
+
+from enum import IntEnum, StrEnum
+
+
+class Verdict(StrEnum):
+    """What is said of one test in the end.
+
+    ``failed`` means the thing under test is wrong; ``error`` means it could not be tested. The two are never mixed.
+    """
+
+    PASSED = "passed"
+    MEASURED = "measured"  # data were recorded, nothing was judged
+    SKIPPED = "skipped"
+    EXPECTED_FAILURE = "expected failure"
+    FLAKY = "flaky"  # failed first, passed in a later attempt
+    INCONCLUSIVE = "inconclusive"
+    UNEXPECTED_PASS = "unexpected pass"  # noqa: S105 - a verdict, not a secret
+    FAILED = "failed"
+    ERROR = "error"
+    FIXTURE_LOST = "fixture lost"  # what the test stood on collapsed under it
+    BLOCKED = "blocked"  # a fixture or another test it needs is not usable
+    INTERRUPTED = "interrupted"
+    NOT_RUN = "not run"
+
+    @property
+    def good(self) -> bool:
+        """Whether a run in which every test ends like this may end with exit code 0."""
+        return self in _GOOD
+
+    @property
+    def ran(self) -> bool:
+        """Whether the test's body was started and came to a statement of its own."""
+        return self not in _DID_NOT_RUN
+
+
+_GOOD = frozenset(
+    {Verdict.PASSED, Verdict.MEASURED, Verdict.SKIPPED, Verdict.EXPECTED_FAILURE, Verdict.FLAKY},
+)
+_DID_NOT_RUN = frozenset({Verdict.SKIPPED, Verdict.BLOCKED, Verdict.NOT_RUN})
+
+
+class ExitCode(IntEnum):
+    """What the process says to the shell. Documented, and never changed once released."""
+
+    PASSED = 0
+    FAILURES = 1
+    INTERRUPTED = 2
+    INTERNAL = 3
+    USAGE = 4
+    NOTHING_RAN = 5
+    FIXTURE = 6
+
+
+class Severity(StrEnum):
+    """How much a message weighs. ``pass`` is a check that held."""
+
+    DEBUG = "debug"
+    INFO = "info"
+    PASS = "pass"  # noqa: S105 - a word, not a secret
+    WARNING = "warning"
+    FAILURE = "failure"
+    ERROR = "error"
+
+
+class Phase(StrEnum):
+    """The part of a test or fixture that was at work."""
+
+    LOAD = "load"
+    SETUP = "setup"
+    RUN = "run"
+    TEARDOWN = "teardown"
+    CLEANUP = "cleanup"
+    CHECK = "check"
+
+
+class FixtureState(StrEnum):
+    """Where one incarnation of a fixture is in its life."""
+
+    STARTING = "starting"
+    READY = "ready"
+    COLLAPSED = "collapsed"
+    STOPPING = "stopping"
+    STOPPED = "stopped"
+    FAILED = "failed"  # its restarts are used up
+
+
+class MeasurementVerdict(StrEnum):
+    """Where a value lies between its limits."""
+
+    PASSED = "passed"
+    MARGINAL = "marginal"
+    FAILED = "failed"
+    RECORDED = "recorded"  # there were no limits

@@ -1,0 +1,193 @@
+"""The test case as authors use it: assertions stop, checks go on, and what is kept is beside the journal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from rtf.testing import TestCase
+from rtf.testing.events import Attached, Event, Measured, Message, Progressed, SeriesRecorded, TestRenamed
+from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
+from rtf.testing.session import Session
+from rtf.testing.verdict import Severity, Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+class Case(TestCase):
+    """A test of which only the calls matter."""
+
+    def run(self) -> None:
+        """Do nothing."""
+
+
+@pytest.fixture
+def sent() -> list[Event]:
+    """What the test says."""
+    return []
+
+
+@pytest.fixture
+def case(tmp_path: Path, sent: list[Event]) -> Case:
+    """A test that is attached to a session."""
+    made = Case()
+    made.attach_to(Session("s/t", sent.append, folder=tmp_path / "files" / "s" / "t", run_folder=tmp_path), "--robot x")
+    return made
+
+
+STOPPING = {
+    "assert_fail": (("x",), TestFailure),
+    "assert_error": (("x",), TestProblem),
+    "assert_true": ((0, "x"), TestFailure),
+    "assert_fail_if_true": ((1, "x"), TestFailure),
+    "assert_fail_if_false": ((0, "x"), TestFailure),
+    "assert_error_if_true": ((1, "x"), TestProblem),
+    "assert_error_if_false": ((0, "x"), TestProblem),
+    "assert_equal": ((1, 2, "x"), TestFailure),
+    "assert_near": ((1.0, 2.0, 0.5, "deg"), TestFailure),
+    "assert_within": ((1.0, 2.0, None, "deg"), TestFailure),
+    "assert_vector_near": (([1.0, 5.0], [1.0, 2.0], 0.5, "deg"), TestFailure),
+    "skip": (("x",), SkipTest),
+    "inconclusive": (("x",), Inconclusive),
+}
+
+
+@pytest.mark.parametrize("name", STOPPING)
+def test_assertion_that_does_not_hold_stops(case: Case, name: str):
+    """With the exception that says what it means."""
+    arguments, error = STOPPING[name]
+    with pytest.raises(error):
+        getattr(case, name)(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("assert_true", (1, "x")),
+        ("assert_fail_if_true", (0, "x")),
+        ("assert_error_if_true", (0, "x")),
+        ("assert_equal", (1, 1.0, "x")),
+        ("assert_near", (1.0, 1.5, 0.5, "deg")),
+        ("assert_within", (2.0, 2.0, None, "deg")),
+        ("assert_vector_near", ([1, 2], [1, 2.1], [0, 0.2], "deg")),
+    ],
+)
+def test_assertion_that_holds_is_silent(case: Case, sent: list[Event], name: str, arguments: tuple[object, ...]):
+    """Limits and tolerances are inclusive."""
+    getattr(case, name)(*arguments)
+    assert sent == []
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        ("check", (True, "x"), (False, "x")),
+        ("check_equal", (1, 1, "x"), (1, 2, "x")),
+        ("check_near", (1.0, 1.0, 0.1, "deg"), (1.0, 2.0, 0.1, "deg")),
+        ("check_within", (1.0, 0.0, 2.0, "deg"), (3.0, 0.0, 2.0, "deg")),
+        ("check_vector_near", ([1], [1], 0.1), ([1], [2], 0.1)),
+    ],
+)
+def test_check_says_what_it_found_and_goes_on(
+    case: Case, sent: list[Event], name: str, good: tuple[object, ...], bad: tuple[object, ...]
+):
+    """It returns whether it holds; the author's line is in the message."""
+    assert getattr(case, name)(*good) is True
+    assert getattr(case, name)(*bad) is False
+    assert [event.severity for event in sent] == [Severity.PASS, Severity.FAILURE]
+    assert all(event.file == __file__ and event.line for event in sent)
+
+
+def test_failed_comparison_states_value_limit_margin_and_unit(case: Case, sent: list[Event]):
+    """A person can act on it without looking at the source; a program has the numbers."""
+    case.check_near(12.5, 10.0, 2.0, "deg", "elbow")
+    (message,) = sent
+    assert message.detail == "elbow: 12.5 deg, expected within [8, 12] deg, margin -0.5 deg"
+    assert (message.value, message.low, message.high, message.margin, message.unit) == (12.5, 8.0, 12.0, -0.5, "deg")
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
+def test_what_is_no_number_is_near_nothing(case: Case, value: float):
+    """Not a number and the infinities never hold against a tolerance or two limits."""
+    assert not case.check_near(value, 0.0, 1.0)
+    assert not case.check_within(value, -1.0, 1.0)
+    assert not case.check_vector_near([value], [0.0], 1.0)
+
+
+def test_vectors_of_different_lengths_are_the_authors_mistake(case: Case):
+    """Not a failure of the thing under test."""
+    with pytest.raises(ValueError, match="vectors of different lengths: 1 values, 2 expected"):
+        case.check_vector_near([1], [1, 2], 0.1)
+
+
+def test_measurement_outside_its_limits_is_a_failure_and_the_test_goes_on(case: Case, sent: list[Event]):
+    """The number and the failure are both told."""
+    case.measure("gap", 3, "mm", high=2)
+    assert [type(event) for event in sent] == [Measured, Message]
+    assert case._session.tally.verdict() is Verdict.FAILED
+
+
+def test_test_that_only_records_is_measured(case: Case):
+    """Data collection is no pass; one check makes it one."""
+    case.measure("gap", 3, "mm")
+    assert case._session.tally.verdict() is Verdict.MEASURED
+    case.check(True, "x")
+    assert case._session.tally.verdict() is Verdict.PASSED
+
+
+def test_series_are_kept_beside_the_journal(case: Case, sent: list[Event], tmp_path: Path):
+    """Arrays, with their units, in a file that the event names relative to the run's folder."""
+    for _ in range(2):
+        case.record("elbow/1", t=([0.0, 0.1], "s"), q=([1, 2], "deg"))
+    first, second = sent
+    assert isinstance(first, SeriesRecorded)
+    assert first.columns == ({"name": "t", "unit": "s"}, {"name": "q", "unit": "deg"})
+    assert first.path != second.path
+    with np.load(tmp_path / first.path) as arrays:
+        assert arrays["q"].tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("columns", [{}, {"t": ([1, 2], "s"), "q": ([1], "deg")}, {"t": ([[1]], "s")}])
+def test_series_that_are_none(case: Case, columns: dict[str, tuple[list[object], str]]):
+    """Columns are one-dimensional and of one length."""
+    with pytest.raises(ValueError, match="series 'x'"):
+        case.record("x", **columns)
+
+
+def test_attached_files_never_leave_the_tests_folder(case: Case, sent: list[Event], tmp_path: Path):
+    """Whatever they are called: two of a name are two files, and no name climbs out."""
+    source = tmp_path / "log.txt"
+    source.write_text("x")
+    kept = [
+        case.attach(source),
+        case.attach(source),
+        case.attach(b"y", "../../etc/passwd"),
+        case.attach(b"z", "a b\n.csv"),
+    ]
+    assert len({*kept}) == 4
+    assert all(path.parent == tmp_path / "files" / "s" / "t" for path in kept)
+    assert [event.size for event in sent if isinstance(event, Attached)] == [1, 1, 1, 1]
+    assert sent[0].media_type == "text/plain"
+    with pytest.raises(ValueError, match="need a name"):
+        case.attach(b"x")
+
+
+def test_words_names_and_progress(case: Case, sent: list[Event]):
+    """What weighs nothing is told as said; progress stays between 0 and 1."""
+    case.report("a")
+    case.warn("b")
+    case.rename("n", "d")
+    case.progress(7, "c")
+    assert [type(event) for event in sent] == [Message, Message, TestRenamed, Progressed]
+    assert sent[3].fraction == 1.0
+    assert case.environment == "--robot x"
+    assert case._session.tally.verdict() is Verdict.PASSED
+
+
+def test_body_that_was_not_written_is_an_error():
+    """A test without ``run`` says so."""
+    with pytest.raises(NotImplementedError, match=r"TestCase has no run\(\)"):
+        TestCase().run()

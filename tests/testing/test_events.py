@@ -1,0 +1,231 @@
+"""Events on the wire and in the journal: what is written can be read, and what is read is an event or an EventError."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rtf import clock
+from rtf.testing import events
+from rtf.testing.events import Event, EventError, Measured, Message, TestEnded, UnknownEventError, from_line, to_line
+from rtf.testing.verdict import FixtureState, MeasurementVerdict, Phase, Severity, Verdict
+
+BIGGEST = (1 << 63) - 1
+#: Two lone halves of a surrogate pair side by side read back as the character they make up; keep them apart.
+TEXT = st.text(st.characters()).filter(
+    lambda text: text == text.encode("utf-16", "surrogatepass").decode("utf-16", "surrogatepass")
+)
+NUMBERS = st.floats() | st.integers(-BIGGEST, BIGGEST)
+OF_TYPE = {
+    "str": TEXT,
+    "int": st.integers(-BIGGEST, BIGGEST),
+    "float": NUMBERS,
+    "bool": st.booleans(),
+    "str | None": st.none() | TEXT,
+    "int | None": st.none() | st.integers(-BIGGEST, BIGGEST),
+    "float | None": st.none() | NUMBERS,
+    "float | str | None": st.none() | NUMBERS | TEXT.filter(lambda text: text not in ("NaN", "Infinity", "-Infinity")),
+    "tuple[str, ...]": st.lists(TEXT, max_size=3).map(tuple),
+    "tuple[dict[str, str], ...]": st.lists(st.dictionaries(TEXT, TEXT, max_size=3), max_size=3).map(tuple),
+    "dict[str, str]": st.dictionaries(TEXT, TEXT, max_size=3),
+    "dict[str, int]": st.dictionaries(TEXT, st.integers(-BIGGEST, BIGGEST), max_size=3),
+    "Severity": st.sampled_from(Severity),
+    "Verdict": st.sampled_from(Verdict),
+    "FixtureState": st.sampled_from(FixtureState),
+    "MeasurementVerdict": st.sampled_from(MeasurementVerdict),
+    "Phase": st.sampled_from(Phase),
+    "Phase | None": st.none() | st.sampled_from(Phase),
+}
+TIMES = st.floats(0, 1e11).map(lambda moment: round(moment, 6))
+
+
+def events_of(cls: type[Event]) -> st.SearchStrategy[Event]:
+    """Any event of a class, built from what its members may be."""
+    members = {
+        field.name: TIMES if field.name == "time" else OF_TYPE[str(field.type)] for field in dataclasses.fields(cls)
+    }
+    return st.builds(cls, **members)
+
+
+def same(one: object, other: object) -> bool:
+    """Equal, where no number equals no number."""
+    if isinstance(one, float) and isinstance(other, float) and math.isnan(one):
+        return math.isnan(other)
+    return one == other
+
+
+def test_every_class_of_event_is_known_by_its_kind():
+    """The table of kinds holds each class, and nothing else."""
+    assert {cls.kind for cls in Event.__subclasses__()} == events.KINDS.keys()
+
+
+@pytest.mark.parametrize("kind", sorted(events.KINDS))
+@given(data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_event_that_is_written_is_read_back(kind: str, data: st.DataObject):
+    """One line of strict ASCII JSON, and the same event from it, whatever its members hold."""
+    event = data.draw(events_of(events.KINDS[kind]))
+    line = to_line(event)
+    assert line.endswith(b"\n")
+    assert line.count(b"\n") == 1
+    assert line.isascii()
+
+    def refuse(word: str) -> float:
+        raise AssertionError(f"{word} is no JSON")
+
+    json.loads(line, parse_constant=refuse)
+    again = from_line(line)
+    assert type(again) is type(event)
+    for field in dataclasses.fields(event):
+        assert same(getattr(event, field.name), getattr(again, field.name)), field.name
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | NUMBERS | TEXT, lambda inner: st.lists(inner) | st.dictionaries(TEXT, inner)
+    )
+)
+@settings(max_examples=300, deadline=None)
+def test_record_of_anything_is_an_event_or_an_event_error(record: object):
+    """Any JSON value as a whole line is refused as ours."""
+    with pytest.raises(EventError):
+        from_line(json.dumps(record))
+
+
+@pytest.mark.parametrize("kind", sorted(events.KINDS))
+@given(data=st.data())
+@settings(max_examples=30, deadline=None)
+def test_member_of_another_type_is_refused(kind: str, data: st.DataObject):
+    """A member that holds what it may not hold makes no event; a reader never meets a wrong type."""
+    event = data.draw(events_of(events.KINDS[kind]))
+    record = json.loads(to_line(event))
+    name = data.draw(st.sampled_from([field.name for field in dataclasses.fields(event)]))
+    record[name] = data.draw(st.sampled_from([[[1]], {"a": [1]}, [None], True, 10**30, {"a": None}, [{"a": 1}]]))
+    allowed = {"bool"} if record[name] is True else set()
+    if str(event.__dataclass_fields__[name].type) in allowed:
+        return
+    with pytest.raises(EventError):
+        from_line(json.dumps(record))
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("", "not JSON"),
+        ("{", "not JSON"),
+        ("[" * 100_000, "not JSON"),
+        ('{"a":' * 100_000, "not JSON"),
+        ("9" * 10_000, "not JSON"),
+        (b"\xff\xfe", "not JSON"),
+        ("[]", "an event is a JSON object, not list"),
+        ("{}", "unknown event"),
+        ('{"event":["message"]}', "unknown event"),
+        ('{"event":"message"}', "message: severity, title missing"),
+        ('{"event":"message","severity":"loud","title":"x"}', "'loud' is not a valid Severity"),
+        ('{"event":"message","severity":"info","title":7}', "title is int, expected str"),
+        ('{"event":"interrupted","source":"x","stage":true}', "stage is bool, expected int"),
+        ('{"event":"interrupted","source":"x","stage":1,"time":"now"}', "time is no number"),
+        ('{"event":"interrupted","source":"x","stage":1,"time":NaN}', "time is no number"),
+        ('{"event":"interrupted","source":"x","stage":1,"time":true}', "time is no number"),
+        ('{"event":"interrupted","source":"x","stage":99999999999999999999}', "too large"),
+        (
+            '{"event":"series_recorded","test":"t","name":"n","path":"p","rows":1,"columns":[{"name":3}]}',
+            "rows of text",
+        ),
+        ('{"event":"run_ended","verdict":"passed","exit_code":0,"duration":1,"counts":{"passed":"1"}}', "numbers"),
+        ('{"event":"run_started","run":"r","version":"1","environment":{"a":1}}', "text"),
+    ],
+)
+def test_line_that_is_no_event_is_refused_with_a_reason(line: str | bytes, words: str):
+    """The error says what is wrong, and is short whatever the line was."""
+    with pytest.raises(EventError) as caught:
+        from_line(line)
+    assert words in str(caught.value)
+    assert len(str(caught.value)) < 300
+
+
+def test_members_that_are_not_known_are_dropped():
+    """A journal of a newer version can be read: new members of known events do not matter."""
+    event = from_line('{"event":"interrupted","source":"x","stage":1,"colour":"red","time":5}')
+    assert event == events.Interrupted(source="x", stage=1, time=5)
+
+
+def test_kind_that_is_not_known_is_an_error_of_its_own():
+    """A reader can pass over what a newer version writes, and only that."""
+    with pytest.raises(UnknownEventError):
+        from_line('{"event":"teleported"}')
+    with pytest.raises(EventError) as caught:
+        from_line('{"event":"message","severity":"unknown event","title":"x"}')
+    assert not isinstance(caught.value, UnknownEventError)
+
+
+def test_members_at_their_default_are_left_out():
+    """The journal stays small: a line holds what is not as always."""
+    line = to_line(Message(severity=Severity.INFO, title="x", time=1.0))
+    assert json.loads(line) == {"event": "message", "time": 1.0, "severity": "info", "title": "x"}
+
+
+def test_numbers_that_json_lacks_are_words():
+    """Not a number and the infinities are strings, and come back as numbers."""
+    line = to_line(Measured(test="t", name="n", value=math.nan, low=-math.inf, high=math.inf, time=1.0))
+    assert json.loads(line) == {
+        "event": "measured",
+        "time": 1.0,
+        "test": "t",
+        "name": "n",
+        "value": "NaN",
+        "low": "-Infinity",
+        "high": "Infinity",
+    }
+    again = from_line(line)
+    assert isinstance(again, Measured)
+    assert math.isnan(again.value)
+    assert (again.low, again.high) == (-math.inf, math.inf)
+
+
+@pytest.mark.fuzz
+def test_a_hundred_thousand_mangled_lines():
+    """Whatever becomes of a line, it is an event or an EventError, and quickly so."""
+    rng = random.Random(1)
+    lines = [
+        to_line(
+            Message(severity=Severity.FAILURE, title="checks", detail="x" * 20, test="s/t", value=1.5, low=-math.inf)
+        ),
+        to_line(
+            Measured(test="s/t", name="n", value=1.0, unit="deg", low=0, high=2, verdict=MeasurementVerdict.PASSED)
+        ),
+        to_line(TestEnded(test="s/t", verdict=Verdict.PASSED, outcome=Verdict.PASSED, duration=1.25, exit_status=0)),
+        to_line(events.TestStarted(test="s/t", pid=7, fixtures={"rig": 1})),
+        to_line(events.RunStarted(run="r", version="1", command=("--suite", "x"), environment={"host": "h"})),
+        to_line(events.SeriesRecorded(test="t", name="n", path="p", columns=({"name": "t", "unit": "s"},), rows=3)),
+    ]
+    began = clock.monotonic()
+    for _ in range(100_000):
+        line = bytearray(rng.choice(lines))
+        for _ in range(rng.randrange(1, 4)):
+            place = rng.randrange(len(line))
+            what = rng.randrange(4)
+            if what == 0:
+                line[place] = rng.randrange(256)
+            elif what == 1:
+                del line[place : place + rng.randrange(1, 9)]
+            elif what == 2:
+                line[place:place] = rng.choice(
+                    [b"[", b"{", b'"', b"9" * 30, b"null", b"\\ud800", b"NaN", b"1e999", b"true"]
+                )
+            else:
+                line[place:] = rng.choice(lines)[rng.randrange(40) :]
+            if not line:
+                break
+        try:
+            event = from_line(bytes(line))
+        except EventError:
+            continue
+        assert from_line(to_line(event)).kind == event.kind
+    assert clock.monotonic() - began < 10

@@ -1,0 +1,343 @@
+"""Interrupts of the real command: once, twice, three times, and at the worst moments.
+
+The first lets the running test finish, the second stops it, the third kills it. Always: fixtures are torn down, reports
+written, the journal closed, and the exit code says that the run was interrupted.
+"""
+
+from __future__ import annotations
+
+import signal
+from typing import TYPE_CHECKING
+
+import pytest
+from junitparser import JUnitXml
+
+from harness import Command, Outcome, write_files
+from rtf import clock
+from rtf.testing.events import FixtureChanged, Interrupted, PhaseStarted, RunEnded, TestEnded, TestStarted
+from rtf.testing.verdict import FixtureState, Phase, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from rtf.testing.events import Event
+
+COMMON = """
+import ctypes, time
+from pathlib import Path
+from rtf.testing import FixtureManager, TestCase
+
+def note(word):
+    with open("log", "a") as stream:
+        stream.write(word + "\\n")
+
+def wait_for_go(name="go"):
+    while not Path(name).exists():
+        time.sleep(0.002)
+"""
+RIG = (
+    COMMON
+    + """
+class Rig(FixtureManager):
+    def setup(self):
+        note("rig up")
+        HOOK_UP
+
+    def teardown(self):
+        note("rig going down")
+        HOOK_DOWN
+        note("rig down")
+"""
+)
+TEST = (
+    COMMON
+    + """
+class Test(TestCase):
+    def run(self):
+        note("run")
+        HOOK
+
+    def teardown(self):
+        note("teardown")
+        HOOK_TEARDOWN
+        note("torn down")
+"""
+)
+
+
+class Scene:
+    """A suite of three tests on a rig, in a folder; what they do is filled in by the test."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def start(
+        self, run: str = "pass", *arguments: str, teardown: str = "pass", up: str = "pass", down: str = "pass"
+    ) -> Command:
+        """Begin the run; the first test does ``run``, the others nothing."""
+        suite = (
+            '<fixture>rig.py</fixture><test name="a">a.py</test><test name="b">b.py</test><test name="c">b.py</test>'
+        )
+        test = TEST.replace("HOOK_TEARDOWN", teardown).replace("HOOK", run)
+        write_files(
+            self.folder,
+            {
+                "suite.xml": f'<suite name="s">{suite}</suite>',
+                "rig.py": RIG.replace("HOOK_UP", up).replace("HOOK_DOWN", down),
+                "a.py": test,
+                "b.py": TEST.replace("HOOK_TEARDOWN", "pass").replace("HOOK", "pass"),
+            },
+        )
+        return Command(self.folder, "--suite", "suite.xml", "--junit", "out.xml", "--grace", "0.3", *arguments)
+
+    def go(self, name: str = "go") -> None:
+        """Let what waits go on."""
+        (self.folder / name).touch()
+
+    @property
+    def log(self) -> list[str]:
+        """What was noted so far."""
+        path = self.folder / "log"
+        return path.read_text().splitlines() if path.exists() else []
+
+    def wait_until_noted(self, word: str) -> None:
+        """Wait until something is in the log."""
+        deadline = clock.Deadline.after(30.0)
+        while word not in self.log:
+            assert not deadline.expired
+            clock.sleep(0.002)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    """A folder for a run that will be interrupted."""
+    return Scene(tmp_path)
+
+
+def stage(number: int) -> Callable[[list[Event]], bool]:
+    """Whether an interrupt of this stage is in the journal."""
+    return lambda events: any(isinstance(event, Interrupted) and event.stage == number for event in events)
+
+
+def interrupt(command: Command, times: int = 1, signum: int = signal.SIGINT) -> None:
+    """Interrupt a run so many times, each when the one before has been noticed."""
+    for count in range(1, times + 1):
+        command.signal(signum)
+        if count < times:
+            command.wait_for(stage(count))
+
+
+def check_end(command: Command, scene: Scene, **verdicts: Verdict) -> Outcome:
+    """Wait for the end of an interrupted run, and see that nothing was left out."""
+    outcome = command.wait()
+    assert outcome.exit_code == 2, outcome
+    assert {test.id[2:]: test.verdict for test in outcome.results.tests.values()} == verdicts
+    last = outcome.events[-1]
+    assert isinstance(last, RunEnded)
+    assert (last.verdict, last.exit_code) == (Verdict.INTERRUPTED, 2)
+    cases = {case.name for suite in JUnitXml.fromfile(str(scene.folder / "out.xml")) for case in suite}
+    assert {"a", "b", "c"} <= cases
+    assert "Traceback" not in outcome.stderr
+    assert scene.log.count("rig up") == scene.log.count("rig going down")
+    states = [event.state for event in outcome.of(FixtureChanged)]
+    assert not states or states[-1] in (FixtureState.STOPPED, FixtureState.FAILED)
+    assert command.left_over() == []
+    return outcome
+
+
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda signum: signum.name)
+def test_first_interrupt_lets_the_running_test_finish(scene: Scene, signum: int):
+    """The running test ends as it would have, with its teardown; no other one is started."""
+    command = scene.start("wait_for_go()")
+    scene.wait_until_noted("run")
+    interrupt(command, 1, signum)
+    command.wait_for(stage(1))
+    scene.go()
+    outcome = check_end(command, scene, a=Verdict.PASSED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+    assert scene.log == ["rig up", "run", "teardown", "torn down", "rig going down", "rig down"]
+    (told,) = outcome.of(Interrupted)
+    assert (told.source, told.stage) == (signum.name, 1)
+
+
+def test_first_interrupt_is_the_last_attempt(scene: Scene):
+    """A test that fails after the interrupt is not tried again: its failure stands."""
+    command = scene.start("wait_for_go(); self.assert_fail('wrong')", "--retries", "3")
+    scene.wait_until_noted("run")
+    interrupt(command)
+    command.wait_for(stage(1))
+    scene.go()
+    outcome = check_end(command, scene, a=Verdict.FAILED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+    assert len(outcome.of(TestEnded, test="s/a")) == 1
+
+
+def test_second_interrupt_stops_the_running_test(scene: Scene):
+    """The running test is stopped where it is, and its teardown runs."""
+    command = scene.start("wait_for_go()")
+    scene.wait_until_noted("run")
+    interrupt(command, 2)
+    check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+    assert scene.log == ["rig up", "run", "teardown", "torn down", "rig going down", "rig down"]
+
+
+def test_second_interrupt_does_not_cut_a_teardown_short(scene: Scene):
+    """A test that is in its teardown already may end it."""
+    command = scene.start("pass", teardown="wait_for_go()")
+    scene.wait_until_noted("teardown")
+    interrupt(command, 2)
+    command.wait_for(stage(2))
+    scene.go()
+    check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+    assert "torn down" in scene.log
+
+
+def test_failure_found_before_the_second_interrupt_stands(scene: Scene):
+    """A failure is never hidden by what comes after it, an interrupt included."""
+    command = scene.start("self.check(False, 'wrong'); wait_for_go()")
+    scene.wait_until_noted("run")
+    interrupt(command, 2)
+    outcome = check_end(command, scene, a=Verdict.FAILED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+    assert outcome.detail("a") == "wrong; then: the run was interrupted"
+
+
+def test_second_interrupt_kills_a_test_that_hangs_in_native_code(scene: Scene):
+    """What does not react to being stopped is killed after the grace, and the rig still comes down."""
+    hang = (
+        "lock = ctypes.create_string_buffer(128); wait = ctypes.PyDLL(None).pthread_mutex_lock; "
+        "wait(lock); note('locked'); wait(lock)"
+    )
+    command = scene.start(hang)
+    scene.wait_until_noted("locked")
+    interrupt(command, 2)
+    outcome = check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+    assert "did not react to being stopped and was killed" in outcome.detail("a")
+
+
+def test_third_interrupt_kills_at_once(scene: Scene):
+    """The running test is killed without its teardown; the rig still comes down."""
+    command = scene.start("wait_for_go()", "--grace", "30", teardown="wait_for_go()")
+    scene.wait_until_noted("run")
+    interrupt(command, 2)
+    scene.wait_until_noted("teardown")
+    command.signal()
+    outcome = check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+    assert "torn down" not in scene.log
+    assert scene.log[-1] == "rig down"
+    (ended,) = outcome.of(TestEnded, test="s/a")
+    assert ended.signal == "SIGKILL"
+    assert [event.stage for event in outcome.of(Interrupted)] == [1, 2, 3]
+
+
+def test_interrupt_in_the_last_test_is_not_forgotten(scene: Scene):
+    """The run counts as interrupted even when there was nothing left to leave out."""
+    command = scene.start("wait_for_go()", "-k", "a")
+    scene.wait_until_noted("run")
+    interrupt(command)
+    command.wait_for(stage(1))
+    scene.go()
+    outcome = command.wait()
+    assert outcome.exit_code == 2
+    assert outcome.verdict("a") is Verdict.PASSED
+    assert scene.log[-1] == "rig down"
+    assert command.left_over() == []
+
+
+def test_interrupt_while_a_fixture_sets_up(scene: Scene):
+    """The fixture leaves its setup, tears down, and no test is started."""
+    command = scene.start(up="wait_for_go()")
+    scene.wait_until_noted("rig up")
+    interrupt(command)
+    outcome = check_end(command, scene, a=Verdict.NOT_RUN, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+    assert scene.log == ["rig up", "rig going down", "rig down"]
+    assert not outcome.of(TestStarted)
+
+
+def test_interrupt_while_a_fixture_tears_down(scene: Scene):
+    """The teardown is carried to its end; what the tests came to stays."""
+    command = scene.start(down="wait_for_go()")
+    scene.wait_until_noted("rig going down")
+    interrupt(command)
+    command.wait_for(stage(1))
+    scene.go()
+    check_end(command, scene, a=Verdict.PASSED, b=Verdict.PASSED, c=Verdict.PASSED)
+    assert scene.log[-1] == "rig down"
+
+
+def test_three_interrupts_end_a_fixture_that_does_not_come_down(scene: Scene):
+    """Nothing is waited for after the third: a teardown that hangs is killed."""
+    command = scene.start(down="time.sleep(3600)")
+    scene.wait_until_noted("rig going down")
+    for _ in range(3):
+        command.signal()
+        clock.sleep(0.05)  # signals that are pending together count as one
+    outcome = check_end(command, scene, a=Verdict.PASSED, b=Verdict.PASSED, c=Verdict.PASSED)
+    assert outcome.events[-1].duration < 15
+
+
+def test_interrupts_reach_every_lane(tmp_path: Path):
+    """With -j each running test finishes and nothing else is started."""
+    scene = Scene(tmp_path)
+    files = {
+        f"s{n}.xml": f'<suite name="s{n}"><test name="a{n}">w{n}.py</test><test name="b{n}">w.py</test></suite>'
+        for n in (1, 2)
+    }
+    body = COMMON + "class W(TestCase):\n    def run(self):\n        note('NAME')\n        wait_for_go()\n"
+    write_files(
+        tmp_path,
+        files
+        | {"w1.py": body.replace("NAME", "1"), "w2.py": body.replace("NAME", "2"), "w.py": body.replace("NAME", "3")},
+    )
+    command = Command(tmp_path, "--suite", "s1.xml", "--suite", "s2.xml", "-j", "2")
+    scene.wait_until_noted("1")
+    scene.wait_until_noted("2")
+    interrupt(command)
+    command.wait_for(stage(1))
+    scene.go()
+    outcome = command.wait()
+    assert outcome.exit_code == 2
+    assert {test.id: test.verdict for test in outcome.results.tests.values()} == {
+        "s1/a1": Verdict.PASSED,
+        "s2/a2": Verdict.PASSED,
+        "s1/b1": Verdict.NOT_RUN,
+        "s2/b2": Verdict.NOT_RUN,
+    }
+    assert sorted(scene.log) == ["1", "2"]
+
+
+def test_signal_that_was_ignored_from_the_beginning_stays_ignored(scene: Scene):
+    """Under ``nohup`` a hang-up is nobody's business."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        command = scene.start("wait_for_go()")
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    scene.wait_until_noted("run")
+    command.signal(signal.SIGHUP)
+    scene.go()
+    assert command.wait().exit_code == 0
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12])
+def test_interrupt_before_the_run_has_begun(scene: Scene, delay: float):
+    """Whenever it comes, nothing is left running, and no traceback is printed once the command itself is at work."""
+    command = scene.start()
+    clock.sleep(delay)
+    command.signal()
+    outcome = command.wait()
+    assert outcome.exit_code in (2, 1, -signal.SIGINT, 130)  # Python itself is interrupted before our first line
+    assert "rtf/testing/runner.py" not in outcome.stderr
+    assert command.left_over() == []
+
+
+def test_interrupted_run_is_resumed_with_what_it_owes(scene: Scene):
+    """What was not run or was interrupted runs when the run is resumed; the verdict is then that of the whole."""
+    command = scene.start("wait_for_go()")
+    scene.wait_until_noted("run")
+    interrupt(command, 2)
+    check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+    scene.go()
+    outcome = Command(scene.folder, "--resume", "rtf-runs/latest").wait()
+    assert outcome.exit_code == 0
+    assert {test.verdict for test in outcome.results.tests.values()} == {Verdict.PASSED}
+    phases = [event.phase for event in outcome.of(PhaseStarted, test="s/a")]
+    assert phases == [Phase.RUN, Phase.TEARDOWN, Phase.RUN, Phase.TEARDOWN]

@@ -1,0 +1,164 @@
+"""Declared parameters: layers, provenance, and every problem told in one go."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rtf.bottle import Bottle
+from rtf.testing.case import TestCase
+from rtf.testing.parameters import Parameter, ParameterError
+
+
+class Limits(TestCase):
+    """A test with one parameter of each kind."""
+
+    ignored_keys = ("plotString1",)
+
+    part = Parameter(str, "part of the robot")
+    joints = Parameter(list[int], "joints", default=[0, 1, 2], low=0)
+    speed = Parameter(list[float], "speeds", unit="deg/s", default=20.0, low=1.0, high=100.0, length="joints")
+    cycles = Parameter(int, "how often", default=10, low=1, aliases=("repeats",))
+    plot = Parameter(bool, "whether to plot", default=False)
+    mode = Parameter(str, "control mode", default="position", choices=("position", "torque"))
+    ports = Parameter(Bottle, "a section as it is", default=Bottle(), key="PORTS")
+
+
+def resolve(param: str = "--part arm", **layers: object) -> tuple[Limits, dict[str, dict[str, str]]]:
+    """Fill a fresh test and return it with its rows by name."""
+    test = Limits()
+    rows = test.resolve_parameters(param=param, **layers)
+    return test, {row["name"]: row for row in rows}
+
+
+def problems(param: str, **layers: object) -> list[str]:
+    """The problems that filling a fresh test meets."""
+    with pytest.raises(ParameterError) as caught:
+        Limits().resolve_parameters(param=param, **layers)
+    return list(caught.value.problems)
+
+
+def test_defaults_hold_where_nobody_says_anything():
+    """A default stands, a single default stands for each element, and the source says default."""
+    test, rows = resolve()
+    assert test.joints == [0, 1, 2]
+    assert test.speed == [20.0, 20.0, 20.0]
+    assert rows["speed"] == {"name": "speed", "value": "(20 20 20)", "unit": "deg/s", "source": "default"}
+
+
+def test_later_layers_win_and_are_named(tmp_path: Path):
+    """Defaults < file < param < <parameter> < --set, each value with its source."""
+    (tmp_path / "limits.ini").write_text("part torso\ncycles 2\nmode torque\njoints (0 1)\nspeed (5 6)\n")
+    test, rows = resolve(
+        "--from limits.ini --cycles 3",
+        parameters=(("cycles", "4"), ("plot", "true")),
+        overrides=(("plot", "false"), ("name", "Left Arm")),
+        place="suite.xml:7",
+        folder=str(tmp_path),
+    )
+    assert (test.part, test.cycles, test.mode, test.plot, test.speed) == ("torso", 4, "torque", False, [5.0, 6.0])
+    assert test.name == "Left Arm"
+    assert rows["part"]["source"].endswith("limits.ini:1")
+    assert rows["cycles"]["source"] == "<parameter> of suite.xml:7"
+    assert rows["plot"]["source"] == "--set"
+
+
+def test_bare_values_and_sections_are_lists(tmp_path: Path):
+    """``speed 5 6`` on a line is a list, and a section is taken as it is."""
+    (tmp_path / "limits.ini").write_text("part arm\njoints 0 1\nspeed 5 6\n[PORTS]\n/icub/head 50 5\n")
+    test, _ = resolve("--from limits.ini", folder=str(tmp_path))
+    assert test.joints == [0, 1]
+    assert test.ports.to_text() == "(/icub/head 50 5)".replace("/icub/head", '"/icub/head"')
+
+
+def test_a_misspelt_key_is_an_error_with_a_suggestion():
+    """Nothing that somebody wrote is silently ignored."""
+    assert problems("--part arm --sped 3") == ["unknown parameter 'sped' (param); did you mean 'speed'?"]
+
+
+def test_wrong_case_is_recognised():
+    """A key in the wrong case is the most frequent slip in real files."""
+    assert problems("--Part arm")[0] == "unknown parameter 'Part' (param); did you mean 'part'?"
+
+
+def test_keys_that_mean_nothing_any_more_may_be_listed():
+    """Old files keep loading where the test says which keys to pass over."""
+    test, _ = resolve("--part arm --plotString1 x")
+    assert test.part == "arm"
+
+
+def test_every_problem_is_told_at_once():
+    """One run is enough to mend a file."""
+    found = problems('--joints "(0 1)" --speed "(5 6 7)" --cycles 0 --mode tork --plot maybe')
+    assert found == [
+        "cycles: 0 is not at least 1 (param)",
+        "mode: 'tork' is none of 'position', 'torque'; did you mean 'torque'? (param)",
+        "plot: maybe is no bool (param)",
+        "part: must be given (str; part of the robot)",
+        "speed: has 3 values, must have 2 (as many as joints) (param)",
+    ]
+
+
+def test_a_short_list_is_an_error_and_not_zeros():
+    """The ancestor reads zeros for what is missing, which has moved robots."""
+    assert problems('--part arm --speed "(20 20)"') == [
+        "speed: has 2 values, must have 3 (as many as joints) (param)",
+    ]
+
+
+def test_a_text_without_quotes_is_explained():
+    """Several words where one is wanted: the message says how to write it."""
+    (found,) = problems("--part left arm")
+    assert "put a text with blanks in quotes" in found
+
+
+def test_nan_is_outside_every_range():
+    """A number that is none never passes for a value."""
+    (found,) = problems('--part arm --joints "(0)" --speed "(nan)"')
+    assert "nan is not within" in found
+
+
+def test_a_missing_file_lists_the_places(tmp_path: Path):
+    """The ancestor's message on a missing file is empty."""
+    with pytest.raises(FileNotFoundError) as caught:
+        Limits().resolve_parameters(param="--from nowhere.ini --part arm", folder=str(tmp_path))
+    assert "nowhere.ini: not found" in str(caught.value)
+    assert "RobotTesting" in str(caught.value)
+
+
+def test_a_declaration_of_an_unknown_type_or_unit_is_refused():
+    """Mistakes of the author are seen when the class is written, not on the robot."""
+    with pytest.raises(TypeError, match="a parameter is a bool"):
+        Parameter(complex, "no such type")
+    with pytest.raises(ValueError, match="did you mean"):
+        Parameter(float, "no such unit", unit="degs")
+
+
+def test_inherited_declarations_count():
+    """A family of tests declares what they share once."""
+
+    class Derived(Limits):
+        extra = Parameter(int, "one more", default=1)
+
+    assert [*Derived.declarations()][-1] == "extra"
+    assert "part" in Derived.declarations()
+
+
+@given(st.lists(st.integers(0, 50), max_size=8), st.floats(1.0, 100.0))
+def test_what_is_written_is_what_is_read(joints: list[int], speed: float):
+    """Any list of the right length within its range arrives as it was written."""
+    written = " ".join(map(str, joints))
+    speeds = " ".join(repr(speed) for _ in joints)
+    test, _ = resolve(f'--part arm --joints "({written})" --speed "({speeds})"')
+    assert test.joints == joints
+    assert test.speed == [speed] * len(joints)
+
+
+@given(st.text(max_size=60))
+def test_no_string_breaks_the_filling(text: str):
+    """Whatever stands in a suite, the worst that happens is our own error."""
+    with pytest.raises(ParameterError):  # the part that must be given is never given by such a string
+        Limits().resolve_parameters(param=text.replace("--from", "--form").replace("--part", "--prat"))

@@ -1,0 +1,162 @@
+"""Finding and loading plug-ins: by file, by declared name, along the search path, with every place told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rtf.testing import plugins
+from rtf.testing.plugins import PluginError, PluginNotFoundError, find
+
+NATIVE = '''
+from rtf.testing import TestCase
+class JointLimits(TestCase):
+    """Sweeps the limits."""
+    plugin_name = "joint-limits"
+    aliases = ("JointLimitsTest", "limits")
+    tags = ("motion",)
+    requires = ("program:sh",)
+    timeout = 12
+    def run(self): pass
+'''
+
+
+@pytest.fixture(autouse=True)
+def no_other_places(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """Only the folders of the test itself, and those shipped, are searched."""
+    monkeypatch.delenv("RTF_PLUGIN_PATH", raising=False)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A suite's folder with one native plug-in."""
+    suite = tmp_path / "suite"
+    suite.mkdir()
+    (suite / "limits_of_joints.py").write_text(NATIVE)
+    return suite
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "limits_of_joints.py",
+        "limits_of_joints",
+        "JointLimits",
+        "joint-limits",
+        "JointLimitsTest",
+        "JointLimits.so",
+        "JointLimits.dll",
+    ],
+)
+def test_a_plugin_answers_to_file_class_name_and_aliases(folder: Path, name: str):
+    """Each of these names in a suite means the same file."""
+    ref = find("test", name, beside=folder)
+    assert ref.path == str(folder / "limits_of_joints.py")
+    assert type(plugins.load_test(ref)).__name__ == "JointLimits"
+
+
+def test_dll_means_the_python_plugin_that_declares_the_name(folder: Path):
+    """Old suites say type dll; the compiled library is not looked for."""
+    assert find("test", "JointLimitsTest", "dll", beside=folder).language == "python"
+
+
+def test_facts_are_known_without_running_the_file(folder: Path):
+    """Tags, requirements and time-out are read from the text alone."""
+    (folder / "limits_of_joints.py").write_text(NATIVE + "\nraise SystemExit('must not be run')\n")
+    facts = plugins.facts_of(find("test", "JointLimits", beside=folder))
+    assert facts is not None
+    assert (facts.tags, facts.requires, facts.timeout) == (("motion",), ("program:sh",), 12.0)
+    assert facts.description == "Sweeps the limits."
+
+
+def test_the_suites_folder_comes_before_the_plugin_path(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The nearest file of a name wins."""
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "limits_of_joints.py").write_text(NATIVE)
+    (other / "elsewhere.py").write_text(NATIVE)
+    monkeypatch.setenv("RTF_PLUGIN_PATH", str(other))
+    assert find("test", "limits_of_joints", beside=folder).path.startswith(str(folder))
+    assert find("test", "elsewhere", beside=folder).path.startswith(str(other))
+
+
+def test_what_is_not_found_says_where_it_was_looked_for(folder: Path):
+    """Every place is listed, and a near name is suggested."""
+    with pytest.raises(PluginNotFoundError) as caught:
+        find("test", "JointLimit", beside=folder)
+    assert "did you mean JointLimits" in str(caught.value)
+    assert any(str(folder) in place for place in caught.value.tried)
+    assert any("entry points" in place for place in caught.value.tried)
+
+
+def test_a_wrong_case_is_suggested_first(folder: Path):
+    """Names are compared exactly, as file systems do, but a slip in case is recognised."""
+    with pytest.raises(PluginNotFoundError, match=r"did you mean JointLimits\?"):
+        find("test", "jointlimits", beside=folder)
+
+
+def test_an_unknown_type_lists_the_known_ones(folder: Path):
+    """A misspelt type is told apart from a missing plug-in."""
+    with pytest.raises(PluginNotFoundError, match=r"types are .*gtest.*lua.*python"):
+        find("test", "JointLimits", "pyton", beside=folder)
+
+
+def test_a_program_must_be_executable(folder: Path):
+    """A file that is neither script nor executable is named with what mends it."""
+    script = folder / "probe.sh"
+    script.write_text("#!/bin/sh\n")
+    with pytest.raises(PluginNotFoundError, match=r"chmod \+x"):
+        find("test", "probe.sh", beside=folder)
+    script.chmod(0o755)
+    assert find("test", "probe.sh", beside=folder).language == "executable"
+
+
+def test_a_program_on_the_path_is_found_by_type(folder: Path):
+    """With a type that means a program, the PATH counts; without one it does not."""
+    assert find("test", "sh", "exit", beside=folder).language == "executable:exit"
+    with pytest.raises(PluginNotFoundError):
+        find("test", "sh", beside=folder)
+
+
+def test_two_classes_and_no_name_is_an_error(folder: Path):
+    """Which class is meant must be certain."""
+    (folder / "two.py").write_text(
+        "from rtf.testing import TestCase\nclass A(TestCase):\n  pass\nclass B(TestCase):\n  pass\n",
+    )
+    with pytest.raises(PluginError, match="found: A, B"):
+        plugins.load_test(find("test", "two.py", beside=folder))
+    assert type(plugins.load_test(find("test", "B", beside=folder))).__name__ == "B"
+
+
+def test_a_base_class_beside_its_only_leaf_is_no_doubt(folder: Path):
+    """A file with a base class and one test derived from it has one test."""
+    (folder / "family.py").write_text(
+        "from rtf.testing import TestCase\nclass Base(TestCase):\n  pass\nclass Leaf(Base):\n  pass\n",
+    )
+    assert type(plugins.load_test(find("test", "family.py", beside=folder))).__name__ == "Leaf"
+
+
+def test_a_module_is_named_for_its_kind_and_stem(folder: Path):
+    """No plug-in's module can shadow anybody's package."""
+    test = plugins.load_test(find("test", "JointLimits", beside=folder))
+    assert type(test).__module__ == "rtf_plugins.test.limits_of_joints"
+
+
+def test_a_file_may_import_its_neighbour(folder: Path):
+    """A helper beside a test is found."""
+    (folder / "a_helper_of_ours.py").write_text("VALUE = 42\n")
+    (folder / "user.py").write_text(
+        "import a_helper_of_ours\nfrom rtf.testing import TestCase\n"
+        "class User(TestCase):\n  value = a_helper_of_ours.VALUE\n",
+    )
+    assert plugins.load_test(find("test", "User", beside=folder)).value == 42
+
+
+def test_a_syntax_error_keeps_its_place(folder: Path):
+    """What is wrong in a plug-in is said by Python itself."""
+    (folder / "wrong.py").write_text("class X(\n")
+    with pytest.raises(SyntaxError) as caught:
+        plugins.load_test(find("test", "wrong.py", beside=folder))
+    assert caught.value.filename == str(folder / "wrong.py")

@@ -1,0 +1,158 @@
+"""A journal read back as one run: what a later part made void is left out, what was cut off gets its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.testing import journal, replay
+from rtf.testing.events import (
+    Event,
+    FixtureIncident,
+    InternalError,
+    Interrupted,
+    Message,
+    RunEnded,
+    RunStarted,
+    SuiteEnded,
+    SuitePlanned,
+    SuiteStarted,
+    TestEnded,
+    TestPlanned,
+    TestStarted,
+    to_line,
+)
+from rtf.testing.results import RunResult
+from rtf.testing.verdict import ExitCode, Phase, Severity, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+Writer = Callable[..., Path]
+
+PLAN = [
+    RunStarted(run="r", version="1", time=1.0),
+    SuitePlanned(suite="s", name="s"),
+    TestPlanned(test="s/a", suite="s", name="a"),
+    TestPlanned(test="s/b", suite="s", name="b"),
+    SuiteStarted(suite="s"),
+]
+AGAIN = [RunStarted(run="r", version="1", resumed=True, time=2.0), SuiteStarted(suite="s")]
+CUT = [Interrupted(source="x", stage=2), SuiteEnded(suite="s", verdict=Verdict.FAILED, duration=1)]
+OVER = RunEnded(verdict=Verdict.INTERRUPTED, exit_code=2, duration=1)
+
+
+def ran(test: str, verdict: Verdict = Verdict.PASSED, words: str = "") -> list[Event]:
+    """A test that started, spoke and ended."""
+    said = Message(severity=Severity.INFO, title="reports", detail=words or test, test=test)
+    return [TestStarted(test=test, time=5.0), said, TestEnded(test=test, verdict=verdict, outcome=verdict, time=6.0)]
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    """Write a journal of these events."""
+
+    def put(*events: Event) -> Path:
+        path = tmp_path / journal.FILE_NAME
+        path.write_bytes(b"".join(to_line(event) for event in events))
+        return path
+
+    return put
+
+
+def folded(events: Iterable[Event]) -> RunResult:
+    """The results of events."""
+    results = RunResult()
+    for event in events:
+        results.apply(event)
+    return results
+
+
+@pytest.mark.parametrize(
+    ("verdict", "stands"),
+    [(verdict, verdict not in (Verdict.NOT_RUN, Verdict.INTERRUPTED, Verdict.BLOCKED)) for verdict in Verdict],
+)
+def test_finished_is_what_has_said_something(verdict: Verdict, stands: bool):
+    """A test that was not run, interrupted or blocked is still owed."""
+    assert replay.finished_tests([*PLAN, *ran("s/a", verdict)]) == ({"s/a"} if stands else set())
+
+
+def test_test_that_was_started_again_is_not_finished():
+    """The later start makes the earlier end void."""
+    assert replay.finished_tests([*PLAN, *ran("s/a"), TestStarted(test="s/a")]) == set()
+    retried = TestEnded(test="s/a", verdict=Verdict.FAILED, outcome=Verdict.FAILED, final=False)
+    assert replay.finished_tests([*PLAN, TestStarted(test="s/a"), retried]) == set()
+
+
+def test_run_that_was_not_resumed_is_as_it_was(write: Writer):
+    """Nothing is left out of a run of one part."""
+    events = [*PLAN, *ran("s/a"), *ran("s/b", Verdict.FAILED), *CUT, OVER]
+    assert [to_line(event) for event in replay.as_one_run(write(*events))] == [to_line(event) for event in events]
+
+
+def test_parts_of_a_resumed_run_are_one_run(write: Writer):
+    """Ends of earlier parts and all of tests that ran again are left out; the plan and the rest stand once."""
+    lost = ran("s/b", Verdict.INTERRUPTED, "first try")
+    path = write(*PLAN, *ran("s/a"), *lost, *CUT, OVER, *AGAIN, *ran("s/b", words="second try"), OVER)
+    events = [*replay.as_one_run(path)]
+    assert [event.kind for event in events].count("run_ended") == 1
+    assert [event.kind for event in events].count("run_started") == 1
+    assert [event.kind for event in events].count("suite_started") == 1
+    assert [event.detail for event in events if isinstance(event, Message)] == ["s/a", "second try"]
+    results = folded(events)
+    assert {test.verdict for test in results.tests.values()} == {Verdict.PASSED}
+    assert results.interrupted is None
+
+
+def test_run_that_is_being_resumed_keeps_what_is_finished_only(write: Writer):
+    """What the new part will tell anew is left out of what it is told of the old ones."""
+    path = write(*PLAN, *ran("s/a"), TestStarted(test="s/b"))
+    results = folded(replay.as_one_run(path, resuming=True))
+    assert {test.id: test.verdict for test in results.tests.values()} == {"s/a": Verdict.PASSED, "s/b": None}
+    assert not results.tests["s/b"].running
+
+
+def test_run_that_was_resumed_twice(write: Writer):
+    """Each part gives what stood at its end."""
+    path = write(
+        *PLAN,
+        *ran("s/a"),
+        TestStarted(test="s/b"),
+        *AGAIN,
+        TestStarted(test="s/b"),
+        *AGAIN,
+        *ran("s/b", Verdict.FAILED),
+        OVER,
+    )
+    results = folded(replay.as_one_run(path))
+    assert {test.id: test.verdict for test in results.tests.values()} == {"s/a": Verdict.PASSED, "s/b": Verdict.FAILED}
+    assert len(results.tests["s/b"].attempts) == 1
+
+
+def test_incident_between_tests_is_never_lost(write: Writer):
+    """What happened to the rig in an earlier part stays in the record."""
+    incident = FixtureIncident(fixture="rig", suite="s", incarnation=1, phase=Phase.CHECK, cause="x")
+    path = write(*PLAN, *ran("s/a"), incident, *AGAIN, *ran("s/b"), OVER)
+    assert len(folded(replay.as_one_run(path)).suites["s"].incidents) == 1
+
+
+def test_journal_that_just_stops_gets_its_ends(write: Writer):
+    """The run counts as interrupted, and so does the test that was running; what had ended stays as it was."""
+    path = write(*PLAN, *ran("s/a"), TestStarted(test="s/b", time=9.0))
+    results = folded(replay.with_ends(replay.as_one_run(path)))
+    assert {test.id: test.verdict for test in results.tests.values()} == {
+        "s/a": Verdict.PASSED,
+        "s/b": Verdict.INTERRUPTED,
+    }
+    assert results.tests["s/b"].last.detail == "the runner was killed while this test was running"
+    assert results.exit_code() is ExitCode.INTERRUPTED
+
+
+def test_journal_that_was_closed_in_order_gets_nothing(write: Writer):
+    """Not even when something broke while it was being closed."""
+    events = [*PLAN, *ran("s/a"), *ran("s/b"), OVER, InternalError(text="reporter x broke")]
+    assert [*replay.with_ends(events)] == events
+    assert [*replay.with_ends([])] == []

@@ -1,0 +1,148 @@
+"""Results are folded from events; the exit code is the one number that a shell reads."""
+
+from __future__ import annotations
+
+import pytest
+
+from rtf.testing.events import (
+    Event,
+    FixtureChanged,
+    FixtureIncident,
+    InternalError,
+    Interrupted,
+    Message,
+    RunStarted,
+    SubResultEnded,
+    SuitePlanned,
+    TestEnded,
+    TestPlanned,
+    TestRenamed,
+    TestStarted,
+)
+from rtf.testing.results import RunResult
+from rtf.testing.verdict import ExitCode, FixtureState, Phase, Severity, Verdict
+
+
+def results_of(*verdicts: Verdict, more: tuple[Event, ...] = ()) -> RunResult:
+    """The results of a run of one suite whose tests came to these verdicts."""
+    results = RunResult()
+    events: list[Event] = [RunStarted(run="r", version="1"), SuitePlanned(suite="s", name="s")]
+    for index, verdict in enumerate(verdicts):
+        test = f"s/{index}"
+        events += [TestPlanned(test=test, suite="s", name=str(index)), TestStarted(test=test)]
+        events += [TestEnded(test=test, verdict=verdict, outcome=verdict)]
+    for event in (*events, *more):
+        results.apply(event)
+    return results
+
+
+CODES = {
+    Verdict.PASSED: 0,
+    Verdict.MEASURED: 0,
+    Verdict.SKIPPED: 5,
+    Verdict.EXPECTED_FAILURE: 0,
+    Verdict.FLAKY: 0,
+    Verdict.INCONCLUSIVE: 1,
+    Verdict.UNEXPECTED_PASS: 1,
+    Verdict.FAILED: 1,
+    Verdict.ERROR: 1,
+    Verdict.FIXTURE_LOST: 1,
+    Verdict.BLOCKED: 1,
+    Verdict.INTERRUPTED: 1,
+    Verdict.NOT_RUN: 1,
+}
+
+
+@pytest.mark.parametrize("verdict", Verdict)
+def test_exit_code_of_a_run_of_one_test(verdict: Verdict):
+    """Good verdicts give 0, a run of nothing but skips 5, everything else 1."""
+    assert results_of(verdict).exit_code() == CODES[verdict]
+
+
+def test_one_bad_test_among_good_ones_is_a_failure():
+    """No number of passes outweighs it."""
+    assert results_of(*[Verdict.PASSED] * 9, Verdict.INCONCLUSIVE).exit_code() is ExitCode.FAILURES
+
+
+def test_empty_run():
+    """Nothing ran is no success, unless it was allowed."""
+    assert results_of().exit_code() is ExitCode.NOTHING_RAN
+    assert results_of().exit_code(allow_empty=True) is ExitCode.PASSED
+    assert results_of().verdict() is Verdict.NOT_RUN
+
+
+BROKE = InternalError(text="x")
+STOPPED = Interrupted(source="x", stage=1)
+GONE = FixtureChanged(fixture="rig", suite="s", incarnation=1, state=FixtureState.FAILED)
+UNTIDY = FixtureIncident(fixture="rig", suite="s", incarnation=1, phase=Phase.TEARDOWN, cause="x")
+GRUMBLE = Message(severity=Severity.ERROR, title="x", suite="s", fixture="rig")
+
+
+@pytest.mark.parametrize(
+    ("more", "code"),
+    [
+        ((BROKE, STOPPED, GONE, UNTIDY), 3),
+        ((STOPPED, GONE, UNTIDY), 2),
+        ((GONE, UNTIDY), 6),
+        ((UNTIDY,), 1),
+        ((GRUMBLE,), 1),
+        ((), 0),
+    ],
+)
+def test_what_comes_first_among_exit_codes(more: tuple[Event, ...], code: int):
+    """Internal error, interrupt, fixture, failures: the first of these that applies."""
+    assert results_of(Verdict.PASSED, more=more).exit_code() == code
+
+
+def test_fixture_that_came_back_is_usable():
+    """Only the last state of a fixture counts."""
+    back = FixtureChanged(fixture="rig", suite="s", incarnation=2, state=FixtureState.READY)
+    assert results_of(Verdict.PASSED, more=(GONE, back)).exit_code() is ExitCode.PASSED
+
+
+def test_only_the_final_attempt_gives_the_verdict():
+    """Attempts before it are kept, their messages and parts are not."""
+    test = "s/0"
+    results = results_of(Verdict.PASSED)
+    bad = Message(severity=Severity.FAILURE, title="x", test=test)
+    again = TestEnded(test=test, verdict=Verdict.FAILED, outcome=Verdict.FAILED, attempt=1, final=False)
+    last = TestEnded(test=test, verdict=Verdict.FLAKY, outcome=Verdict.PASSED, attempt=2)
+    results.apply(TestStarted(test=test))
+    results.apply(bad)
+    results.apply(SubResultEnded(test=test, subject="p", verdict=Verdict.FAILED))
+    results.apply(again)
+    assert results.tests[test].verdict is None
+    results.apply(TestStarted(test=test, attempt=2))
+    assert (results.tests[test].problems, results.tests[test].parts) == ([], {})
+    results.apply(last)
+    assert results.tests[test].verdict is Verdict.FLAKY
+    assert len(results.tests[test].attempts) == 3
+
+
+def test_events_of_what_was_never_planned_are_passed_over():
+    """No event can break the fold."""
+    results = results_of()
+    for event in (
+        TestStarted(test="x"),
+        TestEnded(test="x", verdict=Verdict.PASSED, outcome=Verdict.PASSED),
+        TestRenamed(test="x", name="y"),
+        Message(severity=Severity.ERROR, title="x", test="x"),
+        Message(severity=Severity.ERROR, title="x", suite="x"),
+        FixtureChanged(fixture="x", suite="x", incarnation=1, state=FixtureState.FAILED),
+        FixtureIncident(fixture="x", suite="x", incarnation=1, phase=Phase.RUN, cause="x"),
+        TestPlanned(test="x/y", suite="x", name="y"),
+    ):
+        results.apply(event)
+    assert results.exit_code(allow_empty=True) is ExitCode.FAILURES  # the one test that was planned never ended
+
+
+def test_memory_of_a_test_that_fails_for_ever_is_bounded():
+    """Fifty problems are kept and all are counted, of a test and of a fixture; five hundred parts."""
+    results = results_of(Verdict.FAILED)
+    for index in range(10_000):
+        results.apply(Message(severity=Severity.FAILURE, title="x", test="s/0"))
+        results.apply(Message(severity=Severity.ERROR, title="x", suite="s", fixture="rig"))
+        results.apply(SubResultEnded(test="s/0", subject=str(index), verdict=Verdict.PASSED))
+    test = results.tests["s/0"]
+    assert (len(test.problems), test.problem_count, len(test.parts)) == (50, 10_000, 500)
+    assert len(results.suites["s"].problems) == 50

@@ -1,0 +1,507 @@
+"""The runner: lanes, shared fixtures, stopping early, isolation, exit codes, and what happens when it breaks itself."""
+
+from __future__ import annotations
+
+import resource
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import pytest
+
+from harness import Command, Outcome, read_back, run_command, run_suite, write_files
+from rtf.testing import journal
+from rtf.testing.children import Nursery, NurseryLostError
+from rtf.testing.events import (
+    Event,
+    FixtureChanged,
+    InternalError,
+    RunEnded,
+    SuiteEnded,
+    SuiteStarted,
+    TestEnded,
+    TestStarted,
+)
+from rtf.testing.interrupts import Interrupts
+from rtf.testing.plan import Planner, load_files
+from rtf.testing.reporting import Broadcast, Reporter, ReportOptions
+from rtf.testing.runner import Run, RunOptions
+from rtf.testing.verdict import ExitCode, FixtureState, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rtf.testing.children import Child
+    from rtf.testing.plugins import PluginRef
+    from rtf.testing.results import RunResult
+
+HEAD = """
+import os, time
+from pathlib import Path
+from rtf.testing import FixtureManager, Parameter, TestCase
+
+LOG = Path(__file__).with_name("log")
+
+def note(word):
+    with LOG.open("a") as stream:
+        stream.write(word + "\\n")
+
+def wait_for(word):
+    while word not in (LOG.read_text().split() if LOG.exists() else []):
+        time.sleep(0.002)
+"""
+
+
+def test_file(body: str) -> str:
+    """A test plug-in whose body does this."""
+    return f"{HEAD}\nclass T(TestCase):\n    def run(self):\n        {body}\n"
+
+
+test_file.__test__ = False  # type: ignore[attr-defined]
+
+
+def rig_file(name: str = "") -> str:
+    """A fixture plug-in that notes what is done to it."""
+    return (
+        f"{HEAD}\nclass Rig(FixtureManager):\n    speed = Parameter(float, 'how fast', default=1.0)\n"
+        f"    def setup(self):\n        note('up{name}')\n"
+        f"    def teardown(self):\n        note('down{name}')\n"
+    )
+
+
+@dataclass
+class Recorder(Reporter):
+    """A reporter that breaks where it is told to."""
+
+    plugin_name: ClassVar[str] = "recorder"
+    breaks_at: type[Event] | None = None
+    breaks_on_close: bool = False
+    heard: list[str] = field(default_factory=list)
+    closed: int = 0
+
+    def __post_init__(self) -> None:
+        super().__init__(ReportOptions(target=None, run_folder=Path()))
+
+    def handle(self, event: Event, results: RunResult) -> None:
+        """Take note, or break."""
+        self.heard.append(event.kind)
+        if self.breaks_at is not None and isinstance(event, self.breaks_at):
+            raise RuntimeError("ink is out")
+
+    def close(self, results: RunResult) -> None:
+        """Take note, or break."""
+        self.closed += 1
+        if self.breaks_on_close:
+            raise RuntimeError("paper is out")
+
+
+def run_suites(tmp_path: Path, suites: dict[str, str], *reporters: Reporter, **more: object) -> Outcome:
+    """Run several suites, given by name and inside; ``more`` holds options, and files as ``name__py``."""
+    folder = tmp_path / "suite"
+    files = {name: text for name, text in more.items() if isinstance(text, str)}
+    options = {name: value for name, value in more.items() if name not in files}
+    write_files(
+        folder, files | {f"{name}.xml": f'<suite name="{name}">{inside}</suite>' for name, inside in suites.items()}
+    )
+    loaded = load_files([(folder / f"{name}.xml", True) for name in suites], {})
+    assert not loaded.has_errors, loaded.diagnostics
+    planner = Planner()
+    planned = planner.plan(planner.complete(loaded.suites))
+    run_folder = tmp_path / "run"
+    run_folder.mkdir()
+    broadcast = Broadcast(journal.Journal(run_folder / journal.FILE_NAME), [*reporters])
+    code = Run(planned, RunOptions(run_folder=run_folder, handle_signals=False, **options), broadcast).execute()
+    events, results = read_back(run_folder)
+    return Outcome(int(code), run_folder, events, results)
+
+
+def open_files() -> int:
+    """How many descriptors this process has."""
+    return sum(1 for _ in Path("/proc/self/fd").iterdir())
+
+
+def log_of(tmp_path: Path) -> list[str]:
+    """What was noted."""
+    return (tmp_path / "suite" / "log").read_text().split()
+
+
+def spans(outcome: Outcome) -> dict[str, tuple[int, int]]:
+    """From which place to which in the run's order each suite was at work."""
+    starts = {event.suite: event.seq for event in outcome.of(SuiteStarted)}
+    return {event.suite: (starts[event.suite], event.seq) for event in outcome.of(SuiteEnded)}
+
+
+# Lanes ---------------------------------------------------------------------------------------------------------------
+
+
+def test_suites_that_share_no_fixture_run_at_the_same_time(tmp_path: Path):
+    """Two suites that wait for each other come to an end with two lanes."""
+    outcome = run_suites(
+        tmp_path,
+        {"a": "<test>a.py</test>", "b": "<test>b.py</test>"},
+        jobs=2,
+        a__py=test_file("note('a'); wait_for('b')"),
+        b__py=test_file("note('b'); wait_for('a')"),
+    )
+    assert outcome.exit_code == ExitCode.PASSED
+    (first, last), (begin, end) = spans(outcome).values()
+    assert first < end
+    assert begin < last
+
+
+def test_suites_that_share_a_fixture_never_overlap(tmp_path: Path):
+    """However many lanes there are, a rig is under one suite at a time; suites are grouped over several rigs, too."""
+    shared = '<fixture name="one">one.py</fixture>'
+    outcome = run_suites(
+        tmp_path,
+        {
+            "a": f"{shared}<test>t.py</test><test>t.py</test>",
+            "b": f'{shared}<fixture name="two">two.py</fixture><test>t.py</test>',
+            "c": '<fixture name="zwei">two.py</fixture><test>t.py</test><test>t.py</test>',
+            "d": "<test>t.py</test>",
+        },
+        jobs=4,
+        one__py=rig_file("1"),
+        two__py=rig_file("2"),
+        t__py=test_file("time.sleep(0.02)"),
+    )
+    assert outcome.exit_code == ExitCode.PASSED
+    at = spans(outcome)
+    assert at["a"][1] < at["b"][0]
+    assert at["b"][1] < at["c"][0]
+    for one in "12":
+        words = [word for word in log_of(tmp_path) if word.endswith(one)]
+        assert words == [f"up{one}", f"down{one}"] * (len(words) // 2)
+
+
+def test_results_of_many_lanes_are_complete_and_in_one_order(tmp_path: Path):
+    """Twelve suites in three lanes: every test ends once, numbers have no gap, each suite counts its own."""
+    suites = {f"s{index}": "<test>t.py</test>" * 5 for index in range(12)}
+    before = open_files()
+    outcome = run_suites(tmp_path, suites, jobs=3, t__py=test_file("print('x')"))
+    assert outcome.exit_code == ExitCode.PASSED
+    assert outcome.results.counts() == {Verdict.PASSED: 60}
+    assert len({event.test for event in outcome.of(TestEnded)}) == 60
+    assert [event.seq for event in outcome.events] == [*range(1, len(outcome.events) + 1)]
+    assert all(event.counts == {"passed": 5} for event in outcome.of(SuiteEnded))
+    assert open_files() == before, "each lane gives its descriptors back"
+
+
+def test_lane_that_breaks_leaves_the_others_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """An internal error is told, its suite is not run, the others are, and the exit code is 3."""
+    begin = Nursery.take
+
+    def take(nursery: Nursery, plugin: PluginRef | None = None, fixtures: Mapping[str, int] | None = None) -> Child:
+        if plugin is not None and plugin.path.endswith("bad.py"):
+            raise ZeroDivisionError("lane")
+        return begin(nursery, plugin, fixtures)
+
+    monkeypatch.setattr(Nursery, "take", take)
+    outcome = run_suites(
+        tmp_path,
+        {"a": "<test>bad.py</test><test>bad.py</test>", "b": "<test>t.py</test>"},
+        jobs=2,
+        bad__py=test_file("pass"),
+        t__py=test_file("pass"),
+    )
+    assert outcome.exit_code == ExitCode.INTERNAL
+    (told,) = outcome.of(InternalError)
+    assert told.text == "ZeroDivisionError: lane"
+    assert "in take" in told.traceback
+    assert {test.id: test.verdict for test in outcome.results.tests.values()} == {
+        "a/bad": Verdict.NOT_RUN,
+        "a/bad~2": Verdict.NOT_RUN,
+        "b/t": Verdict.PASSED,
+    }
+    assert isinstance(outcome.events[-1], RunEnded)
+
+
+# Fixtures of the run -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("second", "ups"),
+    [
+        ('<fixture name="rig" scope="run">rig.py</fixture>', 1),
+        ('<fixture name="rig">rig.py</fixture>', 2),
+        ('<fixture name="rig" scope="run" param="--speed 2">rig.py</fixture>', 2),
+        ('<fixture name="rig" scope="run">other.py</fixture>', 2),
+        ('<fixture name="other" scope="run">rig.py</fixture>', 2),
+    ],
+)
+def test_fixture_of_the_run_stays_up_for_the_very_same_one(second: str, ups: int, tmp_path: Path):
+    """A later suite stands on it only if it names the same fixture: name, plug-in and parameters."""
+    outcome = run_suites(
+        tmp_path,
+        {
+            "a": '<fixture name="rig" scope="run">rig.py</fixture><test>t.py</test>',
+            "b": f"{second}<test>t.py</test>",
+        },
+        rig__py=rig_file(),
+        other__py=rig_file(),
+        t__py=test_file("note('run')"),
+    )
+    assert outcome.results.counts() == {Verdict.PASSED: 2}
+    expected = ["up", "run", "run", "down"] if ups == 1 else ["up", "run", "down", "up", "run", "down"]
+    assert log_of(tmp_path) == expected
+
+
+def test_fixture_of_the_run_is_not_kept_without_what_it_stands_on(tmp_path: Path):
+    """When its foundation is another one in the next suite, both come down, and it comes down first."""
+
+    def fixtures(speed: int) -> str:
+        base = f'<fixture name="base" scope="run" param="--speed {speed}">base.py</fixture>'
+        return f'{base}<fixture name="top" depends="base" scope="run">top.py</fixture>'
+
+    outcome = run_suites(
+        tmp_path,
+        {"a": f"{fixtures(1)}<test>t.py</test>", "b": f"{fixtures(2)}<test>t.py</test>"},
+        base__py=rig_file("B"),
+        top__py=rig_file("T"),
+        t__py=test_file("note('run')"),
+    )
+    assert outcome.exit_code == ExitCode.PASSED
+    assert log_of(tmp_path) == ["upB", "upT", "run", "downT", "downB"] * 2
+    assert {event.state for event in outcome.of(FixtureChanged)} >= {FixtureState.STOPPED}
+
+
+# Stopping early, empty runs ------------------------------------------------------------------------------------------
+
+
+def test_fail_fast_starts_nothing_after_the_first_bad_verdict(tmp_path: Path):
+    """Also in later suites; all that was left out is listed with the reason, and the fixture comes down."""
+    outcome = run_suites(
+        tmp_path,
+        {
+            "a": "<fixture>rig.py</fixture><test>good.py</test><test>bad.py</test><test>good.py</test>",
+            "b": "<test>good.py</test>",
+        },
+        fail_fast=True,
+        good__py=test_file("pass"),
+        bad__py=test_file("self.assert_fail('x')"),
+        rig__py=rig_file(),
+    )
+    tests = [*outcome.results.tests.values()]
+    assert [test.verdict for test in tests] == [Verdict.PASSED, Verdict.FAILED, Verdict.NOT_RUN, Verdict.NOT_RUN]
+    assert tests[2].last is not None
+    assert tests[2].last.detail == "a test failed before (--fail-fast)"
+    assert log_of(tmp_path) == ["up", "down"]
+    assert outcome.exit_code == ExitCode.FAILURES
+
+
+def test_fail_fast_does_not_mind_good_verdicts(tmp_path: Path):
+    """A skip, a flaky test and an expected failure stop nothing."""
+    outcome = run_suites(
+        tmp_path,
+        {
+            "a": '<test>skip.py</test><test retries="1">flaky.py</test>'
+            '<test expected="fail" reason="x">bad.py</test><test>t.py</test>'
+        },
+        fail_fast=True,
+        skip__py=test_file("self.skip('x')"),
+        flaky__py=test_file("note('try'); self.assert_true(LOG.read_text().count('try') > 1, 'x')"),
+        bad__py=test_file("self.assert_fail('x')"),
+        t__py=test_file("pass"),
+    )
+    assert [test.verdict for test in outcome.results.tests.values()] == [
+        Verdict.SKIPPED,
+        Verdict.FLAKY,
+        Verdict.EXPECTED_FAILURE,
+        Verdict.PASSED,
+    ]
+
+
+@pytest.mark.parametrize(("allow", "code"), [(False, ExitCode.NOTHING_RAN), (True, ExitCode.PASSED)])
+def test_empty_run(allow: bool, code: int, tmp_path: Path):
+    """A suite without tests is told, and is no success unless that was asked for."""
+    outcome = run_suites(tmp_path, {"a": ""}, allow_empty=allow)
+    assert outcome.exit_code == code
+    assert [event.suite for event in outcome.of(SuiteEnded)] == ["a"]
+
+
+# Isolation -----------------------------------------------------------------------------------------------------------
+
+STATEFUL = f"""{HEAD}
+import builtins
+class T(TestCase):
+    def run(self):
+        builtins.seen = getattr(builtins, "seen", 0) + 1
+        print("seen", builtins.seen)
+        self.measure("seen", builtins.seen, "count")
+        self.measure("pid", os.getpid(), "count")
+"""
+
+
+@pytest.mark.parametrize(("isolation", "processes"), [("test", 3), ("suite", 1)])
+def test_isolation(isolation: str, processes: int, tmp_path: Path):
+    """A process for each test, or one for all tests of a suite; output goes to the test that wrote it."""
+    xml = f'<suite name="s" isolation="{isolation}">{"<test>t.py</test>" * 3}</suite>'
+    outcome = run_suite(tmp_path, xml, t__py=STATEFUL)
+    assert outcome.results.counts() == {Verdict.MEASURED: 3}
+    assert len({event.pid for event in outcome.of(TestStarted)}) == processes
+    text = [event.text for event in outcome.events if event.kind == "output_captured"]
+    assert text == (["seen 1\n"] * 3 if processes == 3 else ["seen 1\n", "seen 2\n", "seen 3\n"])
+
+
+def test_shared_process_that_crashes_is_replaced(tmp_path: Path):
+    """With isolation by suite a crash or a hang is an error of its test, and the next test has a new process."""
+    outcome = run_suite(
+        tmp_path,
+        '<suite name="s" isolation="suite"><test name="a">t.py</test><test name="crash">crash.py</test>'
+        '<test name="b">t.py</test><test name="hang" timeout="0.3">hang.py</test><test name="c">t.py</test></suite>',
+        options={"grace": 0.2},
+        t__py=STATEFUL,
+        crash__py=test_file("os.abort()"),
+        hang__py=test_file(
+            "\n        while True:\n            try: time.sleep(9)\n            except BaseException: pass"
+        ),
+    )
+    assert [test.verdict for test in outcome.results.tests.values()] == [
+        Verdict.MEASURED,
+        Verdict.ERROR,
+        Verdict.MEASURED,
+        Verdict.ERROR,
+        Verdict.MEASURED,
+    ]
+    pids = [event.pid for event in outcome.of(TestStarted)]
+    assert pids[0] == pids[1]
+    assert pids[2] == pids[3]
+    assert len({*pids}) == 3
+
+
+def test_isolation_none_is_the_runners_own_process(tmp_path: Path):
+    """For a debugger: the same verdicts, from inside the runner, which says so."""
+    write_files(
+        tmp_path,
+        {
+            "t.py": test_file("self.measure('parent', os.getppid(), 'count'); note(str(os.getpid()))"),
+            "bad.py": test_file("raise SystemExit(0)"),
+            "s.xml": '<suite name="s"><test>bad.py</test><test>t.py</test></suite>',
+        },
+    )
+    command = Command(tmp_path, "--suite", "s.xml", "--isolation", "none")
+    outcome = command.wait()
+    assert [test.verdict for test in outcome.results.tests.values()] == [Verdict.ERROR, Verdict.MEASURED]
+    assert (tmp_path / "log").read_text().split() == [str(command.process.pid)]
+    assert "takes the run with it" in outcome.stderr
+
+
+# When something of ours breaks ---------------------------------------------------------------------------------------
+
+
+def test_nursery_that_cannot_be_had_is_an_error_of_the_test(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A loss is made good once; a test without a process is an error with a reason, and the others run."""
+    begin = Nursery.take
+    lost = []
+
+    def take(nursery: Nursery, plugin: PluginRef | None = None, fixtures: Mapping[str, int] | None = None) -> Child:
+        lost.append(1)
+        if len(lost) in (1, 2, 3):
+            raise NurseryLostError("no process is to be had")
+        return begin(nursery, plugin, fixtures)
+
+    monkeypatch.setattr(Nursery, "take", take)
+    for isolation in ("test", "suite"):
+        lost.clear()
+        (tmp_path / isolation).mkdir()
+        outcome = run_suite(
+            tmp_path / isolation,
+            f'<suite name="s" isolation="{isolation}"><test name="a">t.py</test><test name="b">t.py</test></suite>',
+            t__py=test_file("pass"),
+        )
+        assert [test.verdict for test in outcome.results.tests.values()] == [Verdict.ERROR, Verdict.PASSED]
+        assert len(lost) == 4
+        assert outcome.detail("a") == "no process is to be had"
+        assert outcome.exit_code == ExitCode.FAILURES
+
+
+def test_reporter_that_breaks_is_left_out_and_told(tmp_path: Path):
+    """The run goes on, the others hear everything and of the break, and the exit code is 3."""
+    broken, sound = Recorder(breaks_at=TestStarted), Recorder()
+    outcome = run_suites(tmp_path, {"a": "<test>t.py</test><test>t.py</test>"}, broken, sound, t__py=test_file("pass"))
+    assert outcome.exit_code == ExitCode.INTERNAL
+    assert outcome.results.counts() == {Verdict.PASSED: 2}
+    (told,) = outcome.of(InternalError)
+    assert told.text == "reporter recorder broke and is left out: RuntimeError: ink is out"
+    assert broken.heard[-1] == "test_started"
+    assert (broken.closed, sound.closed) == (0, 1)
+    assert sorted(sound.heard) == sorted(event.kind for event in outcome.events)
+    assert outcome.events[-1].exit_code == ExitCode.INTERNAL
+
+
+def test_reporter_that_breaks_while_it_finishes(tmp_path: Path):
+    """The others finish, the first one hears of it, and the journal's last word is the exit code that is returned."""
+    sound, broken, last = Recorder(), Recorder(breaks_on_close=True), Recorder()
+    outcome = run_suites(tmp_path, {"a": "<test>t.py</test>"}, sound, broken, last, t__py=test_file("pass"))
+    assert outcome.exit_code == ExitCode.INTERNAL
+    assert (sound.closed, broken.closed, last.closed) == (1, 1, 1)
+    assert sound.heard[-1] == "internal_error"
+    ends = [event for event in outcome.events if isinstance(event, RunEnded)]
+    assert [event.exit_code for event in ends] == [0, 3]
+    assert outcome.events[-1] is ends[-1]
+
+
+def test_disk_that_is_full_ends_the_journal_and_not_the_run(tmp_path: Path):
+    """It is told, the tests go on, the exit code is 3, and what was written before is whole."""
+    write_files(
+        tmp_path,
+        {
+            "wait.py": test_file("wait_for('go')"),
+            "talk.py": test_file("[self.report('x' * 1000) for _ in range(100)]; note('talked')"),
+            "s.xml": '<suite name="s"><test>wait.py</test><test>talk.py</test><test>talk.py</test></suite>',
+        },
+    )
+    command = Command(tmp_path, "--suite", "s.xml", "--no-output")
+    events = command.wait_for(lambda events: any(isinstance(event, TestStarted) for event in events))
+    path = tmp_path / "rtf-runs" / "latest" / journal.FILE_NAME
+    resource.prlimit(command.process.pid, resource.RLIMIT_FSIZE, (path.stat().st_size + 20_000, resource.RLIM_INFINITY))
+    (tmp_path / "log").write_text("go\n")
+    outcome = command.wait()
+    assert outcome.exit_code == ExitCode.INTERNAL
+    assert "cannot write the journal" in outcome.stdout + outcome.stderr
+    assert (tmp_path / "log").read_text().split() == ["go", "talked", "talked"]
+    assert "3 passed" in outcome.stdout
+    assert len(outcome.events) > len(events)
+    assert command.left_over() == []
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--junit", "/proc/none/x.xml"], ["-o", "/proc/none/x.txt"], ["--runs", "/proc/none"]]
+)
+def test_report_that_can_never_be_written_is_told_before_anything_runs(arguments: list[str], tmp_path: Path):
+    """Nothing moves for a result that would be lost."""
+    write_files(tmp_path, {"t.py": test_file("note('ran')"), "s.xml": "<suite><test>t.py</test></suite>"})
+    outcome = run_command(tmp_path, "--suite", "s.xml", *arguments)
+    assert outcome.exit_code == ExitCode.USAGE
+    assert not (tmp_path / "log").exists()
+    assert "Traceback" not in outcome.stderr
+
+
+def test_grace_of_the_run_is_that_of_its_tests(tmp_path: Path):
+    """How long a test that is stopped may take to react is the run's to say."""
+    seen: list[float] = []
+
+    def interfere(run: Run) -> None:
+        seen.append(run.limits_of(run.suites[0], run.suites[0].tests[0]).grace)
+
+    run_suite(tmp_path, "<test>t.py</test>", interfere=interfere, options={"grace": 0.7}, t__py=test_file("pass"))
+    assert seen == [0.7]
+
+
+# Interrupts, as an object --------------------------------------------------------------------------------------------
+
+
+def test_interrupts_count_up_to_three():
+    """Each request is one stage more, or the stage that is asked for at least; each is announced once."""
+    interrupts = Interrupts()
+    told: list[Event] = []
+    for stage in (0, 0, 0, 0):
+        interrupts.request("x", stage=stage)
+    interrupts.announce(told.append)
+    interrupts.announce(told.append)
+    assert [event.stage for event in told] == [1, 2, 3, 3]
+    assert (interrupts.stage, interrupts.count) == (3, 4)
+    first = Interrupts()
+    first.request("time", stage=2)
+    first.request("signal")
+    assert first.stage == 3

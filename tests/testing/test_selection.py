@@ -1,0 +1,231 @@
+"""Choosing tests by name, tag and id, and shuffling them."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rtf.testing.selection import (
+    AllOf,
+    AnyOf,
+    Expression,
+    ExpressionError,
+    Not,
+    Word,
+    id_filter,
+    name_filter,
+    parse_expression,
+    select,
+    shuffle,
+    tag_filter,
+    unknown_ids,
+)
+from rtf.testing.suite import SuiteError, TestEntry, TestSuite
+
+
+def suite(*names: str, suite_id: str = "s", **more: object) -> TestSuite:
+    """A suite whose tests have these names."""
+    tests = (TestEntry(id=f"{suite_id}/{name.lower()}", name=name, plugin="P", **more) for name in names)
+    return TestSuite(id=suite_id, name=suite_id, tests=tuple(tests))
+
+
+def names(suites: tuple[TestSuite, ...]) -> list[str]:
+    """The names of all tests, in order."""
+    return [test.name for suite in suites for test in suite.tests]
+
+
+ARMS = suite("LeftArm", "LeftLeg", "RightArm", "RightLeg", "Head")
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ("left", ["LeftArm", "LeftLeg"]),
+        ("LEFT and not leg", ["LeftArm"]),
+        ("left and arm or right and leg", ["LeftArm", "RightLeg"]),
+        ("(left or right) and arm", ["LeftArm", "RightArm"]),
+        ("not (left or right)", ["Head"]),
+        ("not left and not right", ["Head"]),
+        ("not not head", ["Head"]),
+        ("NOT left AND Arm", ["RightArm"]),
+        ("s/left", ["LeftArm", "LeftLeg"]),
+        ('"left arm"', []),
+        ("'head'", ["Head"]),
+        ("nothing", []),
+    ],
+)
+def test_names_are_chosen_by_an_expression(expression: str, expected: list[str]):
+    """Substrings of names and ids without regard to case; not binds tightest, or loosest."""
+    assert names(select([ARMS], [name_filter(expression)])) == expected
+
+
+def test_words_in_quotes_may_be_anything():
+    """Blanks, brackets, and the operators' names."""
+    odd = suite("a (b) c", "this and that", "don't")
+    assert names(select([odd], [name_filter('"(b) c"')])) == ["a (b) c"]
+    assert names(select([odd], [name_filter("'and'")])) == ["this and that"]
+    assert names(select([odd], [name_filter('''"n't"''')])) == ["don't"]
+
+
+def test_tags_are_whole_words():
+    """A tag is matched entirely, without regard to case."""
+    suites = [suite("a", tags=("slow", "arm")), suite("b", suite_id="t", tags=("Slowly",))]
+    assert names(select(suites, [tag_filter("SLOW")])) == ["a"]
+    assert names(select(suites, [tag_filter("slowly or arm")])) == ["a", "b"]
+    assert names(select(suites, [tag_filter("not slow")])) == ["b"]
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "told"),
+    [
+        ("", 1, "but the expression ends"),
+        ("left and", 9, "but the expression ends"),
+        ("left arm", 6, "expected 'and' or 'or' before this"),
+        ("and left", 1, "before 'and'"),
+        ("left or or b", 9, "before 'or'"),
+        ("(left", 1, "this bracket is never closed"),
+        ("(left arm)", 7, "a closing bracket before this"),
+        ("left)", 5, "this bracket closes nothing"),
+        ("()", 2, "before ')'"),
+        ('a and "b', 7, "this quote is never closed"),
+        ("not", 4, "but the expression ends"),
+        ("(" * 60 + "a" + ")" * 60, 51, "nested more than 50 deep"),
+        ("not " * 60 + "a", 201, "nested more than 50 deep"),
+        ("a" * 10_001, 21, "longer than 10000 characters"),
+    ],
+)
+def test_an_expression_that_cannot_be_read_is_pointed_at(text: str, column: int, told: str):
+    """The error knows the column and draws it."""
+    with pytest.raises(ExpressionError, match=f"^column {column}: ") as caught:
+        parse_expression(text)
+    assert told in str(caught.value)
+    assert caught.value.column == column
+    assert str(caught.value).endswith("\n  " + " " * (column - 1) + "^")
+    assert isinstance(caught.value, SuiteError)
+
+
+def test_all_filters_have_to_agree_and_empty_suites_go():
+    """What is left keeps its order and its suite."""
+    suites = [suite("a", "b", "c"), suite("d", suite_id="t")]
+    chosen = select(suites, [name_filter("a or c or d"), id_filter({"s/c", "s/a", "s/b"})])
+    assert [(part.id, names((part,))) for part in chosen] == [("s", ["a", "c"])]
+
+
+def test_without_filters_nothing_is_left_out():
+    """An empty suite stays, so that the run can complain about it."""
+    suites = (suite(), suite("a", suite_id="t"))
+    assert select(suites, []) == suites
+
+
+def test_required_tests_come_along_when_asked_for():
+    """Also those that the required ones require; tests of other suites are not looked for."""
+    chain = TestSuite(
+        id="s",
+        name="S",
+        tests=(
+            TestEntry(id="s/a", name="a", plugin="P"),
+            TestEntry(id="s/x", name="x", plugin="P"),
+            TestEntry(id="s/b", name="b", plugin="P", requires=("test:s/a", "env:HOME")),
+            TestEntry(id="s/c", name="c", plugin="P", requires=("test:s/b", "test:t/y")),
+        ),
+    )
+    assert names(select([chain], [name_filter("s/c")])) == ["c"]
+    assert names(select([chain], [name_filter("s/c")], with_required=True)) == ["a", "b", "c"]
+
+
+def test_ids_that_no_test_has_any_more_are_told():
+    """A suite changes between two runs."""
+    assert unknown_ids([suite("a", "b")], ["s/z", "s/a", "t/a"]) == ("s/z", "t/a")
+
+
+def test_shuffling_keeps_the_place_of_linked_tests():
+    """What a test requires still stands before it."""
+    plain = [TestEntry(id=f"s/t{number}", name=f"t{number}", plugin="P") for number in range(20)]
+    plain[12] = TestEntry(id="s/t12", name="t12", plugin="P", requires=("test:s/t3",))
+    (shuffled,) = shuffle([TestSuite(id="s", name="S", tests=tuple(plain))], 1)
+    assert (shuffled.tests[3].id, shuffled.tests[12].id) == ("s/t3", "s/t12")
+    assert list(shuffled.tests) != plain
+
+
+def test_the_order_of_a_seed_never_changes():
+    """Not with the version of Python either, because people quote seeds in reports."""
+    assert names(shuffle([suite(*"abcdefgh")], 7)) == list("edhacfgb")
+
+
+ids = st.lists(st.sampled_from("abcdefghijkl"), unique=True)
+
+
+@given(ids, st.integers())
+def test_shuffling_loses_nothing_and_repeats(letters: list[str], seed: int):
+    """The same tests, the same order for the same seed."""
+    suites = (suite(*letters), suite(*letters, suite_id="t"))
+    shuffled = shuffle(suites, seed)
+    assert [part.id for part in shuffled] == ["s", "t"]
+    assert all(set(one.tests) == set(other.tests) for one, other in zip(suites, shuffled, strict=True))
+    assert shuffled == shuffle(suites, seed) == shuffle(shuffled, seed)
+
+
+@given(ids, st.sets(st.sampled_from("abcdefghijkl")), st.integers())
+def test_shuffling_and_selecting_may_change_places(letters: list[str], kept: set[str], seed: int):
+    """A failed test found in a shuffled run is met in the same order when fewer tests run."""
+    wanted = [id_filter({f"s/{letter}" for letter in kept})]
+    suites = (suite(*letters),)
+    assert select(shuffle(suites, seed), wanted) == shuffle(select(suites, wanted), seed)
+
+
+words = st.text(st.characters(exclude_characters='"', exclude_categories=["Cs"]), max_size=5).map(Word)
+expressions = st.recursive(
+    words,
+    lambda inner: st.one_of(
+        inner.map(Not),
+        st.lists(inner, min_size=2, max_size=3).map(lambda parts: AllOf(tuple(parts))),
+        st.lists(inner, min_size=2, max_size=3).map(lambda parts: AnyOf(tuple(parts))),
+    ),
+    max_leaves=12,
+)
+
+
+def write(expression: Expression) -> str:
+    """Write an expression with every bracket it could need."""
+    match expression:
+        case Word(text):
+            return f'"{text}"'
+        case Not(operand):
+            return f"not ({write(operand)})"
+        case AllOf(operands):
+            return " and ".join(f"({write(operand)})" for operand in operands)
+        case AnyOf(operands):
+            return "or".join(f"({write(operand)})" for operand in operands)
+
+
+def truth(expression: Expression, known: set[str]) -> bool:
+    """What an expression means, said in another way."""
+    match expression:
+        case Word(text):
+            return text in known
+        case Not(operand):
+            return not truth(operand, known)
+        case AllOf(operands):
+            return sum(truth(operand, known) for operand in operands) == len(operands)
+        case AnyOf(operands):
+            return sum(truth(operand, known) for operand in operands) > 0
+
+
+@given(expressions, st.sets(st.text(max_size=2)))
+def test_an_expression_that_is_written_is_read_and_means_the_same(expression: Expression, known: set[str]):
+    """Through text and back."""
+    read = parse_expression(write(expression))
+    assert read == expression
+    assert read.holds(known.__contains__) == truth(expression, known)
+
+
+@given(st.text(alphabet="()\"' \tandortx", max_size=60) | st.text(max_size=60))
+def test_any_text_is_an_expression_or_an_error_of_ours(text: str):
+    """Nothing else is ever raised."""
+    column = 1
+    try:
+        parse_expression(text)
+    except ExpressionError as error:
+        column = error.column
+    assert 1 <= column <= len(text) + 1

@@ -1,0 +1,190 @@
+"""A session: what events add up to, what parts and errors become, and when a stop takes effect."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.testing.events import Answered, Asked, Event, Message, SubResultEnded
+from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem, TestStopped
+from rtf.testing.session import TEXT_LIMIT, Session, bounded, text_of
+from rtf.testing.verdict import Phase, Severity, Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture
+def sent() -> list[Event]:
+    """What the session sends."""
+    return []
+
+
+@pytest.fixture
+def session(tmp_path: Path, sent: list[Event]) -> Session:
+    """A session of a test in its body."""
+    made = Session("s/t", sent.append, folder=tmp_path, run_folder=tmp_path)
+    made.phase = Phase.RUN
+    return made
+
+
+@pytest.mark.parametrize(
+    ("errors", "verdict"),
+    [
+        ([], Verdict.PASSED),
+        ([TestFailure("f")], Verdict.FAILED),
+        ([TestProblem("e")], Verdict.ERROR),
+        ([OSError("e")], Verdict.ERROR),
+        ([AssertionError("f")], Verdict.FAILED),
+        ([SkipTest("s")], Verdict.SKIPPED),
+        ([Inconclusive("i")], Verdict.INCONCLUSIVE),
+        ([TestFailure("f"), SkipTest("s")], Verdict.FAILED),
+        ([SkipTest("s"), TestFailure("f")], Verdict.FAILED),
+        ([TestProblem("e"), TestFailure("f")], Verdict.FAILED),
+        ([TestFailure("f"), TestProblem("e")], Verdict.FAILED),
+        ([TestProblem("e"), Inconclusive("i")], Verdict.ERROR),
+        ([Inconclusive("i"), SkipTest("s")], Verdict.SKIPPED),
+    ],
+)
+def test_what_errors_add_up_to(session: Session, errors: list[Exception], verdict: Verdict):
+    """A failure outweighs an error, and both all else, in whatever order they come."""
+    for error in errors:
+        session.raised(error)
+    assert session.tally.verdict() is verdict
+
+
+def test_error_that_cannot_be_written_is_still_told(session: Session, sent: list[Event]):
+    """An author's ``__str__`` may do anything."""
+
+    class OddError(Exception):
+        def __str__(self) -> str:
+            raise KeyError("no")
+
+    session.raised(OddError())
+    (message,) = sent
+    assert isinstance(message, Message)
+    assert message.detail == "OddError: (its text cannot be had: KeyError)"
+    assert text_of(ValueError("x")) == "x"
+
+
+def test_part_has_a_verdict_of_its_own_and_ends_nothing(session: Session, sent: list[Event]):
+    """What is raised in a part ends the part; its failure is the test's, too."""
+    with session.part("arm"):
+        with session.part("joint 1"):
+            raise TestFailure("x")
+        with session.part("joint 2"):
+            pass
+    parts = {event.subject: event.verdict for event in sent if isinstance(event, SubResultEnded)}
+    assert parts == {"arm/joint 1": Verdict.FAILED, "arm/joint 2": Verdict.PASSED, "arm": Verdict.FAILED}
+    assert session.tally.verdict() is Verdict.FAILED
+    assert session.subject == ""
+
+
+def test_part_that_is_skipped_skips_the_part_only(session: Session, sent: list[Event]):
+    """One part that cannot be tested leaves the test's verdict to the others; one that says nothing makes it unsure."""
+    with session.part("a"):
+        raise SkipTest("x")
+    assert session.tally.verdict() is Verdict.PASSED
+    with session.part("b"):
+        raise Inconclusive("y")
+    assert session.tally.verdict() is Verdict.INCONCLUSIVE
+
+
+def test_stop_takes_effect_at_once_in_the_authors_code(session: Session):
+    """And nowhere else."""
+    session.stop("x")  # outside: noted
+    assert session.stopped == "x"
+    called = []
+    with pytest.raises(TestStopped):
+        session.run_stoppable(lambda: called.append(1))
+    assert called == []
+    with pytest.raises(TestStopped):
+        session.run_stoppable(lambda: session.stop("y"))
+
+
+def test_stop_before_teardown_does_not_keep_it_from_running(session: Session):
+    """A stop that came too late for the body has had its effect."""
+    for phase in (Phase.TEARDOWN, Phase.CLEANUP):
+        session.stop("x")
+        session.phase = phase
+        called: list[int] = []
+        session.run_stoppable(lambda called=called: called.append(1))
+        assert called == [1]
+
+
+def test_stop_while_an_event_is_sent_takes_effect_when_it_is_whole(tmp_path: Path):
+    """A line on the wire is never cut in two."""
+    done: list[Event] = []
+
+    def send(event: Event) -> None:
+        made.stop("x")
+        done.append(event)
+
+    made = Session("s/t", send, folder=tmp_path, run_folder=tmp_path)
+    made.phase = Phase.RUN
+    with pytest.raises(TestStopped):
+        made.run_stoppable(lambda: made.message(Severity.INFO, "x", "y", ("", 0)))
+    assert len(done) == 1
+
+
+def test_stop_is_for_the_main_thread_only(session: Session, sent: list[Event]):
+    """Another thread of the test that emits is never stopped in the main thread's place."""
+    errors: list[BaseException] = []
+
+    def speak() -> None:
+        try:
+            session.message(Severity.INFO, "x", "y", ("", 0))
+        except BaseException as error:  # noqa: BLE001 - what must not happen
+            errors.append(error)
+
+    def body() -> None:
+        session._stop = "x"
+        thread = threading.Thread(target=speak)
+        thread.start()
+        thread.join()
+        session._stop = None
+
+    session.run_stoppable(body)
+    assert errors == []
+    assert len(sent) == 1
+
+
+def test_long_texts_are_cut_in_the_middle():
+    """An event stays something that a page can show; both ends and the number of what is missing stay."""
+    assert bounded("x" * TEXT_LIMIT) == "x" * TEXT_LIMIT
+    text = bounded("a" * TEXT_LIMIT + "b" * TEXT_LIMIT)
+    assert text.startswith("a" * 1000)
+    assert text.endswith("b" * 1000)
+    assert f"{TEXT_LIMIT} characters left out" in text
+
+
+@pytest.mark.parametrize(
+    ("received", "answer", "source"),
+    [
+        ([("q", "yes", "console")], "yes", "console"),
+        ([("another", "no", "web"), None, ("q", "yes", "web")], "yes", "web"),
+        ([], "no", "timeout"),
+    ],
+)
+def test_question_and_answer(
+    received: list[tuple[str, str, str] | None], answer: str, source: str, tmp_path: Path, sent: list[Event]
+):
+    """Answers to other questions are passed over; without one in time the default counts, and the source says so."""
+    waiting = [*received]
+
+    def receive(seconds: float) -> tuple[str, str | None, str] | None:
+        return waiting.pop(0) if waiting else None
+
+    made = Session("s/t", sent.append, folder=tmp_path, run_folder=tmp_path, receive=receive)
+    asked = Asked(test="s/t", question="q", text="?", timeout=0.05, default="no")
+    assert made.ask(asked) == answer
+    assert [type(event) for event in sent] == [Asked, Answered]
+    assert sent[1].source == source
+
+
+def test_question_that_nobody_can_answer(session: Session, sent: list[Event]):
+    """Where there is no operator, the default is the answer at once."""
+    assert session.ask(Asked(test="s/t", question="q", text="?", timeout=3600, default="no")) == "no"
+    assert sent[1].source == "automatic"
