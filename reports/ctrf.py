@@ -1,0 +1,258 @@
+"""The run in the Common Test Report Format, https://ctrf.io, for the tools that read it.
+
+Written to specification 0.1.0: ``retryAttempts`` is what came before the last attempt, and ``retries`` their number.
+CTRF knows five statuses; ``rawStatus`` has RTF's verdict. What is no test (a fixture that collapsed, a suite that
+could not be loaded) is a test of its own, ``failed`` exactly when it is a reason for RTF's exit code, else ``other``.
+What has no place in the format is below ``extra.rtf``; whoever wants all of it reads the ``json`` report.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections import Counter
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from rtf import clock
+from rtf.testing.events import (
+    Attached,
+    Event,
+    Measured,
+    Message,
+    OutputCaptured,
+    ParametersResolved,
+    SeriesRecorded,
+    StackDumped,
+    SubResultEnded,
+)
+from rtf.testing.report_files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents, members, to_json
+from rtf.testing.report_text import near_path, problem, shown
+from rtf.testing.report_troubles import of_run, of_suite
+from rtf.testing.reporting import Reporter
+from rtf.testing.verdict import Severity, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.testing.report_troubles import Trouble
+    from rtf.testing.results import RunResult, TestResult
+
+SPECIFICATION = "0.1.0"
+
+_STATUS = {
+    Verdict.PASSED: "passed",
+    Verdict.MEASURED: "passed",
+    Verdict.FLAKY: "passed",
+    Verdict.SKIPPED: "skipped",
+    Verdict.BLOCKED: "skipped",
+    Verdict.NOT_RUN: "pending",
+    Verdict.EXPECTED_FAILURE: "other",
+}
+_STATUSES = ("passed", "failed", "skipped", "pending", "other")
+
+
+class CtrfReporter(Reporter):
+    """Writes ``ctrf.json`` when the run is over. Without a target it writes to standard output."""
+
+    plugin_name = "ctrf"
+    default_file = "ctrf.json"
+
+    _spool: Spool | None = None
+
+    def open(self) -> None:
+        """Make sure the report can be written. Raises OSError."""
+        self._target = Target(self.options.target)
+        self._target.check()
+        self._spool = Spool(self._target.folder)
+        self._events = TestEvents()
+        self._first: float | None = None
+        self._last = 0.0
+
+    def handle(self, event: Event, results: RunResult) -> None:
+        """Take one event; a test that has ended leaves the memory."""
+        if self._first is None:
+            self._first = event.time
+        self._last = event.time
+        if type(event) in OF_A_TEST and event.test:  # type: ignore[attr-defined]
+            attempts = self._events.take(event)
+            if attempts is not None:
+                self._keep(attempts, event.test, results)  # type: ignore[attr-defined]
+
+    def close(self, results: RunResult) -> None:
+        """Put the document together."""
+        spool = self._spool
+        if spool is None:
+            return
+        for test, attempts in self._events.unfinished().items():
+            self._keep(attempts, test, results)
+        try:
+            with self._target.writing() as stream:
+                self._write(stream, spool, results)
+        finally:
+            self._spool = None
+            spool.close()
+
+    def _write(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
+        statuses: Counter[str] = Counter()
+        stream.write(to_json(self._head(results))[:-1] + b',\n"results":{"tests":[')
+        for index, (status, record) in enumerate(self._tests(spool, results)):
+            statuses[status] += 1
+            stream.write((b",\n" if index else b"\n") + record)
+        stream.write(b"],\n" + to_json(self._tail(results, statuses))[1:] + b"}\n")
+
+    def _keep(self, attempts: list[AttemptEvents], test: str, results: RunResult) -> None:
+        result, suite = results.tests.get(test), results.suite_of(test)
+        if result is not None and suite is not None and self._spool is not None:
+            self._spool.put(test, to_json(self._test(result, suite.name, attempts)))
+
+    def _tests(self, spool: Spool, results: RunResult) -> Iterator[tuple[str, bytes]]:
+        for suite in results.suites.values():
+            for result in suite.tests.values():
+                record = spool.get(result.id) if result.id in spool else to_json(self._test(result, suite.name, []))
+                yield _status(result.verdict or Verdict.NOT_RUN), record
+            for trouble in of_suite(suite):
+                yield _trouble(trouble, suite.name)
+        for trouble in of_run(results):
+            yield _trouble(trouble, "run")
+
+    def _head(self, results: RunResult) -> dict[str, Any]:
+        run = results.started.run if results.started else ""
+        return {
+            "reportFormat": "CTRF",
+            "specVersion": SPECIFICATION,
+            "reportId": _uuid(f"rtf:run:{run}:{self._milliseconds(self._first)}"),
+            "timestamp": clock.iso(round(self._last, 6)),
+            "generatedBy": "rtf",
+        }
+
+    def _tail(self, results: RunResult, statuses: Counter[str]) -> dict[str, Any]:
+        started = results.started
+        start, stop = self._milliseconds(self._first), self._milliseconds(self._last)
+        flaky = results.counts()[Verdict.FLAKY]
+        summary = {"tests": statuses.total(), **{status: statuses[status] for status in _STATUSES}, "flaky": flaky}
+        summary |= {"suites": len(results.suites), "start": start, "stop": stop, "duration": max(0, stop - start)}
+        environment: dict[str, Any] = {"extra": {"rtf": started.environment if started else {}}}
+        if started and started.robot:
+            environment["testEnvironment"] = started.robot
+        return {
+            "tool": {"name": "rtf", "version": started.version if started else ""},
+            "summary": summary,
+            "environment": environment,
+            "extra": {"rtf": {"run": members(started, "environment") if started else {}}},
+        }
+
+    @staticmethod
+    def _milliseconds(time: float | None) -> int:
+        return int(round(time or 0.0, 6) * 1000)
+
+    # One test ----------------------------------------------------------------------------------------------------
+
+    def _test(self, result: TestResult, suite: str, attempts: list[AttemptEvents]) -> dict[str, Any]:
+        planned, ended = result.planned, result.last
+        verdict = result.verdict or Verdict.NOT_RUN
+        attempts = [attempt for attempt in attempts if attempt.ended is not None] or attempts
+        last = attempts[-1] if attempts else AttemptEvents()
+        record: dict[str, Any] = {
+            "id": _uuid(f"rtf:test:{result.id}"),
+            "name": result.name or "(unnamed)",
+            "status": _status(verdict),
+            "rawStatus": verdict,
+            "suite": [suite],
+            **self._times(last),
+        }
+        if planned.file:
+            record["filePath"] = near_path(planned.file)
+        if planned.line > 0:
+            record["line"] = planned.line
+        if planned.tags:
+            record["tags"] = planned.tags
+        if planned.type:
+            record["type"] = planned.type
+        if ended is not None and (ended.detail or verdict is not Verdict.PASSED):
+            record["message"] = ended.detail or ended.reason or verdict
+        earlier = attempts[:-1]
+        if earlier:
+            record |= {"retries": len(earlier), "flaky": verdict is Verdict.FLAKY}
+            record["retryAttempts"] = [self._earlier(number, attempt) for number, attempt in enumerate(earlier, 1)]
+        return record | self._told(last) | self._beyond(result, last)
+
+    def _times(self, attempt: AttemptEvents) -> dict[str, int]:
+        started, ended = attempt.started, attempt.ended
+        times = {"duration": max(0, round(ended.duration * 1000)) if ended else 0}
+        if started is not None:
+            times["start"] = self._milliseconds(started.time)
+        if ended is not None:
+            times["stop"] = self._milliseconds(ended.time)
+        return times
+
+    def _earlier(self, number: int, attempt: AttemptEvents) -> dict[str, Any]:
+        ended = attempt.ended
+        outcome = ended.outcome if ended else Verdict.NOT_RUN
+        record = {"attempt": number, "status": _status(outcome), **self._times(attempt)}
+        if ended is not None and (ended.detail or ended.reason):
+            record["message"] = ended.detail or ended.reason
+        told = self._told(attempt)
+        allowed = ("trace", "stdout", "stderr", "attachments")
+        return record | {name: told[name] for name in allowed if name in told}
+
+    def _told(self, attempt: AttemptEvents) -> dict[str, Any]:
+        """What the events of an attempt say that CTRF has a word for."""
+        told: dict[str, Any] = {}
+        trace = [text for text in map(_trace, attempt.events) if text]
+        for event in attempt.events:
+            if isinstance(event, OutputCaptured):
+                stream = "stderr" if event.stream == "stderr" else "stdout"
+                told.setdefault(stream, []).extend(event.text.splitlines())
+            elif isinstance(event, Attached):
+                told.setdefault("attachments", []).append(self._file(event.name, event.path, event.media_type))
+            elif isinstance(event, SeriesRecorded):
+                told.setdefault("attachments", []).append(self._file(event.name, event.path, "application/x-npz"))
+            elif isinstance(event, SubResultEnded):
+                told.setdefault("steps", []).append({"name": event.subject, "status": _status(event.verdict)})
+            elif isinstance(event, ParametersResolved):
+                told["parameters"] = {row.get("name", ""): row.get("value", "") for row in event.parameters}
+        if trace:
+            told["trace"] = "\n".join(trace)
+        return told
+
+    def _beyond(self, result: TestResult, attempt: AttemptEvents) -> dict[str, Any]:
+        extra: dict[str, Any] = {"id": result.id, "plugin": result.planned.plugin, "param": result.planned.param}
+        if result.description:
+            extra["description"] = result.description
+        measured = [members(event, "test") for event in attempt.events if isinstance(event, Measured)]
+        if measured:
+            extra["measurements"] = measured
+        if attempt.started is not None and attempt.started.fixtures:
+            extra["fixtures"] = attempt.started.fixtures
+        return {"extra": {"rtf": extra}}
+
+    def _file(self, name: str, path: str, media_type: str) -> dict[str, str]:
+        return {"name": name, "contentType": media_type, "path": near_path(str(self.options.run_folder / path))}
+
+
+def _uuid(name: str) -> str:
+    """An identifier that is the same whenever the report is made again."""
+    return str(uuid.uuid5(uuid.NAMESPACE_URL, shown(name)))
+
+
+def _trace(event: Event) -> str:
+    if isinstance(event, Message) and event.severity in (Severity.FAILURE, Severity.ERROR):
+        return problem(event)
+    return f"{event.cause}\n{event.text}" if isinstance(event, StackDumped) else ""
+
+
+def _status(verdict: Verdict) -> str:
+    return _STATUS.get(verdict, "failed")
+
+
+def _trouble(trouble: Trouble, suite: str) -> tuple[str, bytes]:
+    status = "failed" if trouble.red else "other"
+    record = {
+        "name": trouble.name,
+        "status": status,
+        "rawStatus": trouble.kind,
+        "duration": 0,
+        "suite": [suite],
+        "message": trouble.message or trouble.name,
+        "trace": trouble.text,
+    }
+    return status, to_json(record)

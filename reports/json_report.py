@@ -1,0 +1,286 @@
+"""The run as one JSON document: everything the events said, in order, under stable names.
+
+``result.schema.json`` beside this file describes it. ``version`` grows when a member changes its meaning, not when
+one is added, so readers must pass over members they do not know. Members of messages, measurements and the like are
+left out where they have their default value. Numbers that JSON lacks are the words ``NaN``, ``Infinity`` and
+``-Infinity``. The order of suites and tests is that of the plan; each test stands on a line of its own.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from rtf import clock
+from rtf.testing.events import (
+    Answered,
+    Asked,
+    Attached,
+    Event,
+    FixtureChanged,
+    FixtureIncident,
+    Measured,
+    Message,
+    OutputCaptured,
+    ParametersResolved,
+    PhaseStarted,
+    RunStarted,
+    SeriesRecorded,
+    StackDumped,
+    SubResultEnded,
+    SuiteEnded,
+)
+from rtf.testing.report_files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents, members, to_json
+from rtf.testing.reporting import Reporter
+from rtf.testing.verdict import Verdict
+
+if TYPE_CHECKING:
+    from rtf.testing.results import RunResult, SuiteResult, TestResult
+
+FORMAT = "rtf-result"
+VERSION = 1
+
+#: Where each kind of event goes in the record of an attempt.
+_LISTS: dict[type[Event], str] = {
+    PhaseStarted: "phases",
+    Message: "messages",
+    Measured: "measurements",
+    SeriesRecorded: "series",
+    SubResultEnded: "parts",
+    Attached: "attachments",
+    Asked: "questions",
+    Answered: "answers",
+    OutputCaptured: "output",
+    StackDumped: "stacks",
+}
+
+
+class JsonReporter(Reporter):
+    """Writes ``result.json`` when the run is over. Without a target it writes to standard output."""
+
+    plugin_name = "json"
+    default_file = "result.json"
+
+    _spool: Spool | None = None
+
+    def open(self) -> None:
+        """Make sure the report can be written. Raises OSError."""
+        self._target = Target(self.options.target)
+        self._target.check()
+        self._spool = Spool(self._target.folder)
+        self._events = TestEvents()
+        self._suites: dict[str, dict[str, Any]] = {}
+        self._suite_of_fixture: dict[str, str] = {}
+        self._began: float | None = None
+
+    def handle(self, event: Event, results: RunResult) -> None:
+        """Take one event; a test that has ended leaves the memory."""
+        kind = type(event)
+        if kind in OF_A_TEST and event.test:  # type: ignore[attr-defined]
+            attempts = self._events.take(event)
+            if attempts is not None:
+                self._keep(attempts, results.tests.get(event.test))  # type: ignore[attr-defined]
+        elif kind in (Message, OutputCaptured, StackDumped, Attached, FixtureChanged, FixtureIncident):
+            self._beside_tests(event, results)
+        elif isinstance(event, SuiteEnded):
+            self._put_suite(event.suite)
+        elif isinstance(event, RunStarted) and self._began is None:
+            self._began = event.time
+
+    def close(self, results: RunResult) -> None:
+        """Put the document together."""
+        spool = self._spool
+        if spool is None:
+            return
+        for test, attempts in self._events.unfinished().items():
+            self._keep(attempts, results.tests.get(test))
+        try:
+            with self._target.writing() as stream:
+                self._write(stream, spool, results)
+        finally:
+            self._spool = None
+            spool.close()
+
+    # Tests -------------------------------------------------------------------------------------------------------
+
+    def _keep(self, attempts: list[AttemptEvents], result: TestResult | None) -> None:
+        if result is None or self._spool is None:
+            return
+        record = _test(result, attempts)
+        name = f"test {result.id}"
+        if name in self._spool:  # the run was resumed, and the test with it
+            record["attempts"] = json.loads(self._spool.get(name))["attempts"] + record["attempts"]
+        self._spool.put(name, to_json(record))
+
+    # Suites and fixtures -----------------------------------------------------------------------------------------
+
+    def _beside_tests(self, event: Event, results: RunResult) -> None:
+        fixture: str = getattr(event, "fixture", "")
+        suite: str = getattr(event, "suite", "") or self._suite_of_fixture.get(fixture, "")
+        if suite not in results.suites:
+            suite = ""
+        record = self._suite(suite)
+        if not fixture:
+            record[_LISTS[type(event)]].append(members(event, "suite"))
+            return
+        self._suite_of_fixture[fixture] = suite
+        if isinstance(event, FixtureChanged):
+            _enter_state(_fixture(record, fixture), event)
+        elif isinstance(event, FixtureIncident):
+            _fixture(record, fixture)["incidents"].append(members(event, "suite", "fixture"))
+        else:
+            _fixture(record, fixture)[_LISTS[type(event)]].append(members(event, "suite", "fixture"))
+
+    def _suite(self, suite: str) -> dict[str, Any]:
+        record = self._suites.get(suite)
+        if record is None:
+            name = f"suite {suite}"
+            kept = self._spool is not None and name in self._spool
+            record = json.loads(self._spool.get(name)) if kept and self._spool else {}
+            for member in ("messages", "output", "stacks", "attachments", "fixtures"):
+                record.setdefault(member, [])
+            self._suites[suite] = record
+        return record
+
+    def _put_suite(self, suite: str) -> None:
+        record = self._suites.pop(suite, None)
+        if record is not None and self._spool is not None:
+            self._spool.put(f"suite {suite}", to_json(record))
+
+    # The document ------------------------------------------------------------------------------------------------
+
+    def _write(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
+        head = {
+            "format": FORMAT,
+            "version": VERSION,
+            "run": _run(results, self._began),
+            "diagnostics": [members(event) for event in results.diagnostics],
+            "internal_errors": [members(event) for event in results.internal_errors],
+            **self._suite(""),
+        }
+        stream.write(to_json(head)[:-1] + b',\n"suites":[')
+        for index, suite in enumerate(results.suites.values()):
+            record = {**_suite_head(suite), **self._suite(suite.id)}
+            del self._suites[suite.id]
+            stream.write((b",\n" if index else b"\n") + to_json(record)[:-1] + b',\n"tests":[')
+            for number, result in enumerate(suite.tests.values()):
+                name = f"test {result.id}"
+                data = spool.get(name) if name in spool else to_json(_test(result, []))
+                stream.write((b",\n" if number else b"\n") + data)
+            stream.write(b"]}")
+        stream.write(b"]}\n")
+
+
+def _moment(time: float | None) -> str | None:
+    return None if time is None else clock.iso(round(time, 6))
+
+
+def _run(results: RunResult, began: float | None) -> dict[str, Any]:
+    started, ended, stopped = results.started, results.ended, results.interrupted
+    return {
+        "id": started.run if started else "",
+        "rtf": started.version if started else "",
+        "command": started.command if started else (),
+        "environment": started.environment if started else {},
+        "robot": started.robot if started else "",
+        "station": started.station if started else "",
+        "seed": started.seed if started else None,
+        "resumed": started.resumed if started else False,
+        "started": _moment(began),
+        "ended": _moment(ended.time) if ended else None,
+        "duration": ended.duration if ended else None,
+        "verdict": ended.verdict if ended else results.verdict(),
+        "exit_code": ended.exit_code if ended else None,
+        "counts": {str(verdict): count for verdict, count in results.counts().items()},
+        "interrupted": {"source": stopped.source, "stage": stopped.stage} if stopped else None,
+    }
+
+
+def _suite_head(suite: SuiteResult) -> dict[str, Any]:
+    planned, ended = suite.planned, suite.ended
+    return {
+        "id": suite.id,
+        "name": suite.name,
+        "file": planned.file,
+        "description": planned.description,
+        "environment": planned.environment,
+        "needs": planned.fixtures,
+        "tags": planned.tags,
+        "started": _moment(suite.started),
+        "ended": _moment(ended.time) if ended else None,
+        "duration": ended.duration if ended else None,
+        "verdict": ended.verdict if ended else None,
+        "counts": {str(verdict): count for verdict, count in suite.counts().items()},
+    }
+
+
+def _fixture(suite: dict[str, Any], name: str) -> dict[str, Any]:
+    for fixture in suite["fixtures"]:
+        if fixture["name"] == name:
+            found: dict[str, Any] = fixture
+            return found
+    lists = ("incarnations", "incidents", "messages", "output", "stacks", "attachments")
+    made: dict[str, Any] = {"name": name, **{member: [] for member in lists}}
+    suite["fixtures"].append(made)
+    return made
+
+
+def _enter_state(fixture: dict[str, Any], event: FixtureChanged) -> None:
+    incarnations = fixture["incarnations"]
+    if not incarnations or incarnations[-1]["incarnation"] != event.incarnation:
+        incarnations.append({"incarnation": event.incarnation, "pid": event.pid, "states": []})
+    incarnations[-1]["pid"] = incarnations[-1]["pid"] or event.pid
+    incarnations[-1]["states"].append(members(event, "suite", "fixture", "incarnation", "pid"))
+
+
+def _test(result: TestResult, attempts: list[AttemptEvents]) -> dict[str, Any]:
+    planned, last = result.planned, result.last
+    return {
+        "id": result.id,
+        "name": result.name,
+        "description": result.description,
+        "plugin": planned.plugin,
+        "type": planned.type,
+        "param": planned.param,
+        "tags": planned.tags,
+        "file": planned.file,
+        "line": planned.line,
+        "expected": planned.expected,
+        "repetition": planned.repetition,
+        "retries": planned.retries,
+        "run_timeout": planned.run_timeout,
+        "verdict": result.verdict or Verdict.NOT_RUN,
+        "reason": last.reason if last else "",
+        "detail": last.detail if last else "",
+        "duration": result.duration,
+        "attempts": [_attempt(attempt) for attempt in attempts],
+    }
+
+
+def _attempt(attempt: AttemptEvents) -> dict[str, Any]:
+    started, ended = attempt.started, attempt.ended
+    lists: dict[str, list[dict[str, Any]]] = {name: [] for name in _LISTS.values()}
+    parameters: tuple[dict[str, str], ...] = ()
+    for event in attempt.events:
+        name = _LISTS.get(type(event))
+        if name is not None:
+            lists[name].append(members(event, "test"))
+        elif isinstance(event, ParametersResolved):
+            parameters = event.parameters
+    return {
+        "attempt": ended.attempt if ended else started.attempt if started else 0,
+        "outcome": ended.outcome if ended else None,
+        "reason": ended.reason if ended else "",
+        "detail": ended.detail if ended else "",
+        "started": _moment(started.time) if started else None,
+        "ended": _moment(ended.time) if ended else None,
+        "duration": ended.duration if ended else 0.0,
+        "pid": started.pid if started else 0,
+        "exit_status": ended.exit_status if ended else None,
+        "signal": ended.signal if ended else "",
+        "cpu_time": ended.cpu_time if ended else 0.0,
+        "max_rss": ended.max_rss if ended else 0,
+        "fixtures": started.fixtures if started else {},
+        "parameters": parameters,
+        **lists,
+    }

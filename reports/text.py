@@ -1,0 +1,75 @@
+"""The result file of RTF's ancestor: every event as a line, then the totals.
+
+Unlike the ancestor's it is written while the run goes on, so that a runner that is killed leaves what was known. The
+file is complete when it ends with the summary, which is written in one piece. It contains everything, whatever the
+verbosity; ``detail`` adds the places.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+from typing import TYPE_CHECKING, TextIO
+
+from rtf.testing.events import SuiteEnded, TestEnded
+from rtf.testing.report_files import Target
+from rtf.testing.report_lines import lines, summary
+from rtf.testing.reporting import Reporter
+
+if TYPE_CHECKING:
+    from rtf.testing.events import Event
+    from rtf.testing.results import RunResult
+
+
+class TextReporter(Reporter):
+    """Writes ``result.txt``. Without a target it writes to standard output."""
+
+    plugin_name = "text"
+    default_file = "result.txt"
+
+    _stream: TextIO | None = None
+
+    def open(self) -> None:
+        """Begin the file anew. Raises OSError when it cannot be written."""
+        target = Target(self.options.target)
+        target.check()
+        path = target.path
+        self._stream = (
+            sys.stdout if path is None else path.open("w", encoding="utf-8", errors="backslashreplace", newline="\n")
+        )
+
+    def handle(self, event: Event, results: RunResult) -> None:
+        """Write the lines of one event; at a test's end all that was written leaves the process."""
+        if self._stream is None:
+            return
+        for line in lines(event, results):
+            if not line.runner:
+                detail = f"{line.place}\n\n" if line.place and self.options.detail else ""
+                self._write(f"{line.tag}{line.text}\n{detail}")
+        if isinstance(event, TestEnded | SuiteEnded):
+            self._write("", flush=True)
+
+    def close(self, results: RunResult) -> None:
+        """Write the totals, and have the file on the disk."""
+        self._write("", flush=True)
+        self._write(summary(results, "summary"), flush=True)
+        stream, self._stream = self._stream, None
+        if stream is not None and stream is not sys.stdout:
+            if stream.seekable():
+                os.fsync(stream.fileno())
+            stream.close()
+
+    def _write(self, text: str, *, flush: bool = False) -> None:
+        stream = self._stream
+        if stream is None:
+            return
+        try:
+            stream.write(text)
+            if flush:
+                stream.flush()
+        except OSError:
+            self._stream = None
+            with suppress(OSError):
+                stream.close()
+            raise

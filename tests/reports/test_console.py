@@ -1,0 +1,307 @@
+"""The console: what is shown at which verbosity, to whom, and that nobody can misuse it."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import re
+import struct
+import subprocess
+import sys
+import termios
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from rtf.testing.events import (
+    Answered,
+    Asked,
+    Diagnosed,
+    InternalError,
+    Interrupted,
+    Measured,
+    Message,
+    OutputCaptured,
+    PhaseStarted,
+    Progressed,
+    StackDumped,
+    SubResultEnded,
+)
+from rtf.testing.journal import FILE_NAME, Journal
+from rtf.testing.verdict import FixtureState, MeasurementVerdict, Phase, Severity, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from tests.reports.conftest import Reports, Story
+
+
+@pytest.fixture(autouse=True)
+def plain(monkeypatch: pytest.MonkeyPatch):
+    """No choice about colours comes from outside."""
+    for name in ("NO_COLOR", "FORCE_COLOR", "CI"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def console(reports: Reports, capsys: pytest.CaptureFixture[str]):
+    """Shows a story and returns what came out and what went to standard error."""
+
+    def show(story: Story, **options: Any) -> Any:
+        reports("console", story, target=None, **options)
+        return capsys.readouterr()
+
+    return show
+
+
+@pytest.fixture
+def rich_story(story: Story, check_failed: Callable[..., Message]):
+    """A bit of everything."""
+    story.begin(("arm", 4), fixtures=("sim",))
+    story.add(
+        Diagnosed(severity=Severity.WARNING, text="odd word", file="a.xml", line=3, column=4, hint="did you mean x?")
+    )
+    story.start("arm").fixture("arm", "sim", FixtureState.READY)
+    said = [
+        PhaseStarted(test="arm/t1", phase=Phase.RUN, limit=300.0),
+        Message(severity=Severity.INFO, title="reports", detail="moving", test="arm/t1", file="/lab/a.py", line=3),
+        Measured(test="arm/t1", name="reach", value=3.0, unit="deg", verdict=MeasurementVerdict.RECORDED),
+        SubResultEnded(test="arm/t1", subject="joint 3", verdict=Verdict.PASSED),
+        Progressed(test="arm/t1", fraction=0.5, text="half way"),
+        OutputCaptured(stream="stdout", text="noise\n", test="arm/t1"),
+        StackDumped(text="Thread 1", cause="hung", test="arm/t1"),
+    ]
+    story.test("arm/t1", Verdict.PASSED, *said, duration=1.5)
+    story.test("arm/t2", Verdict.FAILED, check_failed("arm/t2"), final=False, detail="too far")
+    story.test("arm/t2", Verdict.FLAKY, outcome=Verdict.PASSED, attempt=2)
+    story.incident("arm", "sim", exit_status=139, test="arm/t3").fixture("arm", "sim", FixtureState.STARTING, 2)
+    story.fixture("arm", "sim", FixtureState.READY, 2).failing("arm/t3", "too far\nreally")
+    story.test("arm/t4", Verdict.BLOCKED, attempt=0, detail="no power")
+    return story.end("arm", Verdict.FAILED).finish()
+
+
+def test_a_line_a_test_and_the_verdict_last(console: Callable[..., Any], rich_story: Story, reports: Reports):
+    """The default."""
+    expected = f"""\
+Suite arm
+  passed        t1  1.5 s
+  failed        t2  250 ms  (attempt 1, once more)
+      too far  (/lab/reach.py:12)
+  flaky         t2  250 ms
+fixture sim #1 in check: the program died (exit status 139, SIGSEGV), during arm/t3
+    | last
+    | words
+fixture sim #2 is being restarted
+fixture sim #2 is back
+  failed        t3  250 ms
+      too far …  (/lab/reach.py:12)
+  blocked       t4
+      no power
+
+Failures
+  failed  arm/t3
+      checks: too far
+      really
+        at /lab/reach.py:12
+      Traceback (most recent call last)
+  blocked  arm/t4
+      no power
+        at /lab/suites/arm.xml:4
+
+Fixture incidents
+  sim #1 in check: the program died (exit status 139, SIGSEGV), during arm/t3
+
+Slowest tests
+       1.5 s  arm/t1
+
+Reports
+  junit.xml
+  {reports.folder}
+
+FAILED  1 failed, 1 blocked, 1 flaky, 1 passed in 12.5 s
+"""
+    shown = console(rich_story, extra={"reports": "junit.xml"})
+    assert expected == shown.out
+    assert shown.err == "a.xml:3:4: warning: odd word\n  did you mean x?\n"
+
+
+def test_the_end_can_be_the_verdict_alone(console: Callable[..., Any], rich_story: Story):
+    """With ``--no-summary``."""
+    out = console(rich_story, extra={"summary": "no"}).out
+    assert "Failures" not in out
+    assert out.endswith("no power\n\nFAILED  1 failed, 1 blocked, 1 flaky, 1 passed in 12.5 s\n")
+
+
+def test_quiet_shows_what_did_not_pass_and_one_line(console: Callable[..., Any], rich_story: Story):
+    """-q."""
+    expected = """\
+fixture sim #1 in check: the program died (exit status 139, SIGSEGV), during arm/t3
+  failed        arm/t3  250 ms
+      too far …  (/lab/reach.py:12)
+  blocked       arm/t4
+      no power
+FAILED  1 failed, 1 blocked, 1 flaky, 1 passed in 12.5 s
+"""
+    assert expected == console(rich_story, verbosity=-1).out
+
+
+def test_a_quiet_run_that_passes_is_one_line(console: Callable[..., Any], story: Story):
+    """Nothing else."""
+    story.begin(("arm", 1)).start("arm").test("arm/t1").end("arm").finish()
+    assert console(story, verbosity=-1).out == "PASSED  1 passed in 12.5 s\n"
+
+
+def test_verbosity_adds_messages_and_then_output(console: Callable[..., Any], rich_story: Story):
+    """-v and -vv."""
+    usual = console(rich_story).out
+    verbose = console(rich_story, verbosity=1).out
+    most = console(rich_story, verbosity=2).out
+    for text in (
+        "reports: moving  (/lab/a.py:3)",
+        "measure  reach = 3 deg",
+        "part     joint 3 passed",
+        "running       t1",
+    ):
+        assert text not in usual
+        assert text in verbose
+    for text in ("stdout | noise", "phase    run (at most 5 min 00 s)", "50 %  half way"):
+        assert text not in verbose
+        assert text in most
+
+
+def test_what_is_no_test_goes_to_standard_error(console: Callable[..., Any], story: Story):
+    """Diagnostics, interrupts, and the framework's own errors."""
+    story.begin(("arm", 0)).add(Interrupted(source="SIGINT", stage=1), InternalError(text="broke", traceback="trace"))
+    assert (
+        console(story).err == "interrupted by SIGINT: stopping after the running test\ninternal error: broke\ntrace\n"
+    )
+
+
+def test_failures_of_suites_and_fixtures_are_always_shown(console: Callable[..., Any], story: Story):
+    """They belong to no test's line."""
+    story.begin(("arm", 1)).start("arm").test("arm/t1")
+    story.add(Message(severity=Severity.ERROR, title="teardown", detail="no answer", suite="arm", fixture="sim"))
+    out = console(story.end("arm", Verdict.FAILED).finish()).out
+    assert "error    fixture sim: teardown: no answer" in out
+    assert "Failures" in out
+
+
+def test_questions_and_answers_are_shown(console: Callable[..., Any], story: Story):
+    """The person who is asked may look only here."""
+    story.begin(("arm", 1)).start("arm")
+    asked = Asked(test="arm/t1", question="q", text="Is it up?", choices=("yes", "no"))
+    story.test("arm/t1", Verdict.PASSED, asked, Answered(test="arm/t1", question="q", source="timeout"))
+    out = console(story.end("arm").finish()).out
+    assert "question     Is it up? [yes / no]  (1 min 00 s)\n  answer       no answer (timeout)\n" in out
+
+
+@pytest.mark.parametrize("verbosity", [-1, 0, 1, 2])
+def test_nothing_a_test_says_reaches_the_terminal_raw(
+    console: Callable[..., Any], story: Story, check_failed: Callable[..., Message], verbosity: int
+):
+    """Escape sequences, carriage returns, turned writing and rich's markup are shown as they are."""
+    evil = "\x1b[2J\x9b31m\r\x07\u202e[bold]x[/bold]\x00\ud800"
+    story.begin(("arm", 2), fixtures=(evil,)).start("arm").fixture("arm", evil, FixtureState.STARTING, 2)
+    said = [
+        check_failed("arm/t1", evil, subject=evil, file=evil),
+        OutputCaptured(stream=evil, text=evil, test="arm/t1"),
+    ]
+    story.test("arm/t1", Verdict.FAILED, *said, detail=evil).incident("arm", evil, evil, output=evil, traceback=evil)
+    story.add(Diagnosed(severity=Severity.ERROR, text=evil, file=evil, hint=evil, suite=evil))
+    shown = console(story.test("arm/t2", Verdict.BLOCKED, attempt=0, detail=evil).finish(), verbosity=verbosity)
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202e\ud800-\udfff]", shown.out + shown.err)
+    assert "\\x1b[2J" in shown.out
+    assert "[bold]x[/bold]" in shown.out
+
+
+def test_colours_only_when_they_are_wanted(
+    console: Callable[..., Any], rich_story: Story, monkeypatch: pytest.MonkeyPatch
+):
+    """Not in a pipe; FORCE_COLOR asks for them, NO_COLOR wins, the caller's choice beats both."""
+    assert "\x1b" not in console(rich_story).out
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert "\x1b[32mpassed" in console(rich_story).out
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert "\x1b" not in console(rich_story).out
+    assert "\x1b" in console(rich_story, colour=True).out
+
+
+SHOW = """
+import sys
+from pathlib import Path
+from rtf.testing import journal
+from rtf.testing.reporting import Broadcast, ReportOptions, load_reporter
+
+reporter = load_reporter("console")(ReportOptions(None, Path("run")))
+reporter.open()
+broadcast = Broadcast(None, [reporter])
+for event in journal.read(Path(sys.argv[1])):
+    broadcast.emit(event)
+    if reporter._region is not None:
+        reporter._region.refresh()
+broadcast.close()
+sys.stdout.flush()
+print("rich" in sys.modules, [str(error) for error in broadcast.results.internal_errors], file=sys.stderr)
+"""
+
+
+@pytest.fixture
+def journal_path(rich_story: Story, tmp_path: Path) -> Path:
+    """The story on disk."""
+    path = tmp_path / FILE_NAME
+    with Journal(path) as journal:
+        for event in rich_story.events:
+            journal.append(event)
+    return path
+
+
+def on_a_terminal(command: list[str], **environment: str) -> tuple[str, str]:
+    """What a program writes to a terminal of 100 columns, and to standard error."""
+    leader, follower = pty.openpty()
+    fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
+    program = subprocess.Popen(
+        command, stdin=follower, stdout=follower, stderr=subprocess.PIPE, env=os.environ | environment
+    )
+    os.close(follower)
+    written = b""
+    while True:
+        try:
+            data = os.read(leader, 65536)
+        except OSError:  # Linux says so when the last one has closed the terminal
+            break
+        if not data:
+            break
+        written += data
+    os.close(leader)
+    return written.decode(), program.communicate(timeout=30)[1].decode()
+
+
+def test_a_terminal_gets_a_region_that_goes_away(journal_path: Path):
+    """The lines stay, the cursor comes back, and the verdict is the last line."""
+    out, err = on_a_terminal([sys.executable, "-c", SHOW, str(journal_path)], TERM="xterm-256color")
+    assert err.endswith("True []\n")
+    assert "sim #1 ready" in out
+    assert out.count("\x1b[?25l") == out.count("\x1b[?25h") == 1
+    plain_text = re.sub("\x1b\\[[0-9;?]*[A-Za-z]", "", out).replace("\r", "")
+    assert "  passed        t1  1.5 s\n" in plain_text
+    assert plain_text.endswith("FAILED  1 failed, 1 blocked, 1 flaky, 1 passed in 12.5 s\n")
+
+
+@pytest.mark.parametrize("environment", [{"TERM": "dumb"}, {"TERM": "xterm", "CI": "true", "NO_COLOR": "1"}])
+def test_nothing_moves_where_it_would_disturb(journal_path: Path, environment: dict[str, str]):
+    """A dumb terminal and a CI log get plain lines, and rich is not even imported."""
+    out, err = on_a_terminal([sys.executable, "-c", SHOW, str(journal_path)], **environment)
+    assert err.endswith("False []\n")
+    assert "\x1b" not in out
+
+
+def test_a_reader_that_has_seen_enough_breaks_nothing(journal_path: Path):
+    """As in ``testrunner … | head -1``."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-c", SHOW.replace("sys.stdout.flush()", ""), str(journal_path)]
+    program = subprocess.Popen(command, stdout=writing, stderr=subprocess.PIPE)
+    os.close(writing)
+    assert b"False []" in program.communicate(timeout=30)[1]

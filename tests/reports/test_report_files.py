@@ -1,0 +1,139 @@
+"""What the reporters share: texts, targets, the spool, and that memory stays small."""
+
+from __future__ import annotations
+
+import math
+import tracemalloc
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.testing import report_text
+from rtf.testing.events import FixtureIncident, InternalError, Message, TestPlanned
+from rtf.testing.report_files import Spool, Target, to_json
+from rtf.testing.reporting import Broadcast, ReportOptions, load_reporter
+from rtf.testing.verdict import Phase, Severity, Verdict
+
+if TYPE_CHECKING:
+    from tests.reports.conftest import Story
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0, "0 ms"),
+        (0.0124, "12 ms"),
+        (0.9996, "1.0 s"),
+        (59.94, "59.9 s"),
+        (59.96, "1 min 00 s"),
+        (125, "2 min 05 s"),
+        (3720, "1 h 02 min"),
+        (math.nan, "? s"),
+        (-1, "? s"),
+    ],
+)
+def test_durations_are_written_for_people(seconds: float, text: str):
+    """No unit is ever full: sixty seconds are a minute."""
+    assert text == report_text.duration(seconds)
+
+
+def test_counts_tell_first_what_needs_attention():
+    """And what there is none of is left out."""
+    numbers = {Verdict.PASSED: 4, Verdict.ERROR: 2, Verdict.FAILED: 1, Verdict.EXPECTED_FAILURE: 1, Verdict.SKIPPED: 0}
+    assert report_text.counts(numbers) == "1 failed, 2 errors, 1 expected failure, 4 passed"
+    assert report_text.counts({}) == "no tests"
+
+
+def test_places_are_links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Relative below the working directory, with line and column as far as they are known."""
+    monkeypatch.chdir(tmp_path)
+    assert report_text.place(str(tmp_path / "a.py"), 3, 4) == "a.py:3:4"
+    assert report_text.place("/else/where.py", 3) == "/else/where.py:3"
+    assert report_text.place("a.py") == "a.py"
+    assert report_text.place("", 3) == ""
+
+
+def test_harmful_characters_are_written_out():
+    """What is harmless stays as it is, line ends of another system included."""
+    assert report_text.shown("é\t\x1b[31m\x9b\u202e\r\nx\ry") == "é\t\\x1b[31m\\x9b\\u202e\nx\\x0dy"
+    assert report_text.shown("\ud83d\udc80 \ud83d") == "\U0001f480 \\ud83d"
+    assert report_text.one_line("a\nb\n") == "a …"
+
+
+def test_an_incident_is_told_in_one_sentence():
+    """Which fixture, which incarnation, in which phase, how it ended, and under which test."""
+    event = FixtureIncident(
+        fixture="sim", suite="s", incarnation=2, phase=Phase.CHECK, cause="died", exit_status=3, test="s/t"
+    )
+    assert report_text.incident(event) == "sim #2 in check: died (exit status 3), during s/t"
+
+
+def test_json_is_strict():
+    """Neither NaN nor a lone surrogate gets into it, and a pair of them is the character it stands for."""
+    record = {"a": [math.nan, math.inf, 1.5, True], "b": "\ud800\ud83d\udc80é"}
+    assert to_json(record) == '{"a":["NaN","Infinity",1.5,true],"b":"\\\\ud800\U0001f480é"}'.encode()
+
+
+def test_the_latest_piece_of_a_name_counts(tmp_path: Path):
+    """And the file of the spool has no name that could stay behind."""
+    spool = Spool(tmp_path)
+    spool.put("a", b"one")
+    spool.put("b", b"two")
+    spool.put("a", b"three")
+    assert (spool.get("a"), spool.get("b"), "c" in spool) == (b"three", b"two", False)
+    assert [*tmp_path.iterdir()] == []
+    spool.close()
+
+
+def test_a_target_that_failed_leaves_the_old_file(tmp_path: Path):
+    """Half a report is none."""
+    path = tmp_path / "report"
+    path.write_bytes(b"old")
+    with pytest.raises(TypeError), Target(path).writing() as stream:
+        stream.write("half")  # type: ignore[arg-type]  # some mistake while it is being written
+    assert path.read_bytes() == b"old"
+    assert [*tmp_path.iterdir()] == [path]
+
+
+@pytest.mark.parametrize("name", ["text", "json", "ctrf", "junit"])
+def test_a_full_disk_is_told_and_the_run_goes_on(name: str, story: Story, tmp_path: Path):
+    """Real: /dev/full takes nothing."""
+    reporter = load_reporter(name)(ReportOptions(Path("/dev/full"), tmp_path))
+    reporter.open()
+    broadcast = Broadcast(None, [reporter])
+    for event in story.begin(("arm", 1)).start("arm").test("arm/t1").end("arm").finish().events:
+        broadcast.emit(event)
+    broadcast.close()
+    (error,) = broadcast.results.internal_errors
+    assert isinstance(error, InternalError)
+    assert f"reporter {name} broke" in error.text
+    assert "No space left" in error.text
+
+
+@pytest.mark.parametrize("name", ["text", "json", "ctrf", "junit"])
+def test_memory_does_not_grow_with_what_tests_say(name: str, story: Story, tmp_path: Path):
+    """What a test said leaves the memory with it; of each test a few hundred bytes stay."""
+    reporter = load_reporter(name)(ReportOptions(tmp_path / "report", tmp_path))
+    reporter.open()
+    broadcast = Broadcast(None, [reporter])
+    for event in story.begin(("arm", 0)).events:
+        broadcast.emit(event)
+    tracemalloc.start()
+    sizes = []
+    for number in range(300):
+        test = f"arm/{number}"
+        broadcast.emit(TestPlanned(test=test, suite="arm", name=test))
+        story.events.clear()
+        story.test(test, Verdict.PASSED, *(said(test, count) for count in range(100)))
+        for event in story.events:
+            broadcast.emit(event)
+        sizes.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    broadcast.close()
+    assert sizes[299] - sizes[99] < 200 * 3000
+
+
+def said(test: str, count: int) -> Message:
+    """A message of some length."""
+    return Message(severity=Severity.PASS, title="checks", detail=f"{count} " + "x" * 200, test=test)
