@@ -1,0 +1,232 @@
+"""The command line of ``testrunner``: flat flags, those of the ancestor with their names and meaning, and ours."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import NoReturn
+
+import rtf
+from rtf.testing.verdict import ExitCode
+
+_EPILOG = """\
+commands (each has its own --help):
+  testrunner describe NAME      what a test or fixture is for, and its parameters
+  testrunner validate SUITE...  everything that is wrong in suite files, before anything moves
+  testrunner report RUN ...     write reports of a run that is over
+  testrunner where FILE         where a parameter file is looked for, and which one wins
+
+examples:
+  testrunner --suite suites/demo.xml                  run a suite
+  testrunner --suite demo.xml -k "left and not leg"   only some of its tests
+  testrunner --test my_test.py --set speed=20         one test, with a parameter
+  testrunner --suites suites -r -j 2 --junit out.xml  all suites, two at a time
+  testrunner --resume rtf-runs/latest                 only what an interrupted run still owes
+
+exit codes:
+  0 passed   1 failures   2 interrupted   3 internal error   4 usage or suite file   5 nothing ran
+  6 a fixture is not usable (the rig is broken, not the robot)
+"""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose usage errors end with our exit code."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print usage and the error to stderr, and exit."""
+        self.print_usage(sys.stderr)
+        self.exit(int(ExitCode.USAGE), f"{self.prog}: {message}\nTry '{self.prog} --help'.\n")
+
+
+def key_value(text: str) -> tuple[str, str]:
+    """Read ``key=value``."""
+    key, separator, value = text.partition("=")
+    if not separator or not key.strip():
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form key=value")
+    return key.strip(), value
+
+
+def seconds(text: str) -> float:
+    """Read a positive duration such as ``20``, ``500ms``, ``2min``."""
+    units = {"ms": 0.001, "min": 60.0, "s": 1.0, "h": 3600.0}
+    number, factor = text.strip(), 1.0
+    for name, value in units.items():
+        if number.endswith(name):
+            number, factor = number[: -len(name)], value
+            break
+    try:
+        duration = float(number) * factor
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no duration; write seconds, or 500ms, 2min, 1h") from None
+    if not 0 < duration < float("inf"):
+        raise argparse.ArgumentTypeError(f"a duration must be positive, not {text}")
+    return duration
+
+
+def count(text: str) -> int:
+    """Read a whole number, zero or more."""
+    try:
+        number = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"must not be negative, but is {text}")
+    return number
+
+
+def build_parser() -> Parser:
+    """The parser of the run command."""
+    parser = Parser(
+        prog="testrunner",
+        description="Run robot tests: isolated, supervised, truthful.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        add_help=False,
+        allow_abbrev=False,
+    )
+    _what(parser.add_argument_group("what to run"))
+    _which(parser.add_argument_group("which of it"))
+    _how(parser.add_argument_group("how"))
+    add_report_options(parser.add_argument_group("what is said and written"))
+    other = parser.add_argument_group("other")
+    other.add_argument("--version", action="version", version=f"testrunner version {rtf.__version__}")
+    other.add_argument("-?", "-h", "--help", action="help", help="show this text")
+    return parser
+
+
+def _what(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("-t", "--test", metavar="FILE", help="one test plug-in, by file or name")
+    group.add_argument(
+        "--type", metavar="TYPE", help="its type where the name does not tell: python, lua, tap, gtest, exit …"
+    )
+    group.add_argument("--tests", metavar="DIR", help="every test plug-in of a folder")
+    group.add_argument(
+        "-s", "--suite", metavar="XML", action="append", default=[], help="a suite file (may be repeated)"
+    )
+    group.add_argument("--suites", metavar="DIR", help="every suite file of a folder, in sorted order")
+    group.add_argument("-r", "--recursive", action="store_true", help="--tests and --suites descend into sub-folders")
+    group.add_argument("-p", "--param", metavar="STRING", default="", help="parameter string for --test")
+    group.add_argument("-e", "--environment", metavar="STRING", default="", help="environment string for --test")
+    group.add_argument("--repetition", metavar="N", type=count, help="run the body of each test N more times")
+    group.add_argument(
+        "--define",
+        metavar="NAME=VALUE",
+        type=key_value,
+        action="append",
+        default=[],
+        help="replace ${NAME} in suite files",
+    )
+    group.add_argument(
+        "--set",
+        metavar="KEY=VALUE",
+        type=key_value,
+        action="append",
+        default=[],
+        dest="overrides",
+        help="set a parameter of every test; beats all other sources",
+    )
+    group.add_argument("--resume", metavar="RUN", help="go on with an interrupted run: only what it still owes")
+
+
+def _which(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "-k", metavar="EXPRESSION", dest="names", help='tests whose name matches, such as "left and not leg"'
+    )
+    group.add_argument("--tags", metavar="EXPRESSION", help="tests whose tags match")
+    group.add_argument("--last-failed", action="store_true", help="tests that did not pass in the last run")
+    group.add_argument("--shuffle", metavar="SEED", type=int, help="shuffle the tests of each suite, reproducibly")
+    group.add_argument("--list", action="store_true", help="list the tests and run nothing")
+    group.add_argument("--dry-run", action="store_true", help="load plug-ins, check parameters, and run nothing")
+
+
+def _how(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "-j",
+        "--jobs",
+        metavar="N",
+        type=count,
+        default=1,
+        help="run up to N suites at a time, if they share no fixture",
+    )
+    group.add_argument(
+        "--timeout", metavar="S", type=seconds, help="limit of one run() where the suite says none (default 300)"
+    )
+    group.add_argument("--setup-timeout", metavar="S", type=seconds, help="limit of one setup() (default 60)")
+    group.add_argument("--teardown-timeout", metavar="S", type=seconds, help="limit of one teardown() (default 30)")
+    group.add_argument("--run-timeout", metavar="S", type=seconds, help="limit of the whole run")
+    group.add_argument(
+        "--grace",
+        metavar="S",
+        type=seconds,
+        help="what a test that is stopped may take to react, before a kill (default 2)",
+    )
+    group.add_argument(
+        "--retries", metavar="N", type=count, help="try a test that did not pass N more times; a late pass is 'flaky'"
+    )
+    group.add_argument(
+        "-x", "--fail-fast", action="store_true", help="start no further test after the first that does not pass"
+    )
+    group.add_argument(
+        "--isolation",
+        choices=("test", "suite", "none"),
+        help="a process per test (default), per suite, or none, for debugging",
+    )
+    group.add_argument(
+        "--memory",
+        metavar="MIB",
+        type=count,
+        help="private memory a test may use (default: 3/4 of the machine's; 0: no limit)",
+    )
+    group.add_argument(
+        "--feature", metavar="WORD", action="append", default=[], help="grant what tests require by a bare word"
+    )
+    group.add_argument(
+        "--answer",
+        metavar="TEXT",
+        help="answer operator questions with this, instead of asking ('default': their defaults)",
+    )
+    group.add_argument("--allow-empty", action="store_true", help="exit with 0 even when no test was run")
+    group.add_argument("--robot", metavar="NAME", default="", help="name of the robot, for the record")
+    group.add_argument(
+        "--station", metavar="NAME", default="", help="name of the test station, for the record (default: host name)"
+    )
+
+
+def add_report_options(group: argparse._ArgumentGroup) -> None:
+    """Add the options that say which reports are made, and how; the run and the report command share them."""
+    group.add_argument("-q", "--quiet", action="store_true", help="only what did not pass, and the verdict")
+    group.add_argument(
+        "-v", "--verbose", action="count", default=0, help="messages and measurements too; -vv: captured output too"
+    )
+    group.add_argument("-d", "--detail", action="store_true", help="file and line of each message")
+    group.add_argument(
+        "--style", choices=("console", "classic"), default="console", help="'classic' writes the ancestor's lines"
+    )
+    group.add_argument(
+        "--color",
+        "--colour",
+        choices=("auto", "always", "never"),
+        default="auto",
+        help="colours (default: on a terminal)",
+    )
+    group.add_argument("--no-summary", action="store_true", help="no summary at the end")
+    group.add_argument("-o", "--output", metavar="FILE", help="result file (default: result.txt in the run's folder)")
+    group.add_argument("--output-type", choices=("text", "junit"), default="text", help="what the result file is")
+    group.add_argument("--no-output", action="store_true", help="no result file")
+    for name, text in (("junit", "JUnit XML"), ("json", "our JSON record"), ("ctrf", "CTRF JSON")):
+        group.add_argument(f"--{name}", metavar="FILE", help=f"write {text}")
+    group.add_argument(
+        "--junit-family",
+        choices=("strict", "rich"),
+        default="strict",
+        help="'strict' is valid for Jenkins' xunit plug-in; 'rich' has properties and lines",
+    )
+    group.add_argument(
+        "--report", metavar="NAME[=FILE]", action="append", default=[], help="any other reporter plug-in"
+    )
+    group.add_argument("-w", "--web-reporter", action="store_true", help="live web page")
+    group.add_argument("--web-port", metavar="PORT", type=count, default=8080, help="its port (default 8080)")
+    group.add_argument(
+        "--runs", metavar="DIR", default="rtf-runs", help="where the folders of runs are made (default: rtf-runs)"
+    )
+    group.add_argument("--run-folder", metavar="DIR", help="the folder of this run (default: named by time and suite)")

@@ -1,0 +1,136 @@
+"""The commands beside running: describe, validate, report, where."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf.cli.arguments import Parser, key_value
+from rtf.testing.verdict import ExitCode, Severity
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+def describe(words: Sequence[str]) -> ExitCode:
+    """Print what a plug-in is for, and its parameters."""
+    from rtf.testing import plugins
+    from rtf.testing.inspection import describe_in_text, inspect_plugin, markdown
+
+    parser = Parser(prog="testrunner describe", description="What a test or fixture is for, and its parameters.")
+    parser.add_argument("name", nargs="?", help="name or file of a plug-in; without it: the names of all")
+    parser.add_argument("--fixture", action="store_true", help="a fixture manager, not a test")
+    parser.add_argument("--markdown", action="store_true", help="the parameters as a Markdown table")
+    options = parser.parse_args(words)
+    kind = "fixture" if options.fixture else "test"
+    if options.name is None:
+        return _list_plugins(kind)
+    ref = plugins.find(kind, options.name, beside=Path.cwd())
+    found = inspect_plugin(ref)
+    if found.problems:
+        print(f"{ref.path}: {'; '.join(found.problems)}", file=sys.stderr)
+        return ExitCode.USAGE
+    print(markdown(found) if options.markdown else "\n".join(describe_in_text(ref, found)))
+    return ExitCode.PASSED
+
+
+def _list_plugins(kind: str) -> ExitCode:
+    from rtf.testing import plugins
+
+    for path in plugins.all_files(kind, Path.cwd()):
+        for facts in dict.fromkeys(plugins.declared_names(path).values()):
+            print(f"{facts.class_name}  {facts.description}")
+    return ExitCode.PASSED
+
+
+def validate(words: Sequence[str]) -> ExitCode:
+    """Say everything that is wrong in suite files, their plug-ins and their parameters; run nothing."""
+    from rtf.cli.check_plan import problems_of
+    from rtf.cli.running import Plan, show_diagnostics
+    from rtf.testing.plan import Planner, load_files, suite_files
+
+    parser = Parser(
+        prog="testrunner validate", description="Everything that is wrong in suite files, before anything moves."
+    )
+    parser.add_argument("suites", nargs="+", metavar="SUITE", help="suite files, or folders of them")
+    parser.add_argument(
+        "--define", metavar="NAME=VALUE", type=key_value, action="append", default=[], help="replace ${NAME}"
+    )
+    parser.add_argument(
+        "--set",
+        metavar="KEY=VALUE",
+        type=key_value,
+        action="append",
+        default=[],
+        dest="overrides",
+        help="as for running",
+    )
+    parser.add_argument("--strict", action="store_true", help="warnings count as errors")
+    options = parser.parse_args(words)
+    files: list[tuple[Path, bool]] = []
+    for name in options.suites:
+        path = Path(name)
+        files += [(found, False) for found in suite_files(path, recursive=True)] if path.is_dir() else [(path, True)]
+    loaded = load_files(files, dict(options.define))
+    planner = Planner()
+    plan = Plan(planner.plan(planner.complete(loaded.suites)), loaded.diagnostics, loaded.has_errors)
+    found = [*loaded.diagnostics, *problems_of(plan, options.overrides)]
+    show_diagnostics(tuple(found))
+    errors = sum(item.severity is Severity.ERROR for item in found)
+    warnings = len(found) - errors
+    tests = sum(len(planned.tests) for planned in plan.suites)
+    print(f"{len(plan.suites)} suites, {tests} tests: {errors} errors, {warnings} warnings")
+    return ExitCode.USAGE if errors or (options.strict and warnings) else ExitCode.PASSED
+
+
+def report(words: Sequence[str]) -> ExitCode:
+    """Write reports of a run that is over, from its journal alone; exits as the run did."""
+    from rtf.cli.arguments import add_report_options
+    from rtf.cli.running import open_reporters
+    from rtf.testing import replay
+    from rtf.testing.reporting import Broadcast
+
+    parser = Parser(
+        prog="testrunner report",
+        description="Write reports of a run that is over, from its journal alone.",
+        add_help=False,
+        allow_abbrev=False,
+    )
+    parser.add_argument("run", metavar="RUN", help="the folder of a run, such as rtf-runs/latest, or its journal")
+    parser.add_argument("-?", "-h", "--help", action="help", help="show this text")
+    add_report_options(parser.add_argument_group("what is said and written"))
+    parser.set_defaults(no_output=True)
+    options = parser.parse_args(words)
+    if options.output:
+        options.no_output = False
+    path = Path(options.run)
+    folder = (path if path.is_dir() else path.parent).resolve()
+    events = replay.with_ends(replay.as_one_run(path))
+    first = next(events, None)
+    if first is None:
+        print(f"testrunner report: {path} holds no event", file=sys.stderr)
+        return ExitCode.USAGE
+    broadcast = Broadcast(None, open_reporters(options, folder))
+    broadcast.replay([first])
+    broadcast.replay(events)
+    broadcast.close()
+    results = broadcast.results
+    return ExitCode(results.ended.exit_code) if results.ended is not None else results.exit_code()
+
+
+def where(words: Sequence[str]) -> ExitCode:
+    """Print every place where a file is looked for, in order, and which one wins."""
+    from rtf.resources import ResourceFinder
+    from rtf.testing.plugins import shipped_folder
+
+    parser = Parser(prog="testrunner where", description="Where a parameter file is looked for, and which one wins.")
+    parser.add_argument("file", metavar="FILE", help="the file, as --from names it")
+    parser.add_argument("--context", default="RobotTesting", help="the context (default: RobotTesting)")
+    parser.add_argument("--robot", default=None, help="the robot (default: YARP_ROBOT_NAME)")
+    parser.add_argument("--suite", type=Path, default=None, metavar="XML", help="the suite beside which to look, too")
+    options = parser.parse_args(words)
+    roots = [*([options.suite.parent] if options.suite else []), shipped_folder("suites")]
+    search = ResourceFinder(contexts=[options.context], robot=options.robot, roots=roots).search(options.file)
+    print("\n".join(search.lines()))
+    return ExitCode.PASSED if search.path is not None else ExitCode.FAILURES

@@ -1,0 +1,265 @@
+"""From parsed options to a run: the plan, the run's folder, the reporters, and the run itself."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf import clock
+from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files, plugin_files, suite_files, suite_of_plugins
+from rtf.testing.suite import Isolation, SuiteError, TestSuite, Timeouts, number_suites
+from rtf.testing.verdict import ExitCode, Severity
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterator
+
+    from rtf.testing.events import Diagnosed
+    from rtf.testing.launch import Launched
+    from rtf.testing.reporting import Reporter
+    from rtf.testing.runner import RunOptions
+
+LATEST = "latest"
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What will run, and what is to be said about the files it came from."""
+
+    suites: tuple[PlannedSuite, ...]
+    diagnostics: tuple[Diagnosed, ...]
+    refused: bool
+
+
+def make_plan(options: argparse.Namespace) -> Plan:
+    """Load, complete, select and order. Raises SuiteError for what the command line gets wrong."""
+    loaded = _load(options)
+    planner = Planner()
+    suites = _select(planner.complete(loaded.suites), options)
+    return Plan(planner.plan(suites), loaded.diagnostics, loaded.has_errors)
+
+
+def _load(options: argparse.Namespace) -> Loaded:
+    made: list[TestSuite] = []
+    if options.test:
+        made.append(_suite_for(options, "test", [(options.test, options.type)]))
+    if options.tests:
+        files = plugin_files(Path(options.tests), recursive=options.recursive)
+        made.append(
+            _suite_for(options, Path(options.tests).name or "tests", [(str(path.resolve()), None) for path in files])
+        )
+    files_wanted = [(Path(name), True) for name in options.suite]
+    if options.suites:
+        files_wanted += [(path, False) for path in suite_files(Path(options.suites), recursive=options.recursive)]
+    if not files_wanted:
+        return Loaded(number_suites(made), ())
+    loaded = load_files(files_wanted, dict(options.define))
+    return Loaded(number_suites([*made, *loaded.suites]), loaded.diagnostics)
+
+
+def _suite_for(options: argparse.Namespace, name: str, plugins: list[tuple[str, str | None]]) -> TestSuite:
+    return suite_of_plugins(name, plugins, param=options.param, environment=options.environment)
+
+
+def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple[TestSuite, ...]:
+    from rtf.testing import selection
+
+    filters = []
+    planned = getattr(options, "planned", None)
+    if planned is not None:  # a run that is resumed consists of what it consisted of
+        filters.append(selection.id_filter(planned))
+    else:
+        if options.names:
+            filters.append(selection.name_filter(options.names))
+        if options.tags:
+            filters.append(selection.tag_filter(options.tags))
+        if options.last_failed:
+            filters.append(selection.id_filter(_failed_last_time(Path(options.runs))))
+    if filters:
+        selected = selection.select(suites, filters, with_required=True)
+        if not selected:
+            total = sum(len(suite.tests) for suite in suites)
+            print(f"testrunner: none of {total} tests is selected; --list shows them", file=sys.stderr)
+        suites = selected
+    if options.shuffle is not None:
+        suites = selection.shuffle(suites, options.shuffle)
+    return suites
+
+
+def _failed_last_time(runs: Path) -> frozenset[str]:
+    from rtf.testing import replay
+    from rtf.testing.results import RunResult
+
+    folder = runs / LATEST
+    if not folder.exists():
+        raise SuiteError(f"--last-failed: there is no earlier run in {runs}")
+    results = RunResult()
+    for event in replay.as_one_run(folder):
+        results.apply(event)
+    return frozenset(test.id for test in results.tests.values() if test.verdict is None or not test.verdict.good)
+
+
+def list_plan(plan: Plan) -> ExitCode:
+    """Print the tests of a plan, a line each: id, plug-in, tags, what is missing."""
+    show_diagnostics(plan.diagnostics)
+    total = 0
+    for planned in plan.suites:
+        print(f"{planned.suite.name}  ({planned.suite.file or 'command line'})")
+        for entry, found in planned.fixtures:
+            missing = "  NOT FOUND" if isinstance(found, str) else ""
+            needs = f"  needs {', '.join(entry.depends)}" if entry.depends else ""
+            print(f"  fixture {entry.name}{needs}{missing}")
+        for test in planned.tests:
+            total += 1
+            tags = f"  [{' '.join(test.entry.tags)}]" if test.entry.tags else ""
+            missing = "  NOT FOUND" if test.plugin is None else ""
+            print(f"  {test.entry.id}  {test.entry.name}{tags}{missing}")
+    print(f"{total} test{'s' if total != 1 else ''}")
+    return ExitCode.USAGE if plan.refused else ExitCode.PASSED
+
+
+def refuse(plan: Plan) -> ExitCode:
+    """Say why nothing is run: a suite that cannot be read whole is not the suite that was meant."""
+    show_diagnostics(plan.diagnostics)
+    errors = sum(diagnosed.severity is Severity.ERROR for diagnosed in plan.diagnostics)
+    print(
+        f"testrunner: nothing was run: {errors} error{'s' if errors != 1 else ''} in the suite files", file=sys.stderr
+    )
+    return ExitCode.USAGE
+
+
+def show_diagnostics(diagnostics: tuple[Diagnosed, ...]) -> None:
+    """Print what is wrong with files to stderr, the way compilers do."""
+    for diagnosed in diagnostics:
+        place = ":".join(str(part) for part in (diagnosed.file, diagnosed.line, diagnosed.column) if part)
+        hint = f" ({diagnosed.hint})" if diagnosed.hint else ""
+        print(f"{place}: {diagnosed.severity}: {diagnosed.text}{hint}", file=sys.stderr)
+
+
+def make_run_folder(options: argparse.Namespace, plan: Plan) -> Path:
+    """Make the folder of a new run, named by time, robot and suite, and point ``latest`` to it."""
+    if options.run_folder:
+        folder = Path(options.run_folder).absolute()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SuiteError(f"--run-folder {folder}: {error.strerror}") from None
+        return folder
+    runs = Path(options.runs).absolute()
+    name = plan.suites[0].suite.id if len(plan.suites) == 1 else f"{len(plan.suites)}-suites" if plan.suites else ""
+    stem = "_".join(part for part in (clock.local_stamp(clock.now()), options.robot, name[:60]) if part)
+    for count in range(1, 1000):
+        folder = runs / (stem if count == 1 else f"{stem}~{count}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise SuiteError(f"--runs {runs}: {error.strerror}; name another folder with --runs") from None
+        _point_to(runs / LATEST, folder.name)
+        return folder
+    raise SuiteError(f"{runs}: there are a thousand runs of this second already")
+
+
+def _point_to(link: Path, name: str) -> None:
+    temporary = link.with_name(f".{LATEST}.{os.getpid()}")
+    with contextlib.suppress(OSError):  # a file system without links has no 'latest', and that is all
+        temporary.symlink_to(name)
+        temporary.replace(link)
+
+
+def run_options(options: argparse.Namespace, folder: Path, words: list[str]) -> RunOptions:
+    """The options of the runner."""
+    from rtf.testing.attempt import GRACE
+    from rtf.testing.operator import make_operator
+    from rtf.testing.runner import RunOptions
+
+    return RunOptions(
+        run_folder=folder,
+        jobs=max(1, options.jobs),
+        limits=Timeouts(setup=options.setup_timeout, run=options.timeout, teardown=options.teardown_timeout),
+        run_timeout=options.run_timeout,
+        grace=options.grace or GRACE,
+        memory=_memory(options.memory),
+        overrides=tuple(options.overrides),
+        features=frozenset(options.feature),
+        isolation=Isolation(options.isolation) if options.isolation else None,
+        repetition=options.repetition,
+        retries=options.retries,
+        fail_fast=options.fail_fast,
+        allow_empty=options.allow_empty,
+        robot=options.robot,
+        station=options.station,
+        seed=options.shuffle,
+        command=tuple(words),
+        ask=make_operator(options.answer),
+    )
+
+
+def _memory(mebibytes: int | None) -> int:
+    if mebibytes is not None:
+        return mebibytes << 20
+    pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return pages * 3 // 4
+
+
+def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: Launched | None = None) -> ExitCode:
+    """Open reporters and journal, run, and close everything. ``launched`` is a nursery that is getting ready."""
+    from rtf.testing.journal import FILE_NAME, Journal
+    from rtf.testing.reporting import Broadcast
+    from rtf.testing.runner import Run
+
+    path = run.run_folder / FILE_NAME
+    if path.exists() and not run.resumed:
+        raise SuiteError(f"{run.run_folder} holds a run already; go on with it by --resume, or name another folder")
+    journal = Journal(path, resume=run.resumed)  # before any report is touched: the run may still be going on
+    broadcast = Broadcast(journal, open_reporters(options, run.run_folder))
+    if run.resumed:
+        broadcast.resume(path)
+    return Run(plan.suites, run, broadcast, launched).execute(plan.diagnostics)
+
+
+def open_reporters(options: argparse.Namespace, folder: Path) -> list[Reporter]:
+    """Make every reporter that was asked for; raises before anything runs when one could never write."""
+    from rtf.testing.reporting import ReportError, ReportOptions, load_reporter
+
+    colour = {"auto": None, "always": True, "never": False}[options.color]
+    verbosity = -1 if options.quiet else min(2, options.verbose)
+    extra = {"junit-family": options.junit_family, "summary": "no" if options.no_summary else "yes"}
+    if options.web_reporter:
+        extra["port"] = str(options.web_port)
+    reporters = []
+    wanted = [*_wanted(options, folder)]
+    extra["reports"] = ":".join(str(target) for _, target in wanted if target is not None)
+    for name, target in wanted:
+        made = load_reporter(name)(
+            ReportOptions(
+                target=target, run_folder=folder, verbosity=verbosity, detail=options.detail, colour=colour, extra=extra
+            ),
+        )
+        try:
+            made.open()
+        except (OSError, ValueError) as error:
+            raise ReportError(f"report {name} cannot be written: {error}") from None
+        reporters.append(made)
+    return reporters
+
+
+def _wanted(options: argparse.Namespace, folder: Path) -> Iterator[tuple[str, Path | None]]:
+    yield options.style, None
+    if not options.no_output:
+        name = options.output_type
+        default = folder / "result.txt" if name == "text" else Path("result.xml")
+        yield name, Path(options.output) if options.output else default
+    for name in ("junit", "json", "ctrf"):
+        if getattr(options, name):
+            yield name, Path(getattr(options, name))
+    for word in options.report:
+        name, _, target = word.partition("=")
+        yield name, Path(target) if target else None
+    if options.web_reporter:
+        yield "web", None

@@ -1,0 +1,130 @@
+"""The commands beside running: describe, validate, report, where; and the ``rtf`` command."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness import run_command, write_files
+from rtf.testing.verdict import ExitCode
+
+ELBOW = """
+from rtf.testing import TestCase, FixtureManager, Parameter
+class Elbow(TestCase):
+    '''Reaches a target.
+
+    More is said here.
+    '''
+    plugin_name = "elbow-reach"
+    tags = ("motion",)
+    speed = Parameter(float, "reference speed", unit="deg/s", default=20.0, low=1.0, high=100.0)
+    part = Parameter(str, "part of the robot")
+    def run(self):
+        self.measure("error", 0.1, "deg", high=1.0)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with one plug-in and a suite."""
+    suite = '<suite name="s"><test param="--part arm"> elbow.py </test></suite>'
+    write_files(tmp_path, {"elbow__py": ELBOW, "s__xml": suite})
+    return tmp_path
+
+
+def test_describe_prints_the_declared_parameters(folder: Path):
+    """Name, type, unit, default, range and meaning, and what the author wrote."""
+    done = run_command(folder, "describe", "elbow-reach")
+    assert done.exit_code == 0
+    assert "Elbow (also: elbow-reach)" in done.stdout
+    assert "More is said here." in done.stdout
+    assert "speed" in done.stdout
+    assert "within [1, 100] deg/s" in done.stdout
+    assert "required" in done.stdout
+
+
+def test_describe_writes_markdown_for_the_documentation(folder: Path):
+    """The same table, to be put into a page."""
+    done = run_command(folder, "describe", "elbow.py", "--markdown")
+    assert "| `speed` | float | deg/s | `20` | within [1, 100] deg/s | reference speed |" in done.stdout
+
+
+def test_describe_survives_a_plugin_that_does_not_load(folder: Path):
+    """A crash or a hang while loading is a finding."""
+    (folder / "crash.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n")
+    done = run_command(folder, "describe", "crash.py")
+    assert done.exit_code == ExitCode.USAGE
+    assert "SIGSEGV" in done.stderr
+
+
+def test_describe_of_nothing_lists_all(folder: Path):
+    """What is there to be described."""
+    assert "Elbow  Reaches a target." in run_command(folder, "describe").stdout
+    assert "process" in run_command(folder, "describe", "--fixture").stdout.lower()
+
+
+def test_validate_tells_every_problem_of_every_file(folder: Path):
+    """Suite files, plug-ins, parameters and parameter files: all of it before anything moves."""
+    (folder / "bad.xml").write_text(
+        '<suite name="bad">\n<fixture>nonesuch</fixture>\n<test param="--part arm --sped 3">elbow.py</test>\n'
+        '<test>missing</test>\n<test param="--from lost.ini">elbow.py</test>\n</suite>',
+    )
+    done = run_command(folder, "validate", "bad.xml", "s.xml")
+    assert done.exit_code == ExitCode.USAGE
+    for said in ("did you mean 'speed'", "no fixture plug-in 'nonesuch'", "no test plug-in 'missing'", "lost.ini"):
+        assert said in done.stderr, said
+    assert "2 suites, 4 tests: 4 errors, 0 warnings" in done.stdout
+    assert run_command(folder, "validate", "s.xml").exit_code == ExitCode.PASSED
+
+
+def test_report_rebuilds_reports_from_the_journal(folder: Path):
+    """A report made later is the report made then."""
+    run_command(folder, "-s", "s.xml", "--junit", "then.xml")
+    done = run_command(folder, "report", "rtf-runs/latest", "--junit", "later.xml", "-q")
+    assert done.exit_code == 0
+    assert (folder / "later.xml").read_bytes() == (folder / "then.xml").read_bytes()
+
+
+def test_report_exits_as_the_run_did(folder: Path):
+    """A pipeline may report in a step of its own."""
+    run_command(folder, "-t", "elbow.py")
+    assert run_command(folder, "report", "rtf-runs/latest").exit_code == ExitCode.FAILURES
+
+
+def test_report_of_nothing_is_an_error(folder: Path):
+    """A wrong path is named."""
+    done = run_command(folder, "report", "nowhere")
+    assert done.exit_code == ExitCode.USAGE
+    assert "nowhere" in done.stderr
+
+
+def test_where_prints_every_place_and_which_one_wins(folder: Path):
+    """The nearest file wins, and the one that was hidden by it is shown."""
+    (folder / "camera.ini").write_text("a 1\n")
+    context = folder / "contexts" / "icubSim"
+    context.mkdir(parents=True)
+    (context / "camera.ini").write_text("a 2\n")
+    done = run_command(folder, "where", "camera.ini", "--context", "icubSim")
+    assert done.exit_code == 0
+    assert done.stdout.splitlines()[0] == f"camera.ini: {folder / 'camera.ini'}"
+    assert "shadowed" in done.stdout
+    assert run_command(folder, "where", "nonesuch.ini").exit_code == ExitCode.FAILURES
+
+
+def test_rtf_gathers_the_tools(folder: Path):
+    """One name, a word for each tool; a misspelt one is told."""
+
+    def rtf(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "rtf.cli.tools", *arguments]
+        return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+
+    assert rtf("--help").returncode == 0
+    assert rtf("version").stdout.startswith("rtf version ")
+    assert rtf("run", "-s", "s.xml", "-q").returncode == 0
+    assert rtf("describe", "elbow.py").returncode == 0
+    wrong = rtf("descrbe")
+    assert wrong.returncode == ExitCode.USAGE
+    assert "descrbe" in wrong.stderr

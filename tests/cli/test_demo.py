@@ -1,0 +1,62 @@
+"""The demonstration: from the checkout, and from a wheel in an environment that has nothing else."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def call(*command: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end."""
+    environment = {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "VIRTUAL_ENV"}}
+    words = [str(word) for word in command]
+    return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, timeout=110, check=False)
+
+
+def test_the_demo_sees_what_happens(tmp_path: Path):
+    """Every verdict of the demonstration is the expected one, and the last line says so."""
+    done = call(sys.executable, "-m", "rtf.cli.tools", "demo", folder=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.rstrip().splitlines()[-1].startswith("DEMO PASSED")
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, built from the checkout."""
+    folder = tmp_path_factory.mktemp("wheel")
+    done = call(sys.executable, "-m", "build", "--no-isolation", "--wheel", "--outdir", folder, ROOT, folder=folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+def test_the_wheel_puts_only_rtf_into_site_packages(wheel: Path):
+    """No generic name such as ``fixtures`` or ``tests`` reaches anybody's environment."""
+    tops = {name.partition("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"rtf"}
+    names = zipfile.ZipFile(wheel).namelist()
+    for shipped in (
+        "rtf/shipped/reports/junit.py",
+        "rtf/shipped/fixtures/process.py",
+        "rtf/shipped/suites/demo/demo.xml",
+    ):
+        assert shipped in names
+
+
+def test_the_wheel_runs_the_demo_in_an_empty_environment(wheel: Path, tmp_path: Path):
+    """What is installed is complete: nothing of the checkout is needed."""
+    venv.create(tmp_path / "env", with_pip=True)
+    python = tmp_path / "env" / "bin" / "python"
+    installed = call(python, "-m", "pip", "install", "--quiet", f"{wheel}[lua]", folder=tmp_path)
+    assert installed.returncode == 0, installed.stderr
+    done = call(tmp_path / "env" / "bin" / "rtf", "demo", folder=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "DEMO PASSED" in done.stdout

@@ -1,0 +1,238 @@
+"""The command line as its users meet it: every call is a real process."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from harness import Command, run_command, write_files
+from rtf.cli.arguments import build_parser
+from rtf.testing.verdict import ExitCode, Verdict
+
+FINE = """
+from rtf.testing import TestCase, Parameter
+class Fine(TestCase):
+    "Always passes."
+    tags = ("quick",)
+    level = Parameter(int, "a level", default=1, low=0, high=9)
+    def run(self):
+        self.check(True, f"level {self.level}")
+"""
+BAD = """
+from rtf.testing import TestCase
+class Bad(TestCase):
+    "Always fails."
+    def run(self):
+        self.check(False, "this is wrong")
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with two plug-ins and a suite of both."""
+    write_files(
+        tmp_path,
+        {
+            "fine__py": FINE,
+            "bad__py": BAD,
+            "both__xml": '<suite name="both"><test tags="one"> fine.py </test><test> bad.py </test></suite>',
+            "fine__xml": '<suite name="good"><test> fine.py </test></suite>',
+        },
+    )
+    return tmp_path
+
+
+def test_every_flag_of_the_ancestor_is_known():
+    """Scripts that call the ancestor's runner keep working."""
+    known = {name for action in build_parser()._actions for name in action.option_strings}
+    ancestors = (
+        "-t --test --tests -s --suite --suites -r --recursive -p --param -e --environment --repetition -o --output "
+        "--output-type --no-output --no-summary -w --web-reporter --web-port -d --detail -v --verbose --version -? "
+        "--help"
+    )
+    assert set(ancestors.split()) <= known
+
+
+def test_help_teaches_and_is_no_error(folder: Path):
+    """Help goes to standard output, names the exit codes, and exits with 0."""
+    done = run_command(folder, "--help")
+    assert done.exit_code == 0
+    assert "exit codes" in done.stdout
+    assert not done.stderr
+
+
+def test_without_a_selection_help_is_shown_and_it_is_an_error(folder: Path):
+    """Nothing to do is a mistake."""
+    done = run_command(folder)
+    assert done.exit_code == ExitCode.USAGE
+    assert "usage: testrunner" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--siute", "x.xml"], "did you mean --suite"),
+        (["both.xml"], "Suites are named with --suite"),
+        (["-s", "fine.xml", "--timeout", "never"], "is no duration"),
+        (["-s", "fine.xml", "--repetition", "-2"], "must not be negative"),
+        (["-s", "fine.xml", "--set", "level"], "key=value"),
+        (["-s", "fine.xml", "-k", "left and"], "column"),
+        (["-s", "missing.xml"], "missing.xml"),
+        (["-s", "fine.xml", "--junit", "/proc/no/x.xml"], "/proc/no"),
+        (["-s", "fine.xml", "--report", "nonesuch"], "no report plug-in 'nonesuch'"),
+        (["--suites", "nowhere"], "no folder"),
+        (["-s", "fine.xml", "--last-failed"], "no earlier run"),
+    ],
+)
+def test_wrong_usage_is_told_before_anything_runs(folder: Path, arguments: list[str], said: str):
+    """Exit code 4, a sentence that names the thing, and no run."""
+    done = run_command(folder, *arguments)
+    assert done.exit_code == ExitCode.USAGE
+    assert said in done.stderr
+    assert not done.events
+
+
+def test_passing_and_failing_runs(folder: Path):
+    """0 and 1, and the verdict is the last line."""
+    good = run_command(folder, "-s", "fine.xml")
+    assert good.exit_code == ExitCode.PASSED
+    assert good.stdout.rstrip().splitlines()[-1].startswith("PASSED  1 passed")
+    both = run_command(folder, "-s", "both.xml")
+    assert both.exit_code == ExitCode.FAILURES
+    assert both.stdout.rstrip().splitlines()[-1].startswith("FAILED")
+    assert (both.verdict("fine"), both.verdict("bad")) == (Verdict.PASSED, Verdict.FAILED)
+
+
+def test_a_plugin_that_is_missing_is_a_failed_entry(folder: Path):
+    """The ancestor left it out and passed."""
+    (folder / "x.xml").write_text('<suite name="x"><test>Nonesuch</test><test>fine.py</test></suite>')
+    done = run_command(folder, "-s", "x.xml", "--junit", "out.xml")
+    assert done.exit_code == ExitCode.FAILURES
+    assert done.verdict("nonesuch") is Verdict.ERROR
+    assert "tried" in done.detail("nonesuch")
+    assert "Nonesuch" in (folder / "out.xml").read_text()
+
+
+def test_an_empty_run_is_not_a_success(folder: Path):
+    """No test, no pass; unless it is asked for."""
+    (folder / "empty.xml").write_text('<suite name="empty"/>')
+    assert run_command(folder, "-s", "empty.xml").exit_code == ExitCode.NOTHING_RAN
+    assert run_command(folder, "-s", "empty.xml", "--allow-empty").exit_code == ExitCode.PASSED
+
+
+def test_a_suite_that_cannot_be_read_whole_is_not_run(folder: Path):
+    """All problems with line and column, exit code 4, and nothing runs."""
+    (folder / "wrong.xml").write_text('<suite name="w">\n <test retries="-3">fine.py</test>\n <test/>\n</suite>')
+    done = run_command(folder, "-s", "wrong.xml")
+    assert done.exit_code == ExitCode.USAGE
+    assert re.search(r"wrong\.xml:2:\d+: error", done.stderr)
+    assert re.search(r"wrong\.xml:3:\d+: error", done.stderr)
+    assert not done.events
+
+
+def test_one_test_with_parameters(folder: Path):
+    """``--test`` with ``--param``, ``--set`` and ``--repetition`` as the ancestor has them."""
+    done = run_command(folder, "-t", "fine.py", "-p", "--level 3", "--repetition", "2", "-v")
+    assert done.exit_code == ExitCode.PASSED
+    assert done.stdout.count("level 3") >= 3
+    assert run_command(folder, "-t", "Fine", "--set", "level=12").exit_code == ExitCode.FAILURES
+
+
+def test_folders_of_tests_and_suites_are_sorted(folder: Path):
+    """The order is that of the names, and sub-folders are entered on request."""
+    (folder / "sub").mkdir()
+    (folder / "sub" / "a.xml").write_text('<suite name="deep"><test>../fine.py</test></suite>')
+    (folder / "notes.xml").write_text("<notes/>")
+    listed = run_command(folder, "--suites", ".", "-r", "--list")
+    assert listed.exit_code == 0
+    assert [line.split("  ")[0] for line in listed.stdout.splitlines() if line.endswith(")")] == [
+        "both",
+        "good",
+        "deep",
+    ]
+    tests = run_command(folder, "--tests", ".", "--list")
+    assert re.findall(r"^  \S+/(\w+)", tests.stdout, re.MULTILINE) == ["bad", "fine"]
+
+
+def test_selection(folder: Path):
+    """By name, by tag of the suite, by tag of the author, and by what failed the last time."""
+    names = ["-s", "both.xml", "--list"]
+    assert "bad" not in run_command(folder, *names, "-k", "fine").stdout
+    assert "bad" not in run_command(folder, *names, "--tags", "one").stdout
+    assert "bad" not in run_command(folder, *names, "--tags", "quick").stdout
+    run_command(folder, "-s", "both.xml")
+    again = run_command(folder, "-s", "both.xml", "--last-failed")
+    assert [*again.results.tests] == ["both/bad"]
+
+
+def test_shuffling_is_reproducible(folder: Path):
+    """One seed, one order."""
+    many = "".join(f'<test name="t{index}">fine.py</test>' for index in range(9))
+    (folder / "many.xml").write_text(f'<suite name="many">{many}</suite>')
+    first = run_command(folder, "-s", "many.xml", "--list", "--shuffle", "7").stdout
+    assert first == run_command(folder, "-s", "many.xml", "--list", "--shuffle", "7").stdout
+    assert first != run_command(folder, "-s", "many.xml", "--list").stdout
+
+
+def test_a_dry_run_finds_what_is_wrong_and_runs_nothing(folder: Path):
+    """Plug-ins are loaded and parameters checked, in processes of their own."""
+    (folder / "dry.xml").write_text(
+        '<suite name="dry"><test param="--level 99">fine.py</test><test>boom.py</test><test>fine.py</test></suite>',
+    )
+    (folder / "boom.py").write_text("import os\nos._exit(3)\n")
+    done = run_command(folder, "-s", "dry.xml", "--dry-run")
+    assert done.exit_code == ExitCode.USAGE
+    assert "99 is not within [0, 9]" in done.stderr
+    assert "exit status 3" in done.stderr
+    assert "nothing was run, 2 errors found" in done.stdout
+    assert run_command(folder, "-s", "fine.xml", "--dry-run").exit_code == ExitCode.PASSED
+
+
+def test_the_result_file_is_where_it_was_asked_for(folder: Path):
+    """``-o`` and ``--output-type`` as in the ancestor; without them the file lies in the run's folder."""
+    done = run_command(folder, "-s", "fine.xml")
+    assert "Number of passed test cases  : 1" in (done.folder / "result.txt").read_text()
+    run_command(folder, "-s", "fine.xml", "-o", "mine.txt")
+    assert "Test case" in (folder / "mine.txt").read_text()
+    run_command(folder, "-s", "fine.xml", "--output-type", "junit", "-o", "mine.xml")
+    assert "<testsuites" in (folder / "mine.xml").read_text()
+    before = {path.name for path in folder.iterdir()}
+    run_command(folder, "-s", "fine.xml", "--no-output")
+    assert {path.name for path in folder.iterdir()} == before
+
+
+def test_classic_style_writes_the_ancestors_lines(folder: Path):
+    """Log scrapers keep working."""
+    done = run_command(folder, "-s", "both.xml", "--style", "classic", "-v")
+    lines = done.stdout.splitlines()
+    assert lines[0] == "Starting test runner."
+    assert "Test suite both started..." in lines
+    assert "[FAIL]  (bad) checks: this is wrong" in lines
+    assert "Test case bad failed!" in lines
+
+
+def test_version(folder: Path):
+    """A number, exit 0."""
+    done = run_command(folder, "--version")
+    assert re.fullmatch(r"testrunner version \d+\.\d+\.\d+\n", done.stdout)
+
+
+def test_what_failed_last_can_be_interrupted_and_resumed(folder: Path):
+    """A resumed run consists of the tests it consisted of, whatever had selected them."""
+    (folder / "slow.py").write_text(
+        FINE.replace("def run(self):", "def run(self):\n        import time; time.sleep(60)")
+    )
+    (folder / "mixed.xml").write_text(
+        '<suite name="mixed"><test>fine.py</test><test>bad.py</test><test timeout="0.1">slow.py</test></suite>',
+    )
+    run_command(folder, "-s", "mixed.xml")
+    run = Command(
+        folder, "-s", "mixed.xml", "--last-failed", "--timeout", "50", "--run-timeout", "0.7", "--retries", "200"
+    )
+    assert run.wait().exit_code == ExitCode.INTERRUPTED
+    (folder / "slow.py").write_text(FINE.replace("Fine", "Slow"))
+    resumed = run_command(folder, "--resume", "rtf-runs/latest")
+    assert set(resumed.results.tests) == {"mixed/bad", "mixed/slow"}
+    assert resumed.exit_code == ExitCode.FAILURES
