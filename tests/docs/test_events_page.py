@@ -1,0 +1,31 @@
+"""The page on events and the classes say the same."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from rtf.testing.events import KINDS, schema_of
+
+PAGE = Path(__file__).parents[2] / "docs" / "events.md"
+
+
+def documented() -> dict[str, set[str]]:
+    """The kinds of the page's tables with their members."""
+    found = {}
+    for line in PAGE.read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.split("|")]
+        if len(cells) > 3 and cells[1].startswith("`"):
+            found[cells[1].strip("`")] = set(re.findall(r"`(\w+)`", cells[2]))
+    return found
+
+
+def test_every_kind_is_documented():
+    """No event exists that a reader cannot look up, and none is described that does not exist."""
+    assert set(documented()) == set(KINDS)
+
+
+def test_every_member_is_documented():
+    """Likewise for the members of each event."""
+    for kind, members in documented().items():
+        assert set(schema_of(KINDS[kind]).names) - {"seq"} == members, kind

@@ -1,0 +1,104 @@
+"""Every page of the documentation is run: its files are written, its commands executed, their output compared."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+BLOCK = re.compile(r"^```(?P<info>[^\n]*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def blocks(page: Path) -> list[tuple[str, dict[str, str], str]]:
+    """The fenced blocks of a page: language, attributes of the info string, text."""
+    found = []
+    for match in BLOCK.finditer(page.read_text(encoding="utf-8")):
+        language, *words = match["info"].split() or [""]
+        attributes = dict(word.partition("=")[::2] for word in words)
+        found.append((language, attributes, match["body"]))
+    return found
+
+
+def runnable(page: Path) -> bool:
+    """Whether a page has something to run."""
+    return any(language == "console" or "file" in attributes for language, attributes, _ in blocks(page))
+
+
+def matches(expected: str, printed: str) -> bool:
+    """Whether the expected lines occur in this order, white space aside.
+
+    ``…`` stands for anything inside a line, and alone for any lines.
+    """
+    position = 0
+    lines = [" ".join(line.split()) for line in printed.splitlines()]
+    for wanted in (" ".join(line.split()) for line in expected.splitlines()):
+        if wanted in ("", "…"):
+            continue
+        pattern = re.compile(".*".join(re.escape(part) for part in wanted.split("…")))
+        while position < len(lines) and not pattern.fullmatch(lines[position]):
+            position += 1
+        if position == len(lines):
+            return False
+        position += 1
+    return True
+
+
+def commands(body: str) -> list[tuple[str, str]]:
+    """The commands of a console block, each with the output that is shown for it."""
+    found: list[tuple[str, str]] = []
+    for line in body.splitlines():
+        if line.startswith("$ "):
+            found.append((line[2:], ""))
+        elif found:
+            command, output = found[-1]
+            found[-1] = (command, f"{output}{line}\n")
+    return found
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if runnable(page)], ids=lambda page: page.stem)
+def test_a_page_does_what_it_says(page: Path, tmp_path: Path):
+    """Files and commands of a page, in order, in one folder, give what the page shows."""
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "NO_COLOR": "1"}
+    environment["COLUMNS"] = "160"
+    for language, attributes, body in blocks(page):
+        if "file" in attributes:
+            path = tmp_path / attributes["file"]
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(body, encoding="utf-8")
+            if body.startswith("#!"):
+                path.chmod(0o755)
+        elif language == "console":
+            for command, shown in commands(body):
+                if command.startswith(("make ", "git ", "pip ")):
+                    continue  # what installs the project is run by CI itself
+                done = subprocess.run(
+                    shlex.split(command, comments=True),
+                    cwd=tmp_path,
+                    env=environment,
+                    capture_output=True,
+                    text=True,
+                    stdin=subprocess.DEVNULL,
+                    timeout=100,
+                    check=False,
+                )
+                printed = done.stdout + done.stderr
+                assert done.returncode == int(attributes.get("exit", "0")), f"{command}\n{printed}"
+                assert matches(shown, printed), f"{command}\nshown:\n{shown}\nprinted:\n{printed}"
+
+
+def test_no_page_is_a_dead_end():
+    """Every relative link of every page leads somewhere."""
+    dead = [
+        f"{page.relative_to(ROOT)}: {target}"
+        for page in PAGES
+        for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
+        if "://" not in target and not (page.parent / target).exists()
+    ]
+    assert not dead, dead
