@@ -282,7 +282,7 @@ class Attempt:
 
     def _hear(self, line: bytes) -> None:
         try:
-            message = json.loads(line)
+            message = json.loads(line.decode())
             if type(message) is dict and "finished" in message:
                 self._finished = {str(key): str(value) for key, value in message["finished"].items()}
                 self._deadline = clock.Deadline.after(_LEAVING)
@@ -396,7 +396,7 @@ class Attempt:
             return self._stopped_verdict(self._stop)
         end = self._require_child().end
         finished = self._finished
-        if finished is None:
+        if finished is None or (end is not None and end.status is None):
             return self._crash()
         if end is not None and end.status != 0:
             how = processes.describe_end(end.exit_status, end.signal)

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 #: A line longer than this is no event of ours; the child that sends it is ended.
 LINE_LIMIT = 32 << 20
 _CHUNK = 1 << 18
+#: More than any pipe holds; yet a stray that could not be killed must not write for ever.
+_LAST_CHUNKS = 64
 _START_LIMIT = 60.0
 _SEND_LIMIT = 5.0
 
@@ -147,7 +149,7 @@ class Child:
         self._reactor.cancel(self._listen)
         self._read_events()
         for name in [*self._streams]:
-            self._read_output(name)
+            self._read_output(name, chunks=_LAST_CHUNKS)
         self._close_events()
         for name in [*self._streams]:
             self._close_stream(name)
@@ -178,11 +180,11 @@ class Child:
             if len(data) < _CHUNK:
                 return
 
-    def _read_output(self, name: str) -> None:
+    def _read_output(self, name: str, chunks: int = 1) -> None:
         # One chunk a turn: a child that floods its output must not keep the runner from its deadlines.
-        chunks = 1 if self.end is None else 1 << 30
-        while name in self._streams and chunks:
-            chunks -= 1
+        for _ in range(chunks):
+            if name not in self._streams:
+                return
             try:
                 data = os.read(self._streams[name], _CHUNK)
             except BlockingIOError:
@@ -348,6 +350,11 @@ class Template(Brood):
         self._attach(child.become_template(job.to_message(), self._printed))
 
     @property
+    def pid(self) -> int:
+        """Its process."""
+        return self._child.pid
+
+    @property
     def usable(self) -> bool:
         """Whether tests can be forked from it."""
         return bool(self._fit) and self._control is not None
@@ -483,9 +490,10 @@ class Nursery(Brood):
         return data.decode("utf-8", "backslashreplace")
 
     def rouse(self) -> None:
-        """Let the nursery go on, should somebody have stopped it."""
+        """Let the nursery and its templates go on, should somebody have stopped one."""
         if self._process is not None:
-            processes.signal_process(self._process.pid, signal.SIGCONT)
+            for pid in (self._process.pid, *(template.pid for template in self._templates.values())):
+                processes.signal_process(pid, signal.SIGCONT)
 
     def abandon(self) -> None:
         """Kill a nursery that does not do its work, and with it all of its children."""

@@ -463,6 +463,7 @@ class _Schema:
     defaults: dict[str, object]
     checks: dict[str, tuple[type, ...]]
     plain: dict[str, type]  # members for which the one look at the type is all there is to check
+    words: dict[str, dict[str, object]]  # what the words of an enumeration stand for; faster than asking its class
     enums: dict[str, type]
     tuples: frozenset[str]
     required: frozenset[str]
@@ -482,6 +483,9 @@ def _schema(cls: type[Event]) -> _Schema:
         defaults=defaults,
         checks={name: _CHECKS[text] for name, text in annotations.items()},
         plain={name: _PLAIN[text] for name, text in annotations.items() if text in _PLAIN},
+        words={
+            name: {word.value: word for word in _ENUMS[text]} for name, text in annotations.items() if text in _ENUMS
+        },
         enums={name: _ENUMS[text] for name, text in annotations.items() if text in _ENUMS},
         tuples=frozenset(name for name, text in annotations.items() if text.startswith("tuple")),
         required=frozenset(required),
@@ -567,6 +571,9 @@ def from_record(record: object) -> Event:
     for name, value in record.items():
         if schema.plain.get(name) is value.__class__:
             members[name] = value
+            continue
+        if value.__class__ is str and name in schema.words and value in schema.words[name]:
+            members[name] = schema.words[name][value]
             continue
         allowed = schema.checks.get(name)
         if allowed is None:

@@ -18,6 +18,7 @@ from rtf.testing.events import OutputCaptured, TestEnded, TestStarted
 from rtf.testing.job import Job
 from rtf.testing.nursery import unfit_because
 from rtf.testing.reactor import Reactor
+from rtf.testing.suite import Timeouts
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -190,7 +191,27 @@ class It(TestCase):
         code = WHO_LOADED + "        if LOADED_BY != os.getpid():\n            os.kill(os.getppid(), 9)\n"
         outcome = run_suite(tmp_path, THRICE, it__py=code)
         assert outcome.verdict("one") is Verdict.ERROR
+        assert "the process from which tests are forked was lost" in outcome.detail("one")
         assert [said(outcome, name) for name in NAMES[1:]] == ["in the test"] * 2
+
+    def test_a_template_that_is_stopped_goes_on(self, tmp_path: Path):
+        """A test that stops the process it was forked from is noticed, and the tests after it run."""
+        code = f"{WHO_LOADED}        if self.folder.name == 'one':\n            os.kill(os.getppid(), 19)\n"
+        outcome = run_suite(tmp_path, THRICE, options={"limits": Timeouts(total=1.0)}, it__py=code)
+        assert [outcome.verdict(name) for name in NAMES[1:]] == [Verdict.PASSED] * 2
+
+    def test_all_that_a_test_wrote_is_told(self, tmp_path: Path):
+        """What is still in a pipe that holds more than usual when the test ends is not lost."""
+        code = """
+import fcntl, os
+from rtf.testing import TestCase
+class It(TestCase):
+    def run(self):
+        fcntl.fcntl(1, fcntl.F_SETPIPE_SZ, 1 << 20)
+        os.write(1, b"x" * 600_000 + b"the end\\n")
+"""
+        outcome = run_suite(tmp_path, '<test name="one">it.py</test>', it__py=code)
+        assert "".join(event.text for event in outcome.of(OutputCaptured)).endswith("the end\n")  # type: ignore[attr-defined]
 
     def test_what_a_test_leaves_behind_is_gone_before_the_next_begins(self, tmp_path: Path):
         """A template ends strays as the nursery does: whoever a test has started does not live on."""
