@@ -9,13 +9,13 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, TextIO
 
-from rtf.testing.report_lines import lines, summary
-from rtf.testing.report_text import encodable, wants_colour
+from rtf.testing.report.lines import lines, summary
+from rtf.testing.report.text import encodable, wants_colour
 from rtf.testing.reporting import Reporter
 
 if TYPE_CHECKING:
     from rtf.testing.events import Event
-    from rtf.testing.report_lines import Line
+    from rtf.testing.report.lines import Line
     from rtf.testing.results import RunResult
 
 #: The ancestor's colours, but for its grey, which is black and cannot be read on a dark terminal.

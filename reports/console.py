@@ -16,7 +16,6 @@ import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING, TextIO
 
-from rtf.testing import report_text
 from rtf.testing.events import (
     Answered,
     Asked,
@@ -37,14 +36,15 @@ from rtf.testing.events import (
     TestEnded,
     TestStarted,
 )
-from rtf.testing.report_text import measurement, one_line, place, problem, sentence, shown
+from rtf.testing.report import text as report_text
+from rtf.testing.report.text import measurement, one_line, place, problem, sentence, shown
 from rtf.testing.reporting import Reporter, ReportOptions
 from rtf.testing.verdict import FixtureState, MeasurementVerdict, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.testing.report_live import Region
+    from rtf.testing.report.live import Region
     from rtf.testing.results import RunResult, TestResult
 
 _STYLES = {
@@ -88,7 +88,7 @@ class ConsoleReporter(Reporter):
         self._err_coloured = report_text.wants_colour(self._err, self.options.colour)
         moving = report_text.capable_terminal(self._out) and not os.environ.get("CI")
         if moving and self.options.verbosity >= 0:
-            from rtf.testing.report_live import Region
+            from rtf.testing.report.live import Region
 
             self._region = Region(self._out, coloured=self._coloured)
 

@@ -24,16 +24,16 @@ from rtf.testing.events import (
     StackDumped,
     SubResultEnded,
 )
-from rtf.testing.report_files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents, members, to_json
-from rtf.testing.report_text import near_path, problem, shown
-from rtf.testing.report_troubles import of_run, of_suite
+from rtf.testing.report.files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents, members, to_json
+from rtf.testing.report.text import near_path, problem, shown
+from rtf.testing.report.troubles import of_run, of_suite
 from rtf.testing.reporting import Reporter
 from rtf.testing.verdict import Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.testing.report_troubles import Trouble
+    from rtf.testing.report.troubles import Trouble
     from rtf.testing.results import RunResult, TestResult
 
 SPECIFICATION = "0.1.0"

@@ -30,7 +30,7 @@ from rtf.testing.events import (
     SubResultEnded,
     SuiteEnded,
 )
-from rtf.testing.report_files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents, members, to_json
+from rtf.testing.report.files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents, members, to_json
 from rtf.testing.reporting import Reporter
 from rtf.testing.verdict import Verdict
 

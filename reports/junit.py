@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.testing.events import Event, SuiteEnded
-from rtf.testing.report_files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents
-from rtf.testing.report_junit import CaseWriter, attributes, element, kind_of, properties_of, seconds_of, trouble_case
-from rtf.testing.report_text import near_path
-from rtf.testing.report_troubles import Trouble, of_run, of_suite
+from rtf.testing.report.files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents
+from rtf.testing.report.junit import CaseWriter, attributes, element, kind_of, properties_of, seconds_of, trouble_case
+from rtf.testing.report.text import near_path
+from rtf.testing.report.troubles import Trouble, of_run, of_suite
 from rtf.testing.reporting import Reporter
 
 if TYPE_CHECKING:

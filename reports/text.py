@@ -13,8 +13,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, TextIO
 
 from rtf.testing.events import SuiteEnded, TestEnded
-from rtf.testing.report_files import Target
-from rtf.testing.report_lines import lines, summary
+from rtf.testing.report.files import Target
+from rtf.testing.report.lines import lines, summary
 from rtf.testing.reporting import Reporter
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rtf.cli.running import Plan
     from rtf.testing.plan import PlannedSuite
     from rtf.testing.plugins import PluginRef
-    from rtf.testing.suite import FixtureEntry, TestEntry
+    from rtf.testing.suite.model import FixtureEntry, TestEntry
 
 
 def problems_of(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[Diagnosed]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files, plugin_files, suite_files, suite_of_plugins
-from rtf.testing.suite import Isolation, SuiteError, TestSuite, Timeouts, number_suites
+from rtf.testing.suite.model import Isolation, SuiteError, TestSuite, Timeouts, number_suites
 from rtf.testing.verdict import ExitCode, Severity
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rtf.testing.events import Diagnosed
-    from rtf.testing.launch import Launched
+    from rtf.testing.isolation.launch import Launched
     from rtf.testing.reporting import Reporter
     from rtf.testing.runner import RunOptions
 
@@ -174,7 +174,7 @@ def _point_to(link: Path, name: str) -> None:
 
 def run_options(options: argparse.Namespace, folder: Path, words: list[str]) -> RunOptions:
     """The options of the runner."""
-    from rtf.testing.attempt import GRACE
+    from rtf.testing.isolation.attempt import GRACE
     from rtf.testing.operator import make_operator
     from rtf.testing.runner import RunOptions
 

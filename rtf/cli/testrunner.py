@@ -70,7 +70,7 @@ def _near_option(parser: argparse.ArgumentParser, word: str) -> str:
 def _execute(options: argparse.Namespace, words: list[str]) -> int:
     launched = None
     if not (options.list or options.dry_run or options.isolation == "none"):
-        from rtf.testing.launch import launch
+        from rtf.testing.isolation.launch import launch
 
         launched = launch()  # first of all: it gets ready while the suites are read, and ends with us if nothing is run
     from rtf.cli import running

@@ -30,7 +30,7 @@ from rtf.testing.parameters import Declared
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
-    from rtf.testing.fixture_host import Host
+    from rtf.testing.supervision.fixture_host import Host
 
 
 class FixtureUnusable(FixtureCollapsed):

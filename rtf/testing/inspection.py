@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rtf import clock
-from rtf.testing import plugins, processes
+from rtf.testing import plugins
+from rtf.testing.isolation import processes
 from rtf.testing.parameters import Declared, Parameter, ParameterError
 
 if TYPE_CHECKING:

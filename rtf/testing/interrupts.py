@@ -14,7 +14,7 @@ from rtf.testing.events import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from rtf.testing.reactor import Reactor
+    from rtf.testing.isolation.reactor import Reactor
 
 
 #: The stage at which nothing is waited for any more.

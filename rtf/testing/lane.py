@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.testing.attempt import Attempt, Outcome, Stop
-from rtf.testing.children import Nursery
 from rtf.testing.events import (
     Diagnosed,
     SuiteEnded,
@@ -21,20 +19,22 @@ from rtf.testing.events import (
     TestEnded,
 )
 from rtf.testing.interrupts import KILL_STAGE, alarm
-from rtf.testing.job import Job
-from rtf.testing.reactor import Reactor
+from rtf.testing.isolation.attempt import Attempt, Outcome, Stop
+from rtf.testing.isolation.children import Nursery
+from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.requirements import unmet
-from rtf.testing.suite import Expected, Isolation, LostPolicy, Scope
-from rtf.testing.supervisor import Fixture, Supervisor
+from rtf.testing.suite.model import Expected, Isolation, LostPolicy, Scope
+from rtf.testing.supervision.supervisor import Fixture, Supervisor
 from rtf.testing.verdict import Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from rtf.testing.children import Child
+    from rtf.testing.isolation.children import Child
     from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.runner import Run
-    from rtf.testing.suite import FixtureEntry, TestSuite
+    from rtf.testing.suite.model import FixtureEntry, TestSuite
 
 _RETRIED = frozenset({Verdict.FAILED, Verdict.ERROR})
 #: Seconds in which the end of a program becomes known after its last connection was closed.
@@ -239,7 +239,7 @@ class Lane:
         isolation = self._run.options.isolation or entry.isolation
         job = self._test_job(test, count, last=isolation is not Isolation.SUITE)
         if isolation is Isolation.NONE:
-            from rtf.testing.in_process import run_in_process
+            from rtf.testing.isolation.in_process import run_in_process
 
             outcome = run_in_process(job, self._emit)
         else:

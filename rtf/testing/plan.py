@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 from rtf.testing.events import Diagnosed
 from rtf.testing.plugins import ClassFacts, PluginError, PluginRef, facts_of, find
-from rtf.testing.suite import FixtureEntry, SuiteError, TestEntry, TestSuite, number_suites, suite_id_of
+from rtf.testing.suite.model import FixtureEntry, SuiteError, TestEntry, TestSuite, number_suites, suite_id_of
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from rtf.testing.suite_diagnostics import Diagnostic
+    from rtf.testing.suite.diagnostics import Diagnostic
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class Loaded:
 
 def load_files(files: Iterable[tuple[Path, bool]], variables: Mapping[str, str]) -> Loaded:
     """Load suite files; the flag of each says that it must be a suite (else a file that is none is passed over)."""
-    from rtf.testing.suite_xml import load_suite
+    from rtf.testing.suite.xml import load_suite
 
     suites = []
     diagnostics: list[Diagnosed] = []

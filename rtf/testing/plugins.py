@@ -349,16 +349,16 @@ def load_test(ref: PluginRef) -> TestCase:
 
     language, _, mode = ref.language.partition(":")
     if language == "lua":
-        from rtf.testing.lua_plugin import load_lua
+        from rtf.testing.languages.lua_plugin import load_lua
 
         return load_lua(ref)
     if language == "executable":
-        from rtf.testing.executable import ExecutableTest
+        from rtf.testing.languages.executable import ExecutableTest
 
         return ExecutableTest(Path(ref.path), mode)
     if language == "entry point":
         return _from_entry_point(ref, TestCase)()
-    from rtf.testing import legacy_python
+    from rtf.testing.languages import legacy_python
 
     legacy_python.install()  # a script of the ancestor may import what the ancestor provided
     module = load_module(ref)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.testing.suite import TEST_REQUIREMENT
+from rtf.testing.suite.model import TEST_REQUIREMENT
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:

@@ -22,8 +22,6 @@ from typing import TYPE_CHECKING, Any
 
 import rtf
 from rtf import clock
-from rtf.testing import processes
-from rtf.testing.attempt import GRACE, Limits
 from rtf.testing.events import (
     Diagnosed,
     InternalError,
@@ -33,14 +31,16 @@ from rtf.testing.events import (
     TestEnded,
     TestPlanned,
 )
-from rtf.testing.suite import Isolation, TestEntry, Timeouts
+from rtf.testing.isolation import processes
+from rtf.testing.isolation.attempt import GRACE, Limits
+from rtf.testing.suite.model import Isolation, TestEntry, Timeouts
 from rtf.testing.verdict import ExitCode, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from rtf.testing.events import Asked
-    from rtf.testing.launch import Launched
+    from rtf.testing.isolation.launch import Launched
     from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.reporting import Broadcast
 from rtf.testing.interrupts import Interrupts, alarm

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from hashlib import blake2b
 from typing import TYPE_CHECKING
 
-from rtf.testing.suite import SuiteError
+from rtf.testing.suite.model import SuiteError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Sequence
 
-    from rtf.testing.suite import TestEntry, TestSuite
+    from rtf.testing.suite.model import TestEntry, TestSuite
 
     Filter = Callable[[TestEntry], bool]
 

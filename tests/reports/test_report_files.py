@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from rtf.testing import report_text
 from rtf.testing.events import FixtureIncident, InternalError, Message, TestPlanned
-from rtf.testing.report_files import Spool, Target, to_json
+from rtf.testing.report import text as report_text
+from rtf.testing.report.files import Spool, Target, to_json
 from rtf.testing.reporting import Broadcast, ReportOptions, load_reporter
 from rtf.testing.verdict import Phase, Severity, Verdict
 

@@ -20,7 +20,7 @@ from rtf.testing.events import (
     TestPlanned,
     TestStarted,
 )
-from rtf.testing.suite import Timeouts
+from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import ExitCode, FixtureState, Phase, Severity, Verdict
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ import pytest
 
 from harness import Command, Outcome, read_back, run_command, run_suite, write_files
 from rtf.testing import journal
-from rtf.testing.children import Nursery, NurseryLostError
 from rtf.testing.events import (
     Event,
     FixtureChanged,
@@ -23,6 +22,7 @@ from rtf.testing.events import (
     TestStarted,
 )
 from rtf.testing.interrupts import Interrupts
+from rtf.testing.isolation.children import Nursery, NurseryLostError
 from rtf.testing.plan import Planner, load_files
 from rtf.testing.reporting import Broadcast, Reporter, ReportOptions
 from rtf.testing.runner import Run, RunOptions
@@ -31,7 +31,7 @@ from rtf.testing.verdict import ExitCode, FixtureState, Verdict
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rtf.testing.children import Child
+    from rtf.testing.isolation.children import Child
     from rtf.testing.plugins import PluginRef
     from rtf.testing.results import RunResult
 

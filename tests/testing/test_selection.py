@@ -21,7 +21,7 @@ from rtf.testing.selection import (
     tag_filter,
     unknown_ids,
 )
-from rtf.testing.suite import SuiteError, TestEntry, TestSuite
+from rtf.testing.suite.model import SuiteError, TestEntry, TestSuite
 
 
 def suite(*names: str, suite_id: str = "s", **more: object) -> TestSuite:

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from harness import Outcome, run_suite
-from rtf.testing import attempt
 from rtf.testing.events import Message, OutputCaptured, PhaseStarted, StackDumped, TestEnded
-from rtf.testing.suite import Timeouts
+from rtf.testing.isolation import attempt
+from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import Phase, Severity, Verdict
 
 if TYPE_CHECKING:
@@ -52,7 +52,8 @@ class Peaceful(TestCase):
 
     def run(self):
         import builtins
-        from rtf.testing import events, session, worker
+        from rtf.testing import events, session
+        from rtf.testing.isolation import worker
         self.assert_equal(os.environ.get("HOSTILE"), None, "the environment")
         mask = os.umask(0o22)
         self.assert_equal(mask, MASK, "the umask")
@@ -301,7 +302,8 @@ CASES = {
     "patches the framework": Case(
         """
         import builtins
-        from rtf.testing import events, session, worker
+        from rtf.testing import events, session
+        from rtf.testing.isolation import worker
         TestCase.hostile = builtins.hostile = True
         events.to_line = lambda event: b""
         session.Session.emit = lambda *_: None

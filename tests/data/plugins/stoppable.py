@@ -5,10 +5,10 @@ import sys
 from pathlib import Path
 
 from rtf.testing.events import to_line
-from rtf.testing.job import Job
+from rtf.testing.isolation.job import Job
 from rtf.testing.plugins import PluginRef
 from rtf.testing.session import Session
-from rtf.testing.worker import run_test
+from rtf.testing.isolation.worker import run_test
 
 language, path, folder, events, *param = sys.argv[1:]
 job = Job(

@@ -1,0 +1,452 @@
+"""One attempt at a test: a child is given the job, heard, held to its time limits, and ended if it must be.
+
+An attempt always ends. When a limit is reached the stacks of all threads are dumped, the test is asked to stop, which
+gives its teardown a chance, and when that does not help its whole process group is killed. The same happens, without
+the dump, when a fixture is lost or an operator stops the run.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from rtf import clock
+from rtf.testing.events import (
+    Answered,
+    Asked,
+    Attached,
+    Event,
+    EventError,
+    Measured,
+    Message,
+    OutputCaptured,
+    ParametersResolved,
+    PhaseStarted,
+    Progressed,
+    SeriesRecorded,
+    StackDumped,
+    SubResultEnded,
+    TestRenamed,
+    TestStarted,
+    from_record,
+)
+from rtf.testing.isolation import processes
+from rtf.testing.isolation.capture import Capture
+from rtf.testing.isolation.children import NurseryLostError
+from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, STOP_SIGNAL
+from rtf.testing.verdict import MeasurementVerdict, Phase, Severity, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.testing.isolation.children import Child, Nursery
+    from rtf.testing.isolation.job import Job
+
+#: How long a test may take to react to being asked to stop, and a killed one to vanish.
+GRACE = 2.0
+_VANISH = 5.0
+#: How long a process may still take to end when its test is over.
+_LEAVING = 10.0
+#: How long it may take to write its stacks.
+_DUMPING = 0.2
+#: Beyond this many bytes of events, what only informs is counted and not kept; beyond twice as many, failures too.
+EVENT_BYTES = 64 << 20
+#: So many unintelligible lines are told of, the rest are counted; and so much is quoted of what was said.
+_PROTOCOL_ERRORS = 20
+_QUOTED = 300
+#: The exit status of a process of ours that cannot reach its runner any more.
+_CUT_OFF = 71
+_CHANNEL_CLOSED = "the test closed the channel to its runner"
+_LEAVING_PHASES = (Phase.TEARDOWN, Phase.CLEANUP)
+_ORDER = (Phase.LOAD, Phase.SETUP, Phase.RUN, Phase.TEARDOWN, Phase.CLEANUP)
+
+#: What a test may say; anything else on its channel is an error of the test.
+_ALLOWED = (
+    Message,
+    Measured,
+    SeriesRecorded,
+    SubResultEnded,
+    Attached,
+    Progressed,
+    PhaseStarted,
+    ParametersResolved,
+    TestRenamed,
+    Asked,
+    Answered,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """Seconds a phase may take; ``total`` is for the attempt as a whole. None means no limit.
+
+    ``grace`` is how long a test may take to react to being asked to stop, before it is killed.
+    """
+
+    setup: float | None = 60.0
+    run: float | None = 300.0
+    teardown: float | None = 30.0
+    total: float | None = None
+    grace: float = GRACE
+
+    def of(self, phase: Phase) -> float | None:
+        """The limit of a phase. Loading counts as setting up, the clean-ups together as tearing down."""
+        if phase in (Phase.LOAD, Phase.SETUP):
+            return self.setup
+        return self.run if phase is Phase.RUN else self.teardown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What an attempt came to."""
+
+    verdict: Verdict
+    reason: str = ""
+    detail: str = ""
+    duration: float = 0.0
+    exit_status: int | None = None
+    signal: str = ""
+    cpu_time: float = 0.0
+    max_rss: int = 0
+    #: Whether the test was ended from outside, so that nobody knows what it left behind.
+    cut_short: bool = False
+
+
+@dataclass(slots=True)
+class Stop:
+    """Why an attempt is being ended from outside."""
+
+    verdict: Verdict
+    reason: str
+    detail: str
+
+
+class Attempt:
+    """Runs one attempt in the thread of its suite.
+
+    ``tick`` is called after whatever happened, and says whether and why the attempt must be ended from outside: the
+    suite knows of lost fixtures, interrupts and its own limits. ``next_tick`` is the moment it wants to be asked at
+    the latest.
+    """
+
+    def __init__(
+        self,
+        job: Job,
+        limits: Limits,
+        nursery: Nursery,
+        emit: Callable[[Event], None],
+        *,
+        tick: Callable[[], Stop | None],
+        next_tick: Callable[[], clock.Deadline],
+        kill_now: Callable[[], bool],
+        ask: Callable[[Asked, Callable[[str | None, str], None]], None] | None = None,
+        fixtures: dict[str, int] | None = None,
+    ) -> None:
+        self._job = job
+        self._limits = limits
+        self._nursery = nursery
+        self._emit = emit
+        self._tick = tick
+        self._next_tick = next_tick
+        self._kill_now = kill_now
+        self._ask = ask
+        self._fixtures = fixtures or {}
+        self._child: Child | None = None
+        self._phase = Phase.LOAD
+        self._deadline = clock.Deadline()
+        self._total = clock.Deadline()
+        self._silence = clock.Deadline()
+        self._finished: dict[str, str] | None = None
+        self._stop: Stop | None = None
+        self._killed = False
+        self._repetition = 0
+        self._failures = 0
+        self._failures_before_stop = 0
+        self._errors = 0
+        self._garbled = 0
+        self._first = ""
+        self._bytes = 0
+        self._left_out = 0
+        self._kernel_state = ""
+        self._dumped: Phase | None = None
+        self._capture = Capture(self._captured)
+
+    def run(self, take: Callable[[], Child] | None = None) -> Outcome:
+        """Carry it out in a fresh process, or in the one that ``take`` gives, and say what it came to."""
+        for again in (True, False):
+            try:
+                self._child = take() if take else self._nursery.take(self._job.plugin, self._fixtures)
+                break
+            except NurseryLostError as error:
+                if not again:  # the first time it was lost while nothing ran, which is no concern of the test
+                    return self._error("internal", str(error))
+        child = self._require_child()
+        began = clock.monotonic()
+        self._emit(
+            TestStarted(test=self._job.id, attempt=self._job.attempt, pid=child.pid, fixtures=self._fixtures),
+        )
+        self._total = clock.Deadline.after(self._limits.total)
+        self._deadline = clock.Deadline.after(self._limits.setup)
+        child.begin(self._job.to_message(), self._hear, self._capture.feed)
+        self._wait()
+        child.drain()
+        self._capture.close()
+        self._dump()
+        if self._left_out:
+            self._note(Severity.WARNING, "journal", f"{self._left_out} events left out: the test said too much")
+        return replace(self._conclude(), duration=clock.monotonic() - began)
+
+    # Waiting -----------------------------------------------------------------------------------------------------
+
+    def _wait(self) -> None:
+        child = self._require_child()
+        reactor = self._nursery.reactor
+        while not self._over(child):
+            deadline = self._deadline if self._stop else self._deadline.earliest(self._total)
+            reactor.run_once(deadline.earliest(self._next_tick()))
+            if self._over(child):
+                return
+            if self._stop is None:
+                self._look_for_reason_to_stop(child)
+            elif self._deadline.expired or (self._kill_now() and not self._killed):
+                self._press_on(child)
+
+    def _over(self, child: Child) -> bool:
+        """Whether the process is gone, or waits for its next job."""
+        return child.end is not None or (self._finished is not None and not self._job.last)
+
+    def _look_for_reason_to_stop(self, child: Child) -> None:
+        stop = self._tick()
+        if stop is None and self._total.expired:
+            stop = self._overdue(child, "the test", self._total)
+        if stop is None and child.channel_closed and self._finished is None:
+            stop = self._channel_closed()
+        elif stop is None and self._deadline.expired:
+            stop = self._overdue(child, self._what(), self._deadline)
+        if stop is not None:
+            self._end_early(child, stop)
+
+    def _what(self) -> str:
+        if self._finished is not None:
+            return "the test was over, but its process"
+        return "loading" if self._phase is Phase.LOAD else f"{self._phase}()"
+
+    def _end_early(self, child: Child, stop: Stop) -> None:
+        self._stop = stop
+        self._failures_before_stop = self._failures
+        child.signal(signal.SIGCONT)
+        if self._phase in _LEAVING_PHASES and stop.reason in ("fixture", "interrupted") and not self._kill_now():
+            return  # it is undoing what it did, which is what it would be stopped for; its time is limited
+        child.signal(STOP_SIGNAL)
+        self._deadline = clock.Deadline.after(self._limits.grace)
+        if self._kill_now():
+            self._press_on(child)
+
+    def _channel_closed(self) -> Stop | None:
+        """A process that dies closes its channel a moment before its end is known; one that lives on is cut off."""
+        if self._silence.at == clock.FOREVER:
+            self._silence = self._deadline = clock.Deadline.after(self._limits.grace)
+        return Stop(Verdict.ERROR, "channel", _CHANNEL_CLOSED) if self._silence.expired else None
+
+    def _overdue(self, child: Child, what: str, deadline: clock.Deadline) -> Stop:
+        detail = f"{what} did not end within {deadline.limit:g} s"
+        self._kernel_state = processes.kernel_state(child.pid)
+        if "(stopped)" in self._kernel_state:
+            detail += "; the process had been stopped by a signal"
+        self._nursery.rouse()
+        child.signal(signal.SIGCONT)
+        self._ask_for_stacks(child)
+        return Stop(Verdict.ERROR, "timeout", detail)
+
+    def _ask_for_stacks(self, child: Child) -> None:
+        self._dumped = self._phase
+        child.signal(DUMP_SIGNAL)
+
+    def _press_on(self, child: Child) -> None:
+        """It did not stop: kill it, and if even that shows no effect, the nursery with it."""
+        if self._killed:
+            self._nursery.abandon()
+            return
+        self._nursery.rouse()
+        if self._dumped not in (None, self._phase) and not self._kill_now():  # it hangs in its teardown, too
+            self._ask_for_stacks(child)
+            self._deadline = clock.Deadline.after(_DUMPING)
+            return
+        self._killed = True
+        child.signal(signal.SIGKILL, group=True)
+        self._deadline = clock.Deadline.after(_VANISH)
+
+    # Hearing -----------------------------------------------------------------------------------------------------
+
+    def _hear(self, line: bytes) -> None:
+        try:
+            message = json.loads(line.decode())
+            if type(message) is dict and "finished" in message:
+                self._finished = {str(key): str(value) for key, value in message["finished"].items()}
+                self._deadline = clock.Deadline.after(_LEAVING)
+                return
+            event = from_record(message)
+        except (EventError, ValueError, TypeError, AttributeError, RecursionError) as error:
+            self._garble(f"said something unintelligible: {str(error)[:_QUOTED]}: {line[:_QUOTED]!r}")
+            return
+        if not isinstance(event, _ALLOWED) or event.test != self._job.id:
+            self._garble(f"may not say {event.kind} of {str(getattr(event, 'test', ''))[:_QUOTED]!r}")
+            return
+        self._take(event, len(line))
+
+    def _garble(self, what: str) -> None:
+        self._garbled += 1
+        if self._garbled <= _PROTOCOL_ERRORS:
+            self._note(Severity.ERROR, "protocol", f"the test's process {what}")
+        else:
+            self._left_out += 1
+
+    def _take(self, event: Event, size: int) -> None:
+        self._bytes += size
+        bad = self._weigh(event)
+        if isinstance(event, PhaseStarted):
+            if not self._comes_next(event):
+                self._garble(f"may not enter {event.phase} (repetition {event.repetition}) now")
+                return
+            event = self._enter(event)
+        elif self._bytes > (2 * EVENT_BYTES if bad else EVENT_BYTES):
+            self._left_out += 1
+            return
+        elif isinstance(event, Asked):
+            self._question(event)
+        self._emit(event)
+
+    def _weigh(self, event: Event) -> bool:
+        """Count a failure or an error, whether it is kept or not; says whether it is one."""
+        if isinstance(event, Message) and event.severity in (Severity.FAILURE, Severity.ERROR):
+            if event.severity is Severity.FAILURE:
+                self._failures += 1
+            else:
+                self._errors += 1
+            self._first = self._first or event.detail or event.title
+            return True
+        if isinstance(event, Measured) and event.verdict is MeasurementVerdict.FAILED:
+            self._failures += 1
+            self._first = self._first or event.name
+            return True
+        return False
+
+    def _comes_next(self, event: PhaseStarted) -> bool:
+        """Whether this phase may begin now: each begins once and has one limit, so that no test outlives its limits."""
+        if event.phase is Phase.RUN and self._phase is Phase.RUN:
+            return self._repetition < event.repetition <= self._job.repetition + 1
+        return _ORDER.index(event.phase) > _ORDER.index(self._phase) if event.phase in _ORDER else False
+
+    def _enter(self, event: PhaseStarted) -> PhaseStarted:
+        self._phase = event.phase
+        self._repetition = event.repetition
+        limit = self._limits.of(event.phase)
+        if self._stop is None or (event.phase in _LEAVING_PHASES and not self._killed):
+            self._deadline = clock.Deadline.after(limit)
+        return PhaseStarted(
+            time=event.time, test=event.test, phase=event.phase, repetition=event.repetition, limit=limit
+        )
+
+    def _question(self, question: Asked) -> None:
+        child = self._require_child()
+
+        def answer(text: str | None, source: str) -> None:
+            child.send(json.dumps({"answer": [question.question, text, source]}).encode() + b"\n")
+
+        if self._ask is not None:
+            self._ask(question, answer)
+
+    def _captured(self, stream: str, text: str, omitted: int) -> None:
+        self._emit(OutputCaptured(stream=stream, text=text, test=self._job.id, omitted=omitted))
+
+    def _note(self, severity: Severity, title: str, detail: str) -> None:
+        if severity is Severity.ERROR:
+            self._errors += 1
+            self._first = self._first or detail
+        self._emit(Message(severity=severity, title=title, detail=detail, test=self._job.id, phase=self._phase))
+
+    def _dump(self) -> None:
+        stacks = self._nursery.new_stacks()
+        if not stacks and self._stop is not None and self._stop.reason == "timeout":
+            stacks = f"the process did not answer the request for its stacks; the kernel says\n{self._kernel_state}\n"
+        if stacks:
+            cause = self._stop.detail if self._stop else "crash"
+            self._emit(StackDumped(text=stacks, cause=cause, test=self._job.id))
+
+    # The verdict -------------------------------------------------------------------------------------------------
+
+    def _conclude(self) -> Outcome:
+        end = self._require_child().end
+        outcome = self._verdict()
+        if end is None:
+            return outcome
+        return replace(
+            outcome,
+            exit_status=end.exit_status,
+            signal=end.signal,
+            cpu_time=end.cpu_time,
+            max_rss=end.max_rss,
+            cut_short=outcome.cut_short or self._stop is not None,
+        )
+
+    def _verdict(self) -> Outcome:
+        if self._stop is not None:
+            return self._stopped_verdict(self._stop)
+        end = self._require_child().end
+        finished = self._finished
+        if finished is None or (end is not None and end.status is None):
+            return self._crash()
+        if end is not None and end.status != 0:
+            how = processes.describe_end(end.exit_status, end.signal)
+            return self._error("crash", f"after the test was over its process ended badly: {how}")
+        if self._failures or self._errors:  # what was heard counts, whatever the process says at last
+            verdict, reason = (Verdict.FAILED, "failure") if self._failures else (Verdict.ERROR, "error")
+            return Outcome(verdict=verdict, reason=reason, detail=finished.get("detail") or self._first)
+        try:
+            verdict = Verdict(finished["outcome"])
+        except (KeyError, ValueError):
+            return self._error("protocol", "the test's process did not say what the test came to")
+        return Outcome(verdict=verdict, reason=finished.get("reason", ""), detail=finished.get("detail", ""))
+
+    def _stopped_verdict(self, stop: Stop) -> Outcome:
+        detail = stop.detail
+        if self._killed:
+            detail += "; it did not react to being stopped and was killed"
+        if stop.verdict is Verdict.ERROR:
+            return self._error(stop.reason, detail)
+        if stop.verdict is Verdict.INTERRUPTED and self._failures_before_stop:
+            detail = f"{self._first}; then: {detail}"
+            return Outcome(verdict=Verdict.FAILED, reason=stop.reason, detail=detail, cut_short=True)
+        return Outcome(verdict=stop.verdict, reason=stop.reason, detail=detail, cut_short=True)
+
+    def _crash(self) -> Outcome:
+        end = self._require_child().end
+        where = "while loading" if self._phase is Phase.LOAD else f"in {self._phase}()"
+        if end is None or end.status is None:
+            return self._error(
+                "internal", f"the process from which tests are forked was lost, and the test with it, {where}"
+            )
+        if end.signal:
+            hint = " (the machine may have run out of memory)" if end.signal == "SIGKILL" else ""
+            return self._error("crash", f"killed by {end.signal} {where}{hint}")
+        if end.exit_status == _CUT_OFF:
+            return self._error("channel", _CHANNEL_CLOSED)
+        return self._error(
+            "exit", f"the process ended with exit status {end.exit_status} {where}, before the test was over"
+        )
+
+    def _error(self, reason: str, detail: str) -> Outcome:
+        """An error, unless a failure was found before: that the thing under test is wrong is never hidden."""
+        self._note(Severity.ERROR, reason, detail)
+        if self._failures:
+            return Outcome(
+                verdict=Verdict.FAILED, reason=reason, detail=f"{self._first}; then: {detail}", cut_short=True
+            )
+        return Outcome(verdict=Verdict.ERROR, reason=reason, detail=detail, cut_short=True)
+
+    def _require_child(self) -> Child:
+        if self._child is None:
+            raise RuntimeError("the attempt has no process yet")
+        return self._child

@@ -1,0 +1,191 @@
+"""A test that is any program: its verdict is what it says in TAP, in a JUnit file, or by its exit status.
+
+The program gets the words of the parameter string as arguments, and in its environment:
+
+=====================  ==========================================================================================
+``RTF_TEST``           the test's id, ``suite/test``
+``RTF_ENVIRONMENT``    the suite's environment string
+``RTF_FOLDER``         an existing folder; what the program leaves there is attached to the test
+``RTF_JUNIT``          the file to which it may write its results as JUnit
+``RTF_PARAM_<KEY>``    each ``<parameter>`` and ``--set``, the key in capitals
+``GTEST_OUTPUT``       the same file, said to GoogleTest
+=====================  ==========================================================================================
+
+Its standard input is empty, its output is the test's output, and it works in the folder of the run's start. Exit status
+0 is passed, 77 skipped and 99 an error as with automake, any other failed; death by a signal is always an error.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import mimetypes
+import os
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf.testing.events import Attached
+from rtf.testing.isolation import processes
+from rtf.testing.languages.program import LineCutter, run_program
+from rtf.testing.languages.program_reports import Account, TapReport, tell_junit
+from rtf.testing.languages.raw_parameters import RawParameters
+from rtf.testing.languages.tap_lines import looks_like_tap
+from rtf.testing.outcome import SkipTest, TestFailure, TestProblem
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.testing.session import Session
+
+MODES = ("", "tap", "junit", "exit")
+
+#: automake's words for "there is nothing to test here" and "it could not be tested".
+_SKIPPED = 77
+_HARD_ERROR = 99
+_MAX_ATTACHED = 1000
+_STDOUT = 1
+
+
+class ExecutableTest(RawParameters):
+    """The program ``path``. ``mode`` says how to read it: ``tap``, ``junit``, ``exit``, or ``""`` to find out.
+
+    Finding out: it is TAP when the first line that is not empty looks like it, else JUnit when the file was written,
+    else the exit status.
+    """
+
+    def __init__(self, path: Path, mode: str = "") -> None:
+        super().__init__()
+        if mode not in MODES:
+            raise ValueError(f"an executable is read as {', '.join(MODES[1:])} or by itself, not as {mode!r}")
+        self._path = path
+        self._mode = mode
+
+    def run(self) -> None:
+        """Run the program to its end and judge it. Called in the worker, once more for each repetition."""
+        junit = self._free_path("junit", ".xml") if self._mode in ("", "junit") else None
+        output = _Output(self._session, self._mode)
+        words = [str(self._path), *self.words]
+        status, signal_text = run_program(words, self._environ(junit), output.take)
+        self._judge(output, junit, status, signal_text)
+
+    def teardown(self) -> None:
+        """Attach what the program left in its folder."""
+        folder = self._session.folder
+        if not folder.is_dir():
+            return
+        count = 0
+        for count, path in enumerate(_files_below(folder), 1):
+            if count > _MAX_ATTACHED:
+                self.warn(f"more than {_MAX_ATTACHED} files in {folder}; the others are there and not listed")
+                break
+            self._attach_in_place(path)
+        if not count:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+
+    # Behind it -------------------------------------------------------------------------------------------------------
+
+    def _environ(self, junit: Path | None) -> dict[str, str]:
+        environ = {
+            **os.environ,
+            "RTF_TEST": self._session.test,
+            "RTF_ENVIRONMENT": self.environment,
+            "RTF_FOLDER": str(self.folder.absolute()),
+        }
+        for key, value in self.added.items():
+            environ[f"RTF_PARAM_{re.sub('[^A-Z0-9]', '_', key.upper())}"] = value
+        if junit is not None:
+            file = str(junit.absolute())
+            environ |= {"RTF_JUNIT": file, "GTEST_OUTPUT": f"xml:{file}", "GTEST_COLOR": "no"}
+        return environ
+
+    def _judge(self, output: _Output, junit: Path | None, status: int | None, signal_text: str) -> None:
+        tap = output.finish()
+        account = tap.finish(cut_off=bool(signal_text)) if tap is not None else None
+        how = f"{self._path.name}: {processes.describe_end(status, signal_text)}"
+        if signal_text:
+            raise TestProblem(how, title="the program crashed")
+        if account is None and junit is not None and (junit.exists() or self._mode == "junit"):
+            account = self._judge_junit(junit, status)
+        if account is None:
+            self._judge_status(status, how)
+        elif status and not account.failed:
+            raise TestProblem(f"{how}, although nothing failed", title="exit status")
+        elif account.skipped is not None:
+            raise SkipTest(account.skipped)
+
+    def _judge_junit(self, junit: Path, status: int | None) -> Account:
+        from rtf.testing.languages.junit_file import read_junit
+
+        if not junit.exists():
+            how = processes.describe_end(status, "")
+            raise TestProblem(
+                f"{self._path.name} ended with {how} and did not write {junit} (RTF_JUNIT, GTEST_OUTPUT)",
+                title="no results",
+            )
+        return tell_junit(self._session, read_junit(junit))
+
+    def _judge_status(self, status: int | None, text: str) -> None:
+        self._session.judged()
+        if status == _SKIPPED:
+            raise SkipTest(text)
+        if status == _HARD_ERROR:
+            raise TestProblem(text, title="hard error")
+        if status:
+            raise TestFailure(text, title="exit status")
+
+    def _attach_in_place(self, path: Path) -> None:
+        self._session.emit(
+            Attached(
+                test=self._session.test,
+                name=path.relative_to(self._session.folder).as_posix(),
+                path=self._relative(path),
+                media_type=mimetypes.guess_type(path.name)[0] or "application/octet-stream",
+                size=path.stat().st_size,
+            )
+        )
+
+
+class _Output:
+    """What the program writes: passed on to the worker's own output, and read as TAP when it is."""
+
+    def __init__(self, session: Session, mode: str) -> None:
+        self._session = session
+        self._lines = LineCutter()
+        self._tap = TapReport(session) if mode == "tap" else None
+        self._undecided = mode == ""
+        sys.stdout.flush()  # what the worker wrote before comes before
+
+    def take(self, data: bytes) -> None:
+        """Pass one piece on, and read the lines it completes."""
+        view = memoryview(data)
+        while view:
+            view = view[os.write(_STDOUT, view) :]
+        if self._tap is not None or self._undecided:
+            for line in self._lines.feed(data):
+                self._take_line(line)
+
+    def finish(self) -> TapReport | None:
+        """Read the last line. Returns the report of the TAP stream, None when it was none."""
+        for line in self._lines.finish():
+            self._take_line(line)
+        return self._tap
+
+    def _take_line(self, line: str) -> None:
+        if self._undecided and line.strip():
+            self._undecided = False
+            if looks_like_tap(line):
+                self._tap = TapReport(self._session)
+        if self._tap is not None:
+            self._tap.feed(line)
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    """Regular files only: a link could lead anywhere."""
+    for root, folders, files in os.walk(folder):
+        folders.sort()
+        for name in sorted(files):
+            path = Path(root, name)
+            if path.is_file() and not path.is_symlink():
+                yield path

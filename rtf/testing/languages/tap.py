@@ -1,0 +1,341 @@
+"""What a program says in the Test Anything Protocol, versions 12 to 14, line by line while it runs.
+
+The parser turns lines into items. Nothing a program can write makes it raise or grow: what breaks the protocol becomes
+a :class:`Fault`, what is not of the protocol is passed over, as the protocol demands. It knows nothing of tests and
+sessions; :mod:`rtf.testing.languages.program_reports` does.
+
+Subtests are documents indented by four spaces, ended by the test point of their parent, which has the last word: the
+failed points of a subtest are held back until that point is read, and are no failures when it is a TODO or skipped. A
+stream of version 14 may begin one with any indented line, an older one only after ``# Subtest``. Pragmas are ignored.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from rtf.testing.languages.tap_lines import (
+    BailOutLine,
+    CommentLine,
+    Line,
+    PlanLine,
+    PointLine,
+    SubtestLine,
+    VersionLine,
+    read_line,
+)
+
+#: More points than this are counted and not told one by one.
+MAX_POINTS = 100_000
+#: Levels of subtests that are told apart.
+MAX_DEPTH = 16
+#: Characters that are kept of one YAML block, of all that wait at a time, and of one description; and faults that are
+#: told. The parser's memory is bounded by these.
+MAX_BLOCK = 64 * 1024
+MAX_BLOCKS = 16 << 20
+MAX_TEXT = 500
+MAX_FAULTS = 1000
+
+_VERSIONS = range(12, 15)
+_WITH_SUBTESTS = 14
+_INDENT = 4
+_BLOCK_INDENT = 2
+_LISTED = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One test point. ``path`` names the subtests it lies in, outermost first; ``block`` is its YAML text."""
+
+    ok: bool
+    number: int
+    description: str = ""
+    directive: str = ""  # "skip", "todo" or none
+    reason: str = ""
+    path: tuple[str, ...] = ()
+    block: str = ""
+
+    @property
+    def failed(self) -> bool:
+        """Whether it counts against the test: neither TODO points nor skipped ones do."""
+        return not self.ok and not self.directive
+
+
+@dataclass(frozen=True, slots=True)
+class Comment:
+    """A diagnostic line, without its ``#``."""
+
+    text: str
+    path: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """The stream contradicts itself: a plan that is not kept, a number that comes twice."""
+
+    text: str
+    path: tuple[str, ...] = ()
+
+    @property
+    def failed(self) -> bool:
+        """Always: a broken stream cannot be a passed test."""
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class SkippedAll:
+    """The plan is ``1..0``: there is nothing to test here."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class BailOut:
+    """The program gives up; nothing after this counts."""
+
+    reason: str
+
+
+Item = Point | Comment | Fault | SkippedAll | BailOut
+
+
+@dataclass(slots=True)
+class _Level:
+    """One document: the stream itself, or a subtest."""
+
+    path: tuple[str, ...] = ()
+    announced: str | None = None  # name of the subtest that a comment said would follow
+    plan: int | None = None
+    plan_after: int = 0  # points that came before the plan
+    points: int = 0
+    last: int = 0
+    seen: set[int] = field(default_factory=set)
+    misplaced: bool = False
+    held: list[Point | Fault] = field(default_factory=list)
+
+
+class TapParser:
+    """Reads one stream. ``feed`` takes a line, ``finish`` says that there are no more; both give what is known now.
+
+    A point is given when the line after it is read, because its YAML block may follow it.
+    """
+
+    def __init__(self) -> None:
+        self.version = 12
+        self.bailed_out = False
+        self._levels = [_Level()]
+        self._point: Point | None = None  # waits for its YAML block
+        self._depth = 0  # of that point
+        self._block: list[str] | None = None
+        self._block_size = 0
+        self._all_blocks = 0
+        self._faults = 0
+        self._told = 0
+        self._untold_failures = 0
+        self._begun = False
+
+    def feed(self, text: str) -> list[Item]:
+        """Take one line, with or without its line end."""
+        if self.bailed_out:
+            return []
+        text = text.rstrip()
+        if self._in_block(text):
+            return []
+        items = self._release()
+        body = text.lstrip(" ")
+        line = read_line(body)
+        if line is not None:
+            self._take(line, len(text) - len(body), items)
+        return items
+
+    def finish(self, *, cut_off: bool = False) -> list[Item]:
+        """Say what is missing. When the program was ``cut_off``, a plan that is not kept is a mere consequence."""
+        items = self._release()
+        if self.bailed_out:
+            return items
+        if cut_off:
+            items.extend(item for level in self._levels for item in level.held)
+        else:
+            self._close_to(0, items, "")
+            items.extend(self._missing(self._levels[0]))
+        if self._untold_failures:
+            items.append(Fault(f"{self._untold_failures} more test points failed"))
+        return items
+
+    # YAML blocks ---------------------------------------------------------------------------------------------------
+
+    def _in_block(self, text: str) -> bool:
+        if self._point is None:
+            return False
+        indent = " " * (self._depth * _INDENT + _BLOCK_INDENT)
+        if self._block is None:
+            if text != f"{indent}---":
+                return False
+            self._block = []
+            self._block_size = 0
+            return True
+        if text and not text.startswith(indent):
+            return False  # the block was never ended
+        if text == f"{indent}...":
+            self._end_block()
+        elif self._block_size < MAX_BLOCK and self._all_blocks < MAX_BLOCKS:
+            self._block.append(text[len(indent) :][: MAX_BLOCK - self._block_size])
+            self._block_size += len(self._block[-1]) + 1
+        return True
+
+    def _end_block(self) -> None:
+        if self._point is not None and self._block is not None:
+            self._point = replace(self._point, block="\n".join(self._block))
+        self._block = None
+        self._all_blocks += self._block_size
+        self._depth = MAX_DEPTH + 1  # where no line is: there is no second block
+
+    # Lines -----------------------------------------------------------------------------------------------------------
+
+    def _take(self, line: Line, indent: int, items: list[Item]) -> None:
+        if isinstance(line, BailOutLine):
+            self.bailed_out = True
+            items.extend(item for level in self._levels for item in level.held)
+            items.append(BailOut(line.reason))
+            return
+        depth, rest = divmod(indent, _INDENT)
+        if rest or not self._reach(depth, line, items):
+            if isinstance(line, CommentLine):
+                items.append(Comment(line.text, self._levels[-1].path))
+            return
+        level = self._levels[depth]
+        if isinstance(line, PointLine):
+            self._take_point(line, level, depth, items)
+        elif isinstance(line, PlanLine):
+            self._take_plan(line, level, items)
+        elif isinstance(line, SubtestLine):
+            level.announced = line.name
+        elif isinstance(line, CommentLine):
+            items.append(Comment(line.text, level.path))
+        else:
+            self._take_version(line, depth, items)
+        self._begun = True
+
+    def _reach(self, depth: int, line: Line, items: list[Item]) -> bool:
+        """Open or close subtests until the line's level is the current one. False when there is no such level."""
+        current = len(self._levels) - 1
+        if depth > current:
+            if isinstance(line, CommentLine) or depth > MAX_DEPTH:
+                return False
+            if isinstance(line, SubtestLine):  # older producers indent the comment too
+                self._levels[-1].announced = line.name
+                return False
+            if self.version < _WITH_SUBTESTS and (self._levels[-1].announced is None or depth > current + 1):
+                return False
+            while len(self._levels) <= depth:
+                self._open()
+        elif depth < current and isinstance(line, PointLine):
+            self._close_to(depth, items, line.directive)
+        elif depth < current and isinstance(line, PlanLine | SubtestLine):
+            self._close_to(depth, items, "")
+        return True
+
+    def _open(self) -> None:
+        parent = self._levels[-1]
+        name = (parent.announced or f"subtest {parent.last + 1}")[:MAX_TEXT]
+        parent.announced = None
+        self._levels.append(_Level((*parent.path, name)))
+
+    def _close_to(self, depth: int, items: list[Item], directive: str) -> None:
+        """End the subtests below ``depth``; their failures count unless the parent's point has a directive."""
+        while len(self._levels) - 1 > depth:
+            level = self._levels.pop()
+            held: list[Point | Fault] = [*level.held, *self._missing(level)]
+            parent = self._levels[-1]
+            excused = directive if len(self._levels) - 1 == depth else ""
+            if excused:
+                items.extend(_excuse(item, excused) for item in held)
+            elif parent.path:
+                parent.held.extend(held)
+            else:
+                items.extend(held)
+
+    def _take_version(self, line: VersionLine, depth: int, items: list[Item]) -> None:
+        if depth:
+            return
+        if self._begun:
+            self._fault(f"TAP version {line.version} stands in the middle of the stream", self._levels[0], items)
+        elif line.version not in _VERSIONS:
+            self._fault(f"TAP version {line.version} is not known; known are 12, 13 and 14", self._levels[0], items)
+        else:
+            self.version = line.version
+
+    def _take_plan(self, line: PlanLine, level: _Level, items: list[Item]) -> None:
+        if level.plan is not None:
+            self._fault(f"a second plan 1..{line.count} after 1..{level.plan}", level, items)
+            return
+        level.plan = line.count
+        level.plan_after = level.points
+        if line.count == 0 and not level.path:
+            items.append(SkippedAll(line.reason))
+
+    def _take_point(self, line: PointLine, level: _Level, depth: int, items: list[Item]) -> None:
+        number = level.last + 1 if line.number is None else line.number
+        level.announced = None
+        level.last = number
+        level.points += 1
+        self._told += 1
+        if self._told > MAX_POINTS:
+            if self._told == MAX_POINTS + 1:
+                items.append(Comment(f"more than {MAX_POINTS} test points; of the rest only failures are counted"))
+            self._untold_failures += not line.ok and not line.directive
+            return
+        if level.plan is not None and level.plan_after and not level.misplaced:
+            level.misplaced = True
+            self._fault("the plan stands neither before nor after all test points", level, items)
+        if number in level.seen:
+            self._fault(f"test point {number} comes twice", level, items)
+        elif number == 0 or (level.plan is not None and number > level.plan):
+            plan = "" if level.plan is None else f" 1..{level.plan}"
+            self._fault(f"test point {number} is outside the plan{plan}", level, items)
+        level.seen.add(number)
+        self._point = Point(
+            line.ok, number, line.description[:MAX_TEXT], line.directive, line.reason[:MAX_TEXT], level.path
+        )
+        self._depth = depth
+
+    def _release(self) -> list[Item]:
+        """Give the waiting point, or hold it back when it failed inside a subtest."""
+        point = self._point
+        if point is None:
+            return []
+        if self._block is not None:
+            self._end_block()
+            point = self._point or point
+        self._point = None
+        if point.failed and point.path:
+            self._levels[-1].held.append(point)
+            return []
+        return [point]
+
+    def _fault(self, text: str, level: _Level, items: list[Item]) -> None:
+        self._faults += 1
+        if self._faults > MAX_FAULTS:
+            return
+        fault = Fault(text, level.path)
+        if level.path:
+            level.held.append(fault)
+        else:
+            items.append(fault)
+
+    def _missing(self, level: _Level) -> list[Point | Fault]:
+        if level.plan is None:
+            return [Fault("there is no plan (1..N), so nobody knows whether all test points came", level.path)]
+        if level.points == level.plan:
+            return []
+        text = f"{level.plan} test points planned, {level.points} came"
+        absent = [n for n in range(1, min(level.plan, MAX_POINTS) + 1) if n not in level.seen][: _LISTED + 1]
+        if absent and self._told <= MAX_POINTS:
+            more = " …" if len(absent) > _LISTED else ""
+            text += f"; missing: {', '.join(map(str, absent[:_LISTED]))}{more}"
+        return [Fault(text, level.path)]
+
+
+def _excuse(item: Point | Fault, directive: str) -> Item:
+    if isinstance(item, Point):
+        return replace(item, directive=directive)
+    return Comment(item.text, item.path)

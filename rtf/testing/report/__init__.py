@@ -1,0 +1,1 @@
+"""What several reporters need: texts, files that are whole or not there, troubles, a live region."""

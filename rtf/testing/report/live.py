@@ -1,0 +1,177 @@
+"""The moving region at the bottom of a terminal: suites, fixtures, running tests with elapsed time and limit, counts.
+
+It needs rich, which takes long to import, and is therefore imported only where somebody watches.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TextIO
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
+
+from rtf import clock
+from rtf.testing.events import (
+    Answered,
+    Asked,
+    FixtureChanged,
+    PhaseStarted,
+    Progressed,
+    TestEnded,
+    TestPlanned,
+    TestStarted,
+)
+from rtf.testing.report import text as report_text
+from rtf.testing.statistics import median
+from rtf.testing.verdict import FixtureState, Verdict
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from rtf.testing.events import Event
+    from rtf.testing.results import RunResult
+
+#: A terminal has few lines; so many running tests and fixtures are shown.
+_ROWS = 6
+
+
+@dataclass(slots=True)
+class _Running:
+    """A test that runs: since when, how long its phase may take and takes, how far it says it has come."""
+
+    name: str
+    began: float
+    phase: str = ""
+    phase_began: float = 0.0
+    limit: float | None = None
+    progress: str = ""
+
+
+class Region:
+    """Shows the present. ``take`` and ``print`` are called in the order of events; rich draws in a thread of its own.
+
+    The two share nothing but whole values: the drawing thread works on copies that are made in one step.
+    """
+
+    def __init__(self, stream: TextIO, *, coloured: bool) -> None:
+        self._console = Console(
+            file=stream, force_terminal=True, no_color=not coloured, highlight=False, markup=False, emoji=False
+        )
+        self._running: dict[str, _Running] = {}
+        self._fixtures: dict[tuple[str, str], FixtureChanged] = {}
+        self._durations: list[float] = []
+        self._counts: Counter[Verdict] = Counter()
+        self._questions: set[str] = set()
+        self._suite = ""
+        self._left = 0
+        self._live = self._start()
+
+    def _start(self) -> Live:
+        live = Live(
+            console=self._console,
+            get_renderable=self._render,
+            transient=True,
+            refresh_per_second=4,
+            redirect_stderr=False,
+        )
+        live.start()
+        return live
+
+    def print(self, text: str) -> None:
+        """Print above the region; the text may have colours and is taken as it is otherwise."""
+        self._console.print(Text.from_ansi(text), soft_wrap=True)
+
+    def refresh(self) -> None:
+        """Draw it now; otherwise it is drawn four times a second."""
+        self._live.refresh()
+
+    def close(self) -> None:
+        """Take the region away."""
+        self._live.stop()
+
+    def take(self, event: Event, results: RunResult) -> None:
+        """Take one event in."""
+        if isinstance(event, TestPlanned):
+            self._left += 1
+        elif isinstance(event, TestStarted):
+            self._test_started(event, results)
+        elif isinstance(event, TestEnded):
+            self._test_ended(event)
+        elif isinstance(event, PhaseStarted | Progressed):
+            self._test_went_on(event)
+        elif isinstance(event, FixtureChanged):
+            self._fixture_changed(event)
+        elif isinstance(event, Asked | Answered):
+            self._question(event)
+
+    def _fixture_changed(self, event: FixtureChanged) -> None:
+        if event.state is FixtureState.STOPPED:
+            self._fixtures.pop((event.suite, event.fixture), None)
+        else:
+            self._fixtures[event.suite, event.fixture] = event
+
+    def _question(self, event: Asked | Answered) -> None:
+        """Be away while somebody is to type an answer."""
+        self._live.stop()
+        if isinstance(event, Asked):
+            self._questions.add(event.question)
+            return
+        self._questions.discard(event.question)
+        if not self._questions:
+            self._live = self._start()
+
+    def _test_started(self, event: TestStarted, results: RunResult) -> None:
+        test = results.tests.get(event.test)
+        name = test.name if test is not None else event.test
+        suite = results.suite_of(event.test)
+        self._suite = report_text.one_line(suite.name) if suite is not None else ""
+        self._running[event.test] = _Running(report_text.one_line(name), event.time, phase_began=event.time)
+
+    def _test_went_on(self, event: PhaseStarted | Progressed) -> None:
+        running = self._running.get(event.test)
+        if running is None:
+            return
+        if isinstance(event, PhaseStarted):
+            running.phase, running.phase_began, running.limit = str(event.phase), event.time, event.limit
+        else:
+            running.progress = f"{100 * event.fraction:.0f} % {report_text.one_line(event.text)}".rstrip()
+
+    def _test_ended(self, event: TestEnded) -> None:
+        self._running.pop(event.test, None)
+        if event.final:
+            self._durations.append(event.duration)
+            self._counts[event.verdict] += 1
+            self._left -= 1
+
+    # In the drawing thread ---------------------------------------------------------------------------------------
+
+    def _render(self) -> RenderableType:
+        now = clock.now()
+        rows = [self._fixture_row(changed) for changed in [*self._fixtures.values()][:_ROWS]]
+        rows += [self._test_row(running, now) for running in [*self._running.values()][:_ROWS]]
+        counted = report_text.counts(self._counts.copy())
+        parts = [part for part in (self._suite, counted, f"{self._left} to go" if self._left > 0 else "") if part]
+        durations = [*self._durations]
+        if durations and self._left > 0:
+            parts.append(f"about {report_text.duration(median(durations) * self._left)} left")
+        rows.append(Text("  ".join(parts), style="bold", no_wrap=True, overflow="ellipsis"))
+        return Group(*rows)
+
+    @staticmethod
+    def _fixture_row(changed: FixtureChanged) -> Text:
+        text = f"  {report_text.one_line(changed.fixture)} #{changed.incarnation} {changed.state}"
+        good = changed.state in (FixtureState.READY, FixtureState.STARTING, FixtureState.STOPPING)
+        return Text(text, style="dim" if good else "red", no_wrap=True, overflow="ellipsis")
+
+    @staticmethod
+    def _test_row(running: _Running, now: float) -> Text:
+        elapsed = report_text.duration(max(0.0, now - running.began))
+        limit = ""
+        if running.limit is not None:
+            spent = report_text.duration(max(0.0, now - running.phase_began))
+            limit = f", {running.phase} {spent} of {report_text.duration(running.limit)}"
+        text = f"  {running.name}  {elapsed}{limit}  {running.progress}"
+        return Text(text.rstrip(), style="cyan", no_wrap=True, overflow="ellipsis")

@@ -1,0 +1,146 @@
+"""What went wrong beside the tests, as cases that formats can show which know nothing but tests.
+
+JUnit and CTRF have no words for a fixture that collapsed, a suite that could not be loaded or a run that was
+interrupted. A consumer that reads only such a file must neither miss them nor see a green run where RTF's exit code
+is not 0. So each becomes a case of its own, *red* when it is a reason for the exit code and merely visible when the
+run got over it:
+
+==========================================  =====================================
+what happened                               red
+==========================================  =====================================
+a fixture collapsed and came back           no
+a fixture was given up                      yes
+a fixture's teardown went wrong             yes
+a suite or fixture said failure or error    yes
+a suite, plug-in or file was diagnosed      when the run did not end with code 0
+the run was interrupted, or RTF broke       yes
+none of the above, no test is red, and
+yet the exit code is not 0                  yes: ``run`` says why
+==========================================  =====================================
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from rtf.testing.report.text import counts, incident, place, problem
+from rtf.testing.verdict import ExitCode, FixtureState, Phase, Severity, Verdict
+
+if TYPE_CHECKING:
+    from rtf.testing.events import Diagnosed, FixtureIncident, Message
+    from rtf.testing.results import RunResult, SuiteResult
+
+#: Verdicts of tests that a consumer of tests shows as not carried out; they alone do not make it red.
+PASSED_OVER = frozenset({Verdict.SKIPPED, Verdict.EXPECTED_FAILURE, Verdict.BLOCKED, Verdict.NOT_RUN})
+
+
+@dataclass(slots=True)
+class Trouble:
+    """One thing that went wrong: its name as a case, its kind as a type, a sentence, and all there is to say."""
+
+    name: str
+    kind: str
+    red: bool = False
+    message: str = ""
+    texts: list[str] = field(default_factory=list)
+    incidents: list[FixtureIncident] = field(default_factory=list)
+
+    @property
+    def text(self) -> str:
+        """All there is to say; never empty."""
+        return "\n".join(self.texts) or self.message or self.name
+
+
+def of_suite(suite: SuiteResult) -> list[Trouble]:
+    """The troubles of one suite: each fixture that had one, then the suite itself."""
+    found: dict[str, Trouble] = {}
+    for event in suite.incidents:
+        _incident(found, event)
+    for message in suite.problems:
+        _message(found, message, suite.name)
+    for name, changed in suite.fixtures.items():
+        if changed.state is FixtureState.FAILED:
+            trouble = _fixture(found, name)
+            trouble.red = True
+            trouble.message = f"given up: {changed.detail}" if changed.detail else "given up"
+            trouble.texts.append(trouble.message)
+    return list(found.values())
+
+
+def _fixture(found: dict[str, Trouble], name: str) -> Trouble:
+    return found.setdefault(f"fixture {name}", Trouble(f"fixture: {name}", "FixtureCollapsed"))
+
+
+def _incident(found: dict[str, Trouble], event: FixtureIncident) -> None:
+    trouble = _fixture(found, event.fixture)
+    trouble.red |= event.phase is Phase.TEARDOWN
+    trouble.message = incident(event)
+    trouble.incidents.append(event)
+    trouble.texts.append(incident_text(event))
+
+
+def incident_text(event: FixtureIncident) -> str:
+    """An incident in full: the sentence, the traceback, the last output."""
+    parts = [incident(event)]
+    if event.traceback:
+        parts.append(event.traceback.rstrip("\n"))
+    if event.output:
+        parts += ["last output:", event.output.rstrip("\n")]
+    return "\n".join(parts)
+
+
+def _message(found: dict[str, Trouble], message: Message, suite: str) -> None:
+    if message.fixture:
+        trouble = _fixture(found, message.fixture)
+    else:
+        kind = "SuiteFailure" if message.severity is Severity.FAILURE else "SuiteError"
+        trouble = found.setdefault("suite", Trouble(f"suite: {suite}", kind))
+    trouble.red = True
+    trouble.message = trouble.message or message.detail or message.title
+    trouble.texts.append(problem(message))
+
+
+def of_run(results: RunResult) -> list[Trouble]:
+    """The troubles of the run itself; to be asked for when the run is over."""
+    code = results.ended.exit_code if results.ended is not None else int(results.exit_code())
+    found: dict[str, Trouble] = {}
+    for event in results.diagnostics:
+        if event.severity in (Severity.ERROR, Severity.FAILURE):
+            _diagnosed(found, event, red=code != ExitCode.PASSED)
+    troubles = list(found.values())
+    for error in results.internal_errors:
+        texts = [text for text in (error.text, error.traceback.rstrip("\n")) if text]
+        troubles.append(Trouble("run: internal error", "InternalError", red=True, message=error.text, texts=texts))
+    if results.interrupted is not None:
+        message = f"interrupted by {results.interrupted.source}"
+        troubles.append(Trouble("run: interrupted", "Interrupted", red=True, message=message))
+    if code != ExitCode.PASSED and not _red_somewhere(results, troubles):
+        troubles.append(_unexplained(results, code))
+    return troubles
+
+
+def _diagnosed(found: dict[str, Trouble], event: Diagnosed, *, red: bool) -> None:
+    name = event.suite or event.file or "command line"
+    trouble = found.setdefault(name, Trouble(f"load: {name}", "LoadError", red=red))
+    trouble.message = trouble.message or event.text
+    where = place(event.file, event.line, event.column)
+    hint = f"; {event.hint}" if event.hint else ""
+    trouble.texts.append(f"{where}: {event.text}{hint}" if where else f"{event.text}{hint}")
+
+
+def _red_somewhere(results: RunResult, troubles: list[Trouble]) -> bool:
+    if any(trouble.red for trouble in troubles):
+        return True
+    if any(not verdict.good and verdict not in PASSED_OVER for verdict in results.counts()):
+        return True
+    return any(trouble.red for suite in results.suites.values() for trouble in of_suite(suite))
+
+
+def _unexplained(results: RunResult, code: int) -> Trouble:
+    try:
+        word = ExitCode(code).name.lower().replace("_", " ")
+    except ValueError:
+        word = f"exit code {code}"
+    ended = "" if results.ended is not None else "the run did not end in order; "
+    return Trouble("run", "RunError", red=True, message=f"{word}: {ended}{counts(results.counts())}")

@@ -1,0 +1,1 @@
+"""Suites: what one is, and the XML that it is read from."""

@@ -1,0 +1,149 @@
+"""What refers to what inside a suite: fixtures to fixtures, tests to fixtures, tests to earlier tests."""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from rtf.testing.suite.model import TEST_REQUIREMENT, FixtureEntry, Scope, TestEntry
+from rtf.testing.suite.values import quote
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
+    from rtf.testing.suite.diagnostics import DiagnosticLog
+    from rtf.testing.suite.fields import Budget
+
+_SHOWN = 20  # members of a circle, so that the message stays readable
+
+
+def order_fixtures(fixtures: Sequence[FixtureEntry], problems: DiagnosticLog) -> tuple[FixtureEntry, ...]:
+    """Sort fixtures so that each stands behind those it depends on, otherwise in file order.
+
+    Fixtures that depend on something unknown, on something shorter lived, or on themselves in a circle are reported
+    and left out, together with those that depend on them.
+    """
+    by_name = {fixture.name: fixture for fixture in fixtures}
+    position = {fixture.name: index for index, fixture in enumerate(fixtures)}
+    waiting: dict[str, int] = {}
+    dependents: dict[str, list[str]] = {}
+    sound = [fixture for fixture in fixtures if _dependencies_sound(fixture, by_name, problems)]
+    for fixture in sound:
+        waiting[fixture.name] = len(fixture.depends)
+        for name in fixture.depends:
+            dependents.setdefault(name, []).append(fixture.name)
+    ready = [position[name] for name, count in waiting.items() if not count]
+    heapq.heapify(ready)
+    ordered: list[FixtureEntry] = []
+    while ready:
+        fixture = fixtures[heapq.heappop(ready)]
+        ordered.append(fixture)
+        for name in dependents.get(fixture.name, ()):
+            waiting[name] -= 1
+            if not waiting[name]:
+                heapq.heappush(ready, position[name])
+    stuck = dict.fromkeys(name for name, count in waiting.items() if count)
+    _report_stuck(stuck, by_name, problems)
+    return tuple(ordered)
+
+
+def _dependencies_sound(fixture: FixtureEntry, by_name: Mapping[str, FixtureEntry], problems: DiagnosticLog) -> bool:
+    sound = True
+    for name in fixture.depends:
+        other = by_name.get(name)
+        if other is None:
+            message = f"fixture {quote(fixture.name)} depends on {quote(name)}, which is not among the fixtures"
+            problems.error(message, fixture.location, problems.did_you_mean(name, by_name))
+            sound = False
+        elif fixture.scope is Scope.RUN and other.scope is Scope.SUITE:
+            message = f"fixture {quote(fixture.name)} lasts the whole run but depends on {quote(name)}, which does not"
+            problems.error(message, fixture.location, f'give {quote(name)} scope="run" too')
+            sound = False
+    return sound
+
+
+def _report_stuck(stuck: Collection[str], by_name: Mapping[str, FixtureEntry], problems: DiagnosticLog) -> None:
+    """Tell circles from fixtures that merely wait for something that was left out."""
+    seen: set[str] = set()
+    circular: set[str] = set()
+    for start in stuck:
+        path: list[str] = []
+        name: str | None = start
+        while name is not None and name not in seen:
+            seen.add(name)
+            path.append(name)
+            name = next((other for other in by_name[name].depends if other in stuck), None)
+        if name is not None and name in path:
+            circle = path[path.index(name) :]
+            circular.update(circle)
+            shown = circle if len(circle) <= _SHOWN else [*circle[:_SHOWN], "…"]
+            chain = " -> ".join([*shown, name])
+            problems.error(f"fixtures depend on each other in a circle: {chain}", by_name[name].location)
+    for name in stuck:
+        if name not in circular:
+            message = f"fixture {quote(name)} is left out, because something it depends on could not be used"
+            problems.error(message, by_name[name].location)
+
+
+def check_test_fixtures(
+    tests: Sequence[TestEntry], usable: Sequence[FixtureEntry], named: Collection[str], problems: DiagnosticLog
+) -> list[TestEntry]:
+    """Keep the tests whose ``fixtures`` exist; ``named`` are all fixtures of the file, also those left out."""
+    known = {fixture.name for fixture in usable}
+    kept = []
+    for test in tests:
+        unknown = [name for name in test.fixtures or () if name not in known]
+        for name in unknown:
+            what = "could not be used" if name in named else "is not among the fixtures"
+            message = f"test {quote(test.name)} needs the fixture {quote(name)}, which {what}"
+            problems.error(message, test.location, problems.did_you_mean(name, known))
+        if not unknown:
+            kept.append(test)
+    return kept
+
+
+def resolve_requirements(
+    tests: Sequence[TestEntry], suite_id: str, problems: DiagnosticLog, budget: Budget
+) -> list[TestEntry]:
+    """Replace the test that ``test:…`` names by its id.
+
+    A test is named by its id, by the id without the suite's part, or by its name; a name that several earlier tests
+    share means all of them. A reference to another suite's test (an id with a slash) is left for the run to resolve.
+    Tests that require one that does not stand before them could never run: they are reported and left out.
+    """
+    targets: dict[str, list[str]] = {}
+    kept: list[TestEntry] = []
+    for test in tests:
+        for token in test.requires:
+            budget.spend(test.location, steps=1 + len(targets.get(token.removeprefix(TEST_REQUIREMENT), ())))
+        resolved = _resolve(test, targets, suite_id, problems) if test.requires else test
+        if resolved is None:
+            continue
+        kept.append(resolved)
+        for key in {test.id, test.id.removeprefix(f"{suite_id}/"), test.name}:
+            targets.setdefault(key, []).append(test.id)
+    return kept
+
+
+def _resolve(
+    test: TestEntry, targets: Mapping[str, Sequence[str]], suite_id: str, problems: DiagnosticLog
+) -> TestEntry | None:
+    requires: dict[str, None] = {}
+    for token in test.requires:
+        reference = token.removeprefix(TEST_REQUIREMENT)
+        if reference == token:
+            requires[token] = None
+        elif reference in targets:
+            requires.update(dict.fromkeys(TEST_REQUIREMENT + target for target in targets[reference]))
+        elif "/" in reference and not reference.startswith(f"{suite_id}/"):
+            requires[token] = None
+        else:
+            message = f"test {quote(test.name)} requires the test {quote(reference)}, which does not stand before it"
+            problems.error(
+                message,
+                test.location,
+                problems.did_you_mean(reference, targets) or "name an earlier test of this suite",
+            )
+            return None
+    return replace(test, requires=tuple(requires))

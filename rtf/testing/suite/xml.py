@@ -1,0 +1,304 @@
+"""Loading a suite file: all that is wrong with it in one go, and the suite as far as it can be used.
+
+Files of the ancestor load as they are, with its meaning: element names are compared without regard to case, white
+space is condensed, an ``<environment>`` is given to the tests that follow it. What a file may contain is listed in
+:mod:`rtf.testing.suite.vocabulary` and explained in ``suite.xsd``.
+
+Includes name a suite file relative to the including one; ``../`` is allowed, so that a folder of suites can share
+parts, while absolute paths and addresses are refused, because they break on the next machine. Nothing is ever fetched.
+An included file keeps its own environment and defaults for its own tests and takes from the including file what it
+does not say; its name, description and time-out of the whole suite count only where it is loaded by itself.
+"""
+
+from __future__ import annotations
+
+import re
+import stat
+from dataclasses import dataclass, replace
+from dataclasses import fields as fields_of
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf.errors import Location
+from rtf.testing.suite.diagnostics import Diagnostic, DiagnosticLog, Severity
+from rtf.testing.suite.entries import EntryReader, Surroundings
+from rtf.testing.suite.fields import Budget, Fields, OverBudget
+from rtf.testing.suite.header import read_preload, read_timeouts, surroundings
+from rtf.testing.suite.model import (
+    FixtureEntry,
+    SuiteError,
+    TestEntry,
+    TestSuite,
+    suite_id_of,
+)
+from rtf.testing.suite.order import check_test_fixtures, order_fixtures, resolve_requirements
+from rtf.testing.suite.scan import MAX_BYTES, Element, scan
+from rtf.testing.suite.values import NameBook, plugin_stem, quote
+from rtf.testing.suite.vocabulary import RULES, check
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+SCHEMA = Path(__file__).with_name("suite.xsd")
+"""The schema for editors and for ``xmllint``; the loader does not need it."""
+
+_UNNAMED = "unknown"  # what the ancestor calls a suite without a name
+_MAX_INCLUDE_DEPTH = 16
+_MAX_LOOP_DEPTH = 16  # both keep the recursion far from the interpreter's limit
+_NOT_RELATIVE = re.compile(r"[/\\~]|[A-Za-z][A-Za-z0-9+.-]*:")
+_VARIABLE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]{0,63}")
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedSuite:
+    """The outcome of loading a file.
+
+    ``suite`` is None when the file could not be understood at all. Otherwise it holds every entry that is sound; each
+    that is not was left out and has an error among ``diagnostics``, so a suite with errors is not the suite that was
+    meant. ``foreign`` is True for XML that is no suite at all, so that whoever loads a whole folder may pass it over.
+    """
+
+    suite: TestSuite | None
+    diagnostics: tuple[Diagnostic, ...] = ()
+    foreign: bool = False
+
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        """The problems that left something out."""
+        return tuple(diagnostic for diagnostic in self.diagnostics if diagnostic.severity is Severity.ERROR)
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """The problems that left nothing out."""
+        return tuple(diagnostic for diagnostic in self.diagnostics if diagnostic.severity is Severity.WARNING)
+
+    def unwrap(self) -> TestSuite:
+        """The suite, or SuiteError with every error in its message."""
+        if self.suite is None or self.errors:
+            raise SuiteError("\n".join(map(str, self.errors)) or "there is no suite")
+        return self.suite
+
+
+def load_suite(path: str | Path, *, variables: Mapping[str, str] | None = None) -> LoadedSuite:
+    """Load a suite file. ``variables`` are put in for ``${name}`` everywhere. Nothing is raised for a bad file."""
+    try:
+        data = _read(Path(path))
+    except SuiteError as error:
+        return LoadedSuite(None, (Diagnostic(Severity.ERROR, str(error), Location(str(path))),))
+    return load_suite_bytes(data, str(path), variables=variables)
+
+
+def load_suite_bytes(data: bytes, file: str, *, variables: Mapping[str, str] | None = None) -> LoadedSuite:
+    """Load a suite from memory; ``file`` names it in messages, and includes are relative to the folder of that name."""
+    problems = DiagnosticLog()
+    loader = _Loader(file, dict(variables or {}), problems)
+    suite = loader.load(data)
+    return LoadedSuite(suite, tuple(problems), loader.foreign)
+
+
+def _read(path: Path) -> bytes:
+    """Read a regular file; never waits for a pipe and never reads more than the limit allows."""
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            kind = "a folder" if path.is_dir() else "no regular file"
+            raise SuiteError(f"this is {kind}, not a suite file")
+        with path.open("rb") as stream:
+            return stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise SuiteError(f"the suite file cannot be read: {reason}") from None
+
+
+class _Loader:
+    """Reads one suite and what it includes into one list of fixtures and one list of tests."""
+
+    def __init__(self, file: str, variables: Mapping[str, str], problems: DiagnosticLog) -> None:
+        self._file = file
+        self._variables = variables
+        self._problems = problems
+        self._budget = Budget()
+        self._entries = EntryReader("", problems, self._budget)
+        self._fixtures: dict[str, FixtureEntry] = {}
+        self._faulty_fixtures: set[str] = set()
+        self._tests: list[TestEntry] = []
+        self._preload: dict[str, None] = {}
+        self._including: list[Path] = []
+        self._complete = True
+        self.foreign = False
+
+    def load(self, data: bytes) -> TestSuite | None:
+        root = self._scan(data, self._file)
+        if root is None:
+            return None
+        try:
+            suite = self._suite(root)
+        except OverBudget as error:
+            self._problems.error(error.message, error.location, "split the suite")
+            return None
+        return suite if self._complete else None
+
+    def _scan(self, data: bytes, file: str) -> Element | None:
+        document = scan(data, file, self._problems)
+        self._complete = self._complete and document.complete
+        root = document.root
+        if root is None:
+            return None
+        if root.name != "suite":
+            self.foreign = document.complete and not self._including
+            message = f"this is not a test suite file: its root is <{quote(root.tag)[1:-1]}>, not <suite>"
+            self._problems.error(message, root.location, self._problems.did_you_mean(root.tag, ["suite"]))
+            return None
+        check(root, self._problems)
+        return root
+
+    def _suite(self, root: Element) -> TestSuite | None:
+        fields = Fields(root, self._variables, self._problems, self._budget)
+        name = fields.text("name").strip()
+        if not name:
+            self._problems.warning(f"the suite has no name; it is called {_UNNAMED!r}", root.location, 'add name="…"')
+            name = _UNNAMED
+        suite_id = suite_id_of(name)
+        self._entries = EntryReader(suite_id, self._problems, self._budget)
+        around = surroundings(root, fields, self._entries, Surroundings(bindings=self._variables))
+        self._read_fixtures(root, around)
+        self._walk(root, around)
+        timeout = fields.seconds("timeout")
+        description = self._entries.last_text(root, "description", self._variables) or ""
+        self._preload.update(dict.fromkeys(read_preload(fields)))
+        if not self._complete:
+            return None  # what refers to what cannot be judged when half of it is missing
+        fixtures = order_fixtures([*self._fixtures.values()], self._problems)
+        named = {*self._fixtures, *self._faulty_fixtures}
+        tests = check_test_fixtures(self._tests, fixtures, named, self._problems)
+        return TestSuite(
+            id=suite_id,
+            name=name,
+            file=self._file,
+            description=description,
+            environment=around.fixture_environment,
+            timeouts=read_timeouts(root, self._variables, self._entries),
+            timeout=timeout,
+            tags=around.defaults.tags,
+            preload=tuple(self._preload),
+            fixtures=fixtures,
+            tests=tuple(resolve_requirements(tests, suite_id, self._problems, self._budget)),
+            location=root.location,
+        )
+
+    def _walk(self, parent: Element, around: Surroundings) -> None:
+        allowed = RULES[parent.name].children
+        without = 0
+        for child in parent.children:
+            before = len(self._tests)
+            match child.name if child.name in allowed else "":
+                case "test":
+                    self._test(child, around)
+                case "for":
+                    self._for(child, around)
+                case "include":
+                    self._include(child, around)
+                case "environment":
+                    fields = self._entries.fields(child, around.bindings)
+                    _warn_if_late(fields, without)
+                    around = replace(around, environment=fields.body())
+            if not any(grandchild.name == "environment" for grandchild in child.children):
+                without += len(self._tests) - before
+
+    def _test(self, element: Element, around: Surroundings) -> None:
+        entry = self._entries.test(element, around)
+        if entry is not None:
+            self._tests.append(entry)
+
+    def _for(self, element: Element, around: Surroundings) -> None:
+        fields = self._entries.fields(element, around.bindings)
+        name = fields.text("name").strip()
+        if fields.ok and not _VARIABLE_NAME.fullmatch(name):
+            fields.fail(f"{quote(name)} cannot be the name of a loop variable", "name", "use letters, digits, _ - .")
+        values = fields.words("in", commas=False)
+        if fields.ok and not values:
+            fields.fail("this <for> has no values to go through", "in", 'write in="left_arm right_arm"')
+        if fields.ok and len(around.loop_values) >= _MAX_LOOP_DEPTH:
+            fields.fail(f"loops are nested more than {_MAX_LOOP_DEPTH} deep")
+        if not fields.ok:
+            return
+        for value in values or ():
+            inner = replace(
+                around,
+                bindings={**around.bindings, name: value},
+                loop_values=(*around.loop_values, value),
+            )
+            self._budget.spend(element.location, steps=1 + len(inner.bindings))
+            self._walk(element, inner)
+
+    def _include(self, element: Element, around: Surroundings) -> None:
+        fields = self._entries.fields(element, around.bindings)
+        target = fields.body()
+        if not target or _NOT_RELATIVE.match(target):
+            fields.fail(
+                f"an <include> cannot be {quote(target)}",
+                hint="name a suite file relative to this one, such as ../common/arms.xml",
+            )
+            return
+        name = Path(element.location.file).parent / target
+        try:
+            path, here = name.resolve(), Path(element.location.file).resolve()
+            data = _read(path)
+        except (OSError, RuntimeError, ValueError) as error:  # SuiteError is a ValueError
+            fields.fail(f"cannot include {quote(target)}: {error}")
+            return
+        chain = [*self._including, here, path]
+        if path in chain[:-1] or len(chain) > _MAX_INCLUDE_DEPTH:
+            what = "in a circle" if path in chain[:-1] else f"more than {_MAX_INCLUDE_DEPTH} deep"
+            fields.fail(f"files include each other {what}: {' -> '.join(part.name for part in chain)}")
+            return
+        self._budget.spend(element.location, files=1, characters=len(data))
+        self._including.append(here)
+        self._included(data, str(name), around)
+        self._including.pop()
+
+    def _included(self, data: bytes, file: str, around: Surroundings) -> None:
+        root = self._scan(data, file)
+        if root is None:
+            self._complete = False
+            return
+        fields = Fields(root, around.bindings, self._problems, self._budget)
+        self._preload.update(dict.fromkeys(read_preload(fields)))
+        inner = surroundings(root, fields, self._entries, around)
+        timeouts = read_timeouts(root, around.bindings, self._entries).inherit(around.defaults.timeouts)
+        inner = replace(inner, defaults=replace(inner.defaults, timeouts=timeouts))
+        self._read_fixtures(root, inner)
+        self._walk(root, inner)
+
+    def _read_fixtures(self, root: Element, around: Surroundings) -> None:
+        """Read one file's fixtures and add them to those of the files before; the same fixture twice is one."""
+        elements = [child for child in root.children if child.name == "fixture"]
+        names = NameBook()
+        for element in elements:
+            names.reserve(Fields(element, around.bindings, DiagnosticLog(), self._budget).text("name").strip())
+        here: set[str] = set()
+        for element in elements:
+            entry = self._entries.fixture(element, around, names)
+            if entry is None:
+                self._faulty_fixtures.add(element.attributes.get("name") or plugin_stem(element.text))
+                continue
+            other = self._fixtures.setdefault(entry.name, entry)
+            if entry.name in here:
+                message = f"the fixture {quote(entry.name)} is already defined at {other.location}"
+                self._problems.error(message, element.location, 'give one of them another name="…"')
+            elif differences := _differences(entry, other):
+                message = f"the fixture {quote(entry.name)} differs from the one at {other.location} in {differences}"
+                self._problems.error(message, element.location, 'make them equal, or give one another name="…"')
+            here.add(entry.name)
+
+
+def _differences(one: FixtureEntry, other: FixtureEntry) -> str:
+    names = (item.name for item in fields_of(one) if item.name != "location")
+    return ", ".join(name for name in names if getattr(one, name) != getattr(other, name))
+
+
+def _warn_if_late(fields: Fields, tests: int) -> None:
+    if tests:
+        fields.warn(
+            f"this <environment> comes too late for {tests} {'test' if tests == 1 else 'tests'} above it",
+            "move it to the top of the file, or give those tests an <environment> of their own",
+        )

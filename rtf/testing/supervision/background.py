@@ -1,0 +1,242 @@
+"""A program that runs beside a fixture: started without a shell, heard, its end noticed at once, and always ended.
+
+For fixture plug-ins. It is the leader of a session of its own, so that it and what it starts can be signalled together
+and no terminal reaches it; it dies with the thread that started it, which therefore has to be the main thread of the
+host.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import itertools
+import os
+import select
+import signal
+import subprocess
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+from rtf.testing.fixture import FixtureUnusable
+from rtf.testing.isolation import processes
+from rtf.testing.isolation.capture import Tail
+from rtf.testing.languages.program import LineCutter, why_not_started
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+_CHUNK = 64 * 1024
+#: The largest pipe an unprivileged process can have: what may still be unread when the program has ended.
+_PIPE = 1 << 20
+#: A line is cut after this many bytes.
+_LINE_LIMIT = 8192
+_VANISH = 5.0
+_MARK = "RTF_PROGRAM"
+
+_numbers = itertools.count(1)
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramEnd:
+    """How a program ended: ``exit_status``, or the name of a signal; and the last lines it wrote."""
+
+    exit_status: int | None
+    signal: str
+    output: str
+
+    def __str__(self) -> str:
+        """Say it, such as ``killed by SIGSEGV``."""
+        return processes.describe_end(self.exit_status, self.signal)
+
+
+class BackgroundProgram:
+    """One run of a program. ``on_output(stream, text)`` and ``on_end(end)`` are called in a thread of its own.
+
+    ``on_output`` gets whole lines, joined, without the last line end. ``on_end`` is called once, at the moment the
+    program ends, whether that was asked for or not; what it writes has been handed on before.
+    """
+
+    def __init__(
+        self,
+        words: Sequence[str],
+        *,
+        environ: Mapping[str, str],
+        directory: str | Path | None = None,
+        on_output: Callable[[str, str], object],
+        on_end: Callable[[ProgramEnd], object],
+    ) -> None:
+        self.words = tuple(words)
+        self._mark = f"{os.getpid()}-{next(_numbers)}"
+        self._environ = {**environ, _MARK: self._mark}
+        self._directory = directory
+        self._on_output = on_output
+        self._on_end = on_end
+        self._tail = Tail()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._pidfd = -1
+        self._thread: threading.Thread | None = None
+        self._ended = threading.Event()
+        self._end: ProgramEnd | None = None
+
+    @property
+    def name(self) -> str:
+        """The program's name for people."""
+        return Path(self.words[0]).name
+
+    @property
+    def end(self) -> ProgramEnd | None:
+        """How it ended, once it has."""
+        return self._end
+
+    def start(self) -> None:
+        """Start it. Raises FixtureUnusable, which names the program and the mend, when that is not possible."""
+        parent = os.getpid()
+
+        def tie() -> None:
+            processes.die_with_parent()
+            if os.getppid() != parent:  # it died in between
+                os._exit(1)
+
+        try:
+            self._process = subprocess.Popen(
+                self.words,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                bufsize=0,
+                env=self._environ,
+                cwd=self._directory,
+                start_new_session=True,
+                preexec_fn=tie,  # noqa: PLW1509 - it makes two system calls and takes no lock
+            )
+        except (OSError, ValueError) as error:
+            raise FixtureUnusable(self._why_not(error)) from None
+        self._pidfd = os.pidfd_open(self._process.pid)
+        self._thread = threading.Thread(target=self._attend, name=f"rtf-program-{self.name}", daemon=True)
+        self._thread.start()
+
+    def _why_not(self, error: OSError | ValueError) -> str:
+        file = self.words[0]
+        if isinstance(error, ValueError):  # a NUL character
+            return f"{file}: {error}"
+        if self._directory is not None and not Path(self._directory).is_dir():
+            return f"the directory {self._directory}, in which {file} is to run, does not exist or is none"
+        if "/" not in file and error.errno == errno.ENOENT:
+            return f"there is no program {file!r} on PATH; install it, or write its path"
+        if error.errno == errno.ENOENT and not (Path(self._directory or ".") / file).exists():
+            return f"there is no program {file}; install it, or mend its path"
+        return why_not_started(str(Path(self._directory or ".") / file), error)
+
+    def wait(self, timeout: float) -> bool:
+        """Wait at most ``timeout`` seconds for its end to be known. Any thread."""
+        return self._ended.wait(timeout)
+
+    def exited(self) -> bool:
+        """Whether it has ended, even if ``on_end`` has not been called yet."""
+        return self._pidfd >= 0 and bool(select.select([self._pidfd], [], [], 0)[0])
+
+    def stop(self, signum: int, timeout: float) -> bool:
+        """End it and everything it started: ``signum`` to the group, after ``timeout`` seconds SIGKILL.
+
+        Returns whether it ended without being killed. Safe in every state, and more than once.
+        """
+        process = self._process
+        if process is None:
+            return True
+        self._signal(process.pid, signum)
+        self._signal(process.pid, signal.SIGCONT)
+        gently = self._ended.wait(timeout)
+        self._signal(
+            process.pid, signal.SIGKILL
+        )  # its children too; it is not reaped yet, so the group is still its own
+        for pid in processes.descendants_of(os.getpid()):
+            if processes.carries(pid, f"{_MARK}={self._mark}"):  # one that left the group
+                processes.signal_process(pid, signal.SIGKILL)
+        self._ended.wait(_VANISH)
+        if self._thread is not None:
+            self._thread.join(_VANISH)
+        if self._end is not None:
+            process.wait()
+            self._process = None
+            os.close(self._pidfd)
+            self._pidfd = -1
+        return gently
+
+    @staticmethod
+    def _signal(pid: int, signum: int) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(pid, signum)
+
+    # The thread --------------------------------------------------------------------------------------------------
+
+    def _attend(self) -> None:
+        """Read what it writes until it has ended and nobody holds its pipes any more."""
+        process = self._process
+        assert process is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
+        streams = {file.fileno(): _Reader(name, file) for name, file in _named(process.stdout, process.stderr)}
+        poll = select.poll()
+        poll.register(self._pidfd, select.POLLIN)
+        for descriptor in streams:
+            os.set_blocking(descriptor, False)
+            poll.register(descriptor, select.POLLIN)
+        while streams or self._end is None:
+            ready = [descriptor for descriptor, _ in poll.poll()]
+            for descriptor in ready:
+                if descriptor in streams and not self._read(streams[descriptor]):
+                    poll.unregister(descriptor)
+                    streams.pop(descriptor).file.close()
+            if self._end is None and self._pidfd in ready:
+                poll.unregister(self._pidfd)
+                for reader in streams.values():
+                    self._drain(reader)
+                self._note_end()
+
+    def _read(self, reader: _Reader) -> bool:
+        """Read once. False at the end."""
+        try:
+            data = os.read(reader.file.fileno(), _CHUNK)
+        except BlockingIOError:
+            return True
+        self._tail.feed(reader.name, data)
+        lines = [*(reader.lines.feed(data) if data else reader.lines.finish())]
+        if lines:
+            self._on_output(reader.name, "\n".join(lines))
+        return bool(data)
+
+    def _drain(self, reader: _Reader) -> None:
+        """Read what it left in the pipe, and no more: a grandchild may write for ever."""
+        for _ in range(_PIPE // _CHUNK):
+            if not select.select([reader.file], [], [], 0)[0]:
+                return
+            if not self._read(reader):
+                return
+
+    def _note_end(self) -> None:
+        """Look how it ended, without reaping it: until that is done nobody else can get its number."""
+        result = os.waitid(os.P_PIDFD, self._pidfd, os.WEXITED | os.WNOWAIT)
+        exited = result is not None and result.si_code == os.CLD_EXITED
+        status = result.si_status if result is not None else 0
+        self._end = ProgramEnd(
+            status if exited else None, "" if exited else processes.signal_name(status), self._tail.text()
+        )
+        try:
+            self._on_end(self._end)
+        finally:
+            self._ended.set()
+
+
+class _Reader:
+    """One of its two streams."""
+
+    def __init__(self, name: str, file: IO[bytes]) -> None:
+        self.name = name
+        self.file = file
+        self.lines = LineCutter(_LINE_LIMIT)
+
+
+def _named(stdout: IO[bytes], stderr: IO[bytes]) -> list[tuple[str, IO[bytes]]]:
+    return [("stdout", stdout), ("stderr", stderr)]

@@ -1,0 +1,340 @@
+"""The process in which one incarnation of a fixture lives.
+
+It says ``listening`` when it can be interrupted, ``ready`` when it is set up, then ``alive`` after each check that
+held, ``collapsed`` at most once, ``failed`` when setting up did not work, ``doing`` before each of the last things, and
+``done`` when everything is torn down. It obeys ``check``, ``park`` and ``teardown``. SIGTERM makes it leave what it is
+doing and tear down. When its runner is gone it waits for the SIGTERM of the nursery, which ends fixtures in order; when
+the nursery is gone the kernel sends it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import sys
+import threading
+from typing import TYPE_CHECKING, Any
+
+from rtf import clock
+from rtf.testing import plugins
+from rtf.testing.events import Message, OutputCaptured, to_line
+from rtf.testing.fixture import FixtureUnusable
+from rtf.testing.isolation import processes
+from rtf.testing.isolation.nursery_protocol import DUMP_FD
+from rtf.testing.outcome import FixtureCollapsed, TestStopped
+from rtf.testing.session import author_place, author_traceback, bounded
+from rtf.testing.verdict import Phase, Severity
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import FrameType
+
+    from rtf.testing.fixture import FixtureManager
+    from rtf.testing.isolation.job import Job
+    from rtf.testing.isolation.worker import Wire
+
+#: Seconds to wait for the order in which the nursery has fixtures torn down when the runner is gone.
+ORPHAN_PATIENCE = 5.0
+_FIRST_COMMAND_LIMIT = 10.0
+
+
+class Host:
+    """Runs one fixture manager and speaks for it. Any thread may speak; the main thread does the work."""
+
+    def __init__(self, job: Job, wire: Wire) -> None:
+        self.incarnation = job.attempt
+        self.name = job.id
+        self._job = job
+        self._wire = wire
+        self._wire_lock = threading.Lock()
+        self._main = threading.get_ident()
+        self._sending = False  # the main thread is in the middle of a message, which must be whole
+        self._phase = Phase.LOAD
+        self._collapse_lock = threading.Lock()
+        self._cause: str | None = None  # why it collapsed, once it has
+        self._stoppable = False
+        self._stopped = False
+        self._lost = False
+
+    # What the manager says ---------------------------------------------------------------------------------------
+
+    def say(self, **message: object) -> None:
+        """Send one message to the runner; any thread may. Values that JSON lacks are sent as text."""
+        self._send(json.dumps(message, default=str).encode() + b"\n")
+
+    def _send(self, line: bytes) -> None:
+        main = threading.get_ident() == self._main
+        with self._wire_lock:
+            self._sending = main or self._sending
+            try:
+                self._wire.send(line)
+            finally:
+                self._sending = self._sending and not main
+        if main and self._stopped and self._stoppable:
+            self._leave()
+
+    def message(self, severity: Severity, title: str, detail: object, place: tuple[str, int]) -> None:
+        """Send a message of the fixture into the journal."""
+        event = Message(
+            severity=severity,
+            title=title,
+            detail=bounded(str(detail)),
+            fixture=self.name,
+            phase=self._phase,
+            file=place[0],
+            line=place[1],
+        )
+        self._send(to_line(event))
+
+    def output(self, text: object, stream: str) -> None:
+        """Send what a program of the fixture wrote: a line, or several."""
+        self._send(to_line(OutputCaptured(stream=stream, text=bounded(str(text)) + "\n", fixture=self.name)))
+
+    def announce_collapse(self, reason: object, *, exit_status: int | None, signal_name: str, output: str) -> None:
+        """Say once that the fixture collapsed."""
+        cause = bounded(str(reason)) or "no reason was given"
+        with self._collapse_lock:
+            if self._cause is not None:
+                return
+            self._cause = cause
+        self.say(
+            host="collapsed",
+            phase=self._phase,
+            cause=cause,
+            exit_status=exit_status,
+            signal=signal_name,
+            output=bounded(str(output)),
+        )
+
+    # The life ----------------------------------------------------------------------------------------------------
+
+    def live(self) -> None:
+        """Load, set up, watch and tear down."""
+        self._redirect_stacks()
+        self.say(host="listening")
+        manager = self._load()
+        if manager is not None:
+            up = self._set_up(manager)
+            if up:
+                self.say(host="ready")
+                self._watch(manager)
+            self._come_down(manager, up=up)
+        self.say(host="done")
+
+    def _redirect_stacks(self) -> None:
+        """Have the stacks of this process dumped where its runner says, apart from those of tests."""
+        command = self._wire.receive(_FIRST_COMMAND_LIMIT)
+        if command is None or command.get("command") != "stacks":
+            return
+        with contextlib.suppress(OSError):  # without it they go where those of tests go
+            descriptor = os.open(command["path"], os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC)
+            os.dup2(descriptor, DUMP_FD, inheritable=False)
+            os.close(descriptor)
+
+    def _load(self) -> FixtureManager | None:
+        made: list[FixtureManager] = []
+
+        def load() -> None:
+            job = self._job
+            manager = plugins.load_fixture(job.plugin)
+            manager.attach_to(self, job.environment)
+            manager.resolve_parameters(
+                param=job.param,
+                parameters=job.parameters,
+                overrides=job.overrides,
+                environment=job.environment,
+                place=job.suite_place,
+                folder=job.suite_folder,
+            )
+            for warning in manager.parameter_warnings:
+                self.message(Severity.WARNING, "parameters", warning, ("", 0))
+            made.append(manager)
+
+        error = self._stoppably(load)
+        if error is not None and not isinstance(error, TestStopped):
+            self._failed(error, hopeless=True)
+        return made[0] if made and error is None else None
+
+    def _set_up(self, manager: FixtureManager) -> bool:
+        def set_up() -> None:
+            if self.incarnation > 1:
+                manager.before_restart(self.incarnation)
+            if manager.setup() is False:
+                raise FixtureCollapsed("setup() returned False")
+
+        self._phase = Phase.SETUP
+        error = self._stoppably(set_up)
+        if error is not None and not isinstance(error, TestStopped):
+            self._failed(error, hopeless=isinstance(error, FixtureUnusable))
+        return error is None and self._cause is None
+
+    def _failed(self, error: BaseException, *, hopeless: bool) -> None:
+        """Say that the fixture is not usable, and why; ``hopeless`` if another try would come to the same."""
+        known = isinstance(error, FixtureCollapsed)
+        self.say(
+            host="failed",
+            hopeless=hopeless,
+            phase=self._phase,
+            cause=bounded(_text(error) if known else _named(error)),
+            traceback="" if known else author_traceback(error),
+        )
+
+    def _watch(self, manager: FixtureManager) -> None:
+        """Check once in a while, and obey, until the end is asked for."""
+        self._phase = Phase.CHECK
+        while not self._stopped and not self._lost:
+            command = self._next_command()
+            kind = "check" if command is None else command.get("command")
+            if kind == "teardown":
+                self._note_reason(command)
+                return
+            if kind == "park":
+                self._park(manager)
+            elif not self._stopped and not self._lost:
+                self._check(manager)
+            if command is not None:
+                self.say(host="answered")
+        if not self._stopped:  # without a runner, the nursery says whose turn it is, dependents first
+            self._stoppably(lambda: clock.sleep(ORPHAN_PATIENCE))
+
+    def _next_command(self) -> dict[str, Any] | None:
+        received: list[dict[str, Any] | None] = [None]
+
+        def receive() -> None:
+            received[0] = self._wire.receive(self._job.check_period)
+
+        error = self._stoppably(receive)
+        if error is not None and not isinstance(error, TestStopped):
+            self._lost = True  # the author's code has closed the channel
+        return received[0]
+
+    def _note_reason(self, command: dict[str, Any] | None) -> None:
+        reason = "" if command is None else str(command.get("collapse", ""))
+        if reason and self._cause is None:
+            self._cause = reason
+
+    def _check(self, manager: FixtureManager) -> None:
+        if self._cause is not None:
+            return
+        held: list[bool | None] = []
+        error = self._stoppably(lambda: held.append(manager.check()))
+        if isinstance(error, TestStopped):
+            return
+        if isinstance(error, FixtureCollapsed):
+            self._collapse(_text(error))
+        elif error is not None:
+            self._collapse(f"check() raised {_named(error)}")
+        elif held[0] is False:
+            self._collapse("check() returned False")
+        else:
+            self.say(host="alive")
+
+    def _park(self, manager: FixtureManager) -> None:
+        """A fixture whose state after a test is unknown is as good as gone."""
+        error = self._stoppably(manager.park)
+        if error is not None and not isinstance(error, TestStopped):
+            self._collapse(f"park() raised {_named(error)}")
+
+    def _collapse(self, cause: str) -> None:
+        self.announce_collapse(cause, exit_status=None, signal_name="", output="")
+
+    # The end -----------------------------------------------------------------------------------------------------
+
+    def _come_down(self, manager: FixtureManager, *, up: bool) -> None:
+        self._phase = Phase.TEARDOWN
+        self._read_pending_reason()
+        cause = self._cause
+        if up and cause is not None:
+            self._last_thing("on_collapse()", lambda: manager.on_collapse(cause))
+        elif up:
+            self._last_thing("park()", manager.park)
+        self.say(host="doing", what="teardown()")
+        self._tell(self._caught(manager.teardown), "teardown()")
+
+    def _read_pending_reason(self) -> None:
+        """The runner that interrupts says before why."""
+        with contextlib.suppress(OSError):  # the author's code has closed the channel
+            while (command := self._wire.receive(0)) is not None:
+                if command.get("command") == "teardown":
+                    self._note_reason(command)
+
+    def _last_thing(self, what: str, function: Callable[[], object]) -> None:
+        """Do something that must not keep teardown from being done: it may be interrupted on its own."""
+        self.say(host="doing", what=what)
+        self._stopped = False
+        self._tell(self._stoppably(function), what)
+
+    def _tell(self, error: BaseException | None, what: str) -> None:
+        if error is None:
+            return
+        stopped = isinstance(error, TestStopped)
+        cause = f"{what} did not come back and was interrupted" if stopped else f"{what} raised {_named(error)}"
+        trace = "" if stopped else author_traceback(error)
+        file, line = author_place(error)
+        self.say(host="trouble", phase=self._phase, cause=bounded(cause), traceback=trace, file=file, line=line)
+
+    # Being stopped from outside ----------------------------------------------------------------------------------
+
+    def on_signal(self, _signum: int, _frame: FrameType | None) -> None:
+        """Leave what is being done, to tear down. Teardown itself is never left."""
+        self._stopped = True
+        if self._stoppable and not self._sending:
+            self._leave()
+
+    def _leave(self) -> None:
+        self._stoppable = False
+        raise TestStopped
+
+    def lost_runner(self) -> None:
+        """There is nobody left to work for, and still something to tear down. Called by the wire, in any thread."""
+        self._lost = True
+
+    def _stoppably(self, function: Callable[[], object]) -> BaseException | None:
+        """Call something that SIGTERM may end; gives what it raised, TestStopped if it was ended."""
+
+        def call() -> None:
+            try:
+                self._stoppable = True  # before the look at _stopped, so that no signal falls between the two
+                if self._stopped:
+                    raise TestStopped
+                function()
+            finally:
+                self._stoppable = False
+
+        return self._caught(call)
+
+    @staticmethod
+    def _caught(function: Callable[[], object]) -> BaseException | None:
+        try:
+            function()
+        except BaseException as error:  # noqa: BLE001 - told by the caller; even sys.exit() must not skip teardown
+            return error
+        return None
+
+
+def _text(error: BaseException) -> str:
+    try:
+        return str(error)
+    except Exception:  # noqa: BLE001 - an author's exception may be broken itself
+        return f"{type(error).__name__}, whose text cannot be had"
+
+
+def _named(error: BaseException) -> str:
+    text = _text(error)
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def host(job: Job, wire: Wire) -> int:
+    """Be the host of one incarnation of a fixture. Returns the exit status of the process."""
+    os.environ["RTF_RUN_FOLDER"] = job.run_folder
+    keeper = Host(job, wire)
+    wire.on_lost = keeper.lost_runner
+    signal.signal(signal.SIGTERM, keeper.on_signal)
+    signal.signal(signal.SIGINT, keeper.on_signal)
+    processes.die_with_parent(signal.SIGTERM)
+    keeper.live()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    return 0

@@ -1,0 +1,392 @@
+"""One incarnation of a fixture, seen from the runner: the conversation with its process, and the ending of it.
+
+The process is the host (``fixture_host``), which runs an author's code and is not to be trusted: it may
+be silent, say nonsense, say too much, die or refuse to. Whatever it does ends here as a cause, an event or a kill. All
+of it happens in the thread of the supervisor.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+from typing import TYPE_CHECKING, Any
+
+from rtf import clock
+from rtf.testing.events import EventError, Message, OutputCaptured, from_record
+from rtf.testing.isolation import processes
+from rtf.testing.isolation.capture import Capture, Tail
+from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL
+from rtf.testing.session import bounded
+from rtf.testing.supervision.fixture_record import Cause
+from rtf.testing.verdict import FixtureState, Phase, Severity
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.testing.isolation.children import Child, End, Nursery
+    from rtf.testing.isolation.job import Job
+    from rtf.testing.supervision.fixture_record import Fixture, Notes
+
+#: Seconds that are allowed where the suite says nothing.
+SETUP_LIMIT = 120.0
+TEARDOWN_LIMIT = 30.0
+#: A check that has not come back after this long is a collapse.
+CHECK_LIMIT = 10.0
+PARK_LIMIT = 15.0
+#: How long a fixture may take to leave what it is doing when it is to be torn down.
+GRACE = 2.0
+_VANISH = 6.0
+
+#: Bytes a second of a fixture's output that the journal takes in the long run: 29 MB an hour.
+_OUTPUT_RATE = 8192.0
+#: Beyond these, what a fixture says is counted and left out.
+_MESSAGE_BYTES = 16 << 20
+_TROUBLES = 100
+_COMPLAINTS = 5
+#: A process that says this much nonsense is not the one we started.
+_NONSENSE_LIMIT = 1000
+
+
+class Incarnation:
+    """The process of one incarnation. ``wait(condition)`` is the supervisor's: it returns when the condition holds."""
+
+    def __init__(
+        self,
+        fixture: Fixture,
+        notes: Notes,
+        nursery: Nursery,
+        wait: Callable[[Callable[[], bool]], None],
+        kill_now: Callable[[], bool],
+    ) -> None:
+        self._fixture = fixture
+        self._notes = notes
+        self._nursery = nursery
+        self._wait = wait
+        self._kill_now = kill_now
+        self._child: Child = nursery.take()
+        self.pid = self._child.pid
+        self.answered = False
+        self.deadline = clock.Deadline()
+        self._period = fixture.entry.check_period
+        self._doing = "setup()"
+        self._phase = Phase.SETUP
+        self._dump_cause = ""  # why its stacks were asked for
+        self._listening = False  # before that SIGTERM would only kill it
+        self._pressed = False  # it has been sent a signal to leave what it is doing
+        self._killed = False
+        self._done = False
+        self._end_told = False
+        self._silence = clock.Deadline()
+        self._stacks = StackFile()
+        self._tail = Tail()
+        self._capture = Capture(
+            lambda stream, text, omitted: notes.output(fixture, stream, text, omitted), refill=_OUTPUT_RATE
+        )
+        self._bytes = 0
+        self._left_out = 0
+        self._troubles = 0
+        self._nonsense = 0
+
+    def begin(self, job: Job) -> None:
+        """Have the process set the fixture up."""
+        child = self._child
+        child.mark_as_host()
+        self.deadline = clock.Deadline.after(self._fixture.entry.timeouts.setup or SETUP_LIMIT)
+        child.begin(job.to_message(), self._hear, self._written)
+        self._command("stacks", path=self._stacks.path)
+
+    # While tests run ---------------------------------------------------------------------------------------------
+
+    def ask(self, what: str) -> None:
+        """Have it ``check`` or ``park`` now; ``answered`` becomes true when it has."""
+        self.answered = False
+        if what == "park":
+            self._doing = "park()"
+            self.deadline = clock.Deadline.after(PARK_LIMIT)
+        self._command(what)
+
+    def look(self) -> None:
+        """Notice that it has ended, fallen silent or cut its channel. Called after whatever happened."""
+        if not self._fixture.active:
+            return
+        if self._child.end is not None:
+            self._ended(self._child.end)
+        elif self._child.channel_closed:
+            self._cut_off()
+        elif self.deadline.expired:
+            self._too_late()
+
+    def _ended(self, end: End) -> None:
+        self._end_told = True
+        self._collapse(f"the fixture's process ended: {_how(end)}", exit_status=end.exit_status, signal_name=end.signal)
+
+    def _cut_off(self) -> None:
+        """A process that dies closes its channel a moment before its end is known; one that lives on is cut off."""
+        if self._silence.at == clock.FOREVER:
+            self._silence = clock.Deadline.after(GRACE)
+            self.deadline = self.deadline.earliest(self._silence)
+        elif self._silence.expired:
+            self._collapse("the fixture's process closed the channel to its runner")
+
+    def _too_late(self) -> None:
+        self._collapse(self._did_not_come_back())
+
+    @property
+    def up(self) -> bool:
+        """Whether tests can stand on this very incarnation."""
+        return self._fixture.ready and self._fixture.process is self
+
+    def _did_not_come_back(self) -> str:
+        """Have the stacks dumped, and say what takes too long."""
+        cause = f"{self._doing} did not come back within {self.deadline.limit:g} s"
+        if "(stopped)" in processes.kernel_state(self.pid):
+            cause += "; the process had been stopped by a signal"
+        self._child.signal(signal.SIGCONT)
+        self._child.signal(DUMP_SIGNAL)
+        self._dump_cause = cause
+        return cause
+
+    def _patience(self) -> clock.Deadline:
+        return clock.Deadline.after(PARK_LIMIT if self._doing == "park()" else self._period + CHECK_LIMIT)
+
+    # Down --------------------------------------------------------------------------------------------------------
+
+    def stop(self, reason: str) -> None:
+        """Have it torn down, within its time, and end it in any case. ``reason`` is why it collapsed, if it did."""
+        child = self._child
+        try:
+            if child.end is None:
+                self._command("teardown", collapse=reason)
+                self.deadline = clock.Deadline.after(GRACE)
+                if self._listening and (self._doing == "setup()" or self._dump_cause):
+                    self._interrupt()
+            while child.end is None and not self._killed:
+                self._wait(lambda: child.end is not None or self.deadline.expired or self._kill_now())
+                if child.end is None:
+                    self._press_on(self._phase if reason else Phase.TEARDOWN)
+            if child.end is not None:
+                self._conclude(child.end)
+        finally:
+            self._close()
+
+    def _interrupt(self) -> None:
+        """Have it leave what it is doing, so that it gets to its teardown."""
+        self._pressed = True
+        self._child.signal(signal.SIGCONT)
+        self._child.signal(signal.SIGTERM)
+        self.deadline = clock.Deadline.after(GRACE)
+
+    def _press_on(self, phase: Phase) -> None:
+        """It does not come to its end: interrupt it, or kill it where that is no use."""
+        if self._kill_now():
+            self._kill()
+            self._trouble("killed before the end of teardown(), because the run was ended by force", Phase.TEARDOWN)
+        elif self._doing != "teardown()" and not self._pressed:
+            self._interrupt()
+        else:
+            cause = self._did_not_come_back()
+            self._stacks.wait_for_dump(self._nursery)
+            self._kill()
+            if self._doing == "teardown()":
+                self._trouble(f"{cause}; killed", Phase.TEARDOWN)
+            else:
+                self._trouble(f"{self._doing} could not be interrupted; killed without teardown()", phase)
+
+    def _kill(self) -> None:
+        self._killed = True
+        child = self._child
+        child.signal(signal.SIGKILL, group=True)
+        deadline = clock.Deadline.after(_VANISH)
+        self.deadline = deadline
+        self._wait(lambda: child.end is not None or deadline.expired)
+        if child.end is None:
+            self._nursery.abandon()
+
+    def _conclude(self, end: End) -> None:
+        """Tell of a process that did not live to the end of its teardown, unless that is known."""
+        if self._killed or self._end_told:
+            return
+        if not self._done and not (end.status == 0 and self._silence.expired):
+            where = "in" if self._doing == "teardown()" else "before"
+            cause = f"the fixture's process ended {where} teardown(): {_how(end)}"
+        elif end.status != 0:
+            cause = f"after teardown() the fixture's process ended badly: {_how(end)}"
+        else:
+            return
+        self._trouble(cause, Phase.TEARDOWN, exit_status=end.exit_status, signal_name=end.signal)
+
+    def _close(self) -> None:
+        self._capture.close()
+        fixture = self._fixture
+        stacks = self._stacks.text()
+        if not stacks and self._dump_cause:
+            stacks = "the process did not answer the request for its stacks\n"
+        if stacks:
+            self._notes.stacks(fixture, stacks, self._dump_cause or "crash")
+        self._stacks.close()
+        for count, what in ((self._left_out, "messages"), (max(0, self._nonsense - _COMPLAINTS), "lines of nonsense")):
+            if count:
+                text = f"{count} {what} left out: the fixture said too much"
+                self._notes.say(fixture, Severity.WARNING, "journal", text, self._phase)
+
+    # What it says ------------------------------------------------------------------------------------------------
+
+    def _command(self, command: str, **members: str) -> None:
+        self._child.send(json.dumps({"command": command, **members}).encode() + b"\n")
+
+    def _hear(self, line: bytes) -> None:
+        if self._nonsense >= _NONSENSE_LIMIT:
+            return
+        try:
+            message = json.loads(line)
+            if isinstance(message, dict) and "host" in message:
+                self._hear_host(message)
+                return
+            event = from_record(message)
+            if isinstance(event, OutputCaptured):
+                self._written(event.stream, event.text.encode("utf-8", "backslashreplace"))
+            elif isinstance(event, Message) and event.fixture == self._fixture.name:
+                self._take(event, len(line))
+            else:
+                self._complain(f"it may not say {event.kind}")
+        except (ValueError, TypeError, KeyError, RecursionError, EventError) as error:
+            self._complain(str(error))
+
+    def _complain(self, problem: str) -> None:
+        self._nonsense += 1
+        if self._nonsense <= _COMPLAINTS:
+            text = bounded(f"the fixture's process said something unintelligible: {problem}")
+            self._notes.say(self._fixture, Severity.ERROR, "protocol", text, self._phase)
+        elif self._nonsense == _NONSENSE_LIMIT:
+            self._collapse("the fixture's process says only nonsense")
+
+    def _take(self, event: Message, size: int) -> None:
+        self._bytes += size
+        if self._bytes > _MESSAGE_BYTES:
+            self._left_out += 1
+        else:
+            self._notes.forward(event)
+
+    def _hear_host(self, message: dict[str, Any]) -> None:
+        kind = message["host"]
+        if kind in ("collapsed", "failed", "trouble"):
+            self._hear_of_trouble(kind, message)
+        elif kind == "listening":
+            self._listening = True
+            if self._fixture.state is FixtureState.STOPPING:
+                self._interrupt()
+        elif kind == "doing" and self._fixture.state is FixtureState.STOPPING:
+            self._going_down(str(message["what"]))
+        elif kind == "done":
+            self._done = True
+        else:
+            self._hear_of_life(kind)
+
+    def _hear_of_life(self, kind: object) -> None:
+        fixture = self._fixture
+        if kind == "ready" and fixture.state is FixtureState.STARTING:
+            self._doing = "check()"
+            self._phase = Phase.CHECK
+            self.deadline = self._patience()
+            self._notes.change(fixture, FixtureState.READY)
+        elif kind in ("alive", "answered") and fixture.ready:
+            if kind == "answered":
+                self.answered = True
+                self._doing = "check()"
+            self.deadline = self._patience()
+
+    def _hear_of_trouble(self, kind: str, message: dict[str, Any]) -> None:
+        cause = self._cause_from(message)
+        fixture = self._fixture
+        if kind != "trouble":
+            if fixture.active:
+                fixture.hopeless = message.get("hopeless") is True
+                self._notes.collapse(fixture, cause)
+            return
+        self._troubles += 1
+        if self._troubles <= _TROUBLES:
+            self._notes.incident(fixture, cause)
+
+    def _going_down(self, what: str) -> None:
+        """It has come to the next of the last things, each of which has its own time."""
+        self._doing = what
+        self._phase = Phase.TEARDOWN
+        self._pressed = False
+        limit = self._fixture.entry.timeouts.teardown or TEARDOWN_LIMIT
+        self.deadline = clock.Deadline.after(limit if what == "teardown()" else min(limit, PARK_LIMIT))
+
+    def _cause_from(self, message: dict[str, Any]) -> Cause:
+        status = message.get("exit_status")
+        return Cause(
+            text=bounded(str(message["cause"])),
+            phase=Phase(message["phase"]),
+            exit_status=status if isinstance(status, int) else None,
+            signal=str(message.get("signal", "")),
+            output=bounded(str(message.get("output", ""))) or self._last_lines(),
+            traceback=bounded(str(message.get("traceback", ""))),
+        )
+
+    def _collapse(self, text: str, *, exit_status: int | None = None, signal_name: str = "") -> None:
+        cause = Cause(
+            text=text, phase=self._phase, exit_status=exit_status, signal=signal_name, output=self._last_lines()
+        )
+        self._notes.collapse(self._fixture, cause)
+
+    def _trouble(self, text: str, phase: Phase, *, exit_status: int | None = None, signal_name: str = "") -> None:
+        cause = Cause(text=text, phase=phase, exit_status=exit_status, signal=signal_name, output=self._last_lines())
+        self._notes.incident(self._fixture, cause)
+
+    def _last_lines(self) -> str:
+        self._child.drain()
+        return self._tail.text()
+
+    def _written(self, stream: str, data: bytes) -> None:
+        self._tail.feed(stream, data)
+        self._capture.feed(stream, data)
+
+
+def _how(end: End) -> str:
+    if end.status is None:
+        return "the process from which it was forked was lost"
+    return processes.describe_end(end.exit_status, end.signal)
+
+
+class StackFile:
+    """A nameless file of the runner into which one process dumps its stacks; readable when that process has died.
+
+    One a fixture, so that its stacks are never taken for those of the test that runs meanwhile.
+    """
+
+    _LIMIT = 1 << 18
+
+    def __init__(self) -> None:
+        self._descriptor = os.memfd_create("rtf-stacks", os.MFD_CLOEXEC)
+
+    @property
+    def path(self) -> str:
+        """Where another process of this user opens it, as long as the runner lives."""
+        return f"/proc/{os.getpid()}/fd/{self._descriptor}"
+
+    def text(self) -> str:
+        """What was dumped, at most 256 KiB of it."""
+        return os.pread(self._descriptor, self._LIMIT, 0).decode("utf-8", "backslashreplace")
+
+    def wait_for_dump(self, nursery: Nursery) -> None:
+        """Wait until a dump that was asked for is written: it has grown and stopped growing; at most a second."""
+        deadline = clock.Deadline.after(1.0)
+        size = -1
+        while not deadline.expired:
+            now = os.fstat(self._descriptor).st_size
+            if now and now == size:
+                return
+            size = now
+            pause = clock.Deadline.after(0.02)
+            while not pause.expired:
+                nursery.reactor.run_once(pause)
+
+    def close(self) -> None:
+        """Give it back."""
+        with contextlib.suppress(OSError):
+            os.close(self._descriptor)

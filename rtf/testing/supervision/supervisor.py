@@ -1,0 +1,295 @@
+"""Supervision of fixtures: they are set up in dependency order, watched while tests run, restarted, and torn down.
+
+A worked example. ``server`` stands alone, ``simulator`` depends on it, ``logger`` stands alone; a test needs all three.
+
+====================================  ===========  ===========  ===========
+what happens                          server       simulator    logger
+====================================  ===========  ===========  ===========
+set up, in dependency order           ready #1     ready #1     ready #1
+the server's program dies             collapsed    ready #1     ready #1
+the test is stopped: fixture lost
+dependents come down first            collapsed    stopped      ready #1
+then the collapsed one                stopped      stopped      ready #1
+set up again, after the back-off      ready #2     ready #2     ready #1
+the test is run again on #2, #2, #1
+====================================  ===========  ===========  ===========
+
+``logger`` never noticed. The restart counts for ``server`` alone: ``simulator`` came down through no fault of its own.
+When ``server`` has used up its restarts it is *failed*, and every test that needs it, or something that depends on it,
+is blocked. Each incarnation is a process (``incarnation``); nothing here runs an author's code.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf import clock
+from rtf.testing.isolation.children import NurseryLostError
+from rtf.testing.supervision.fixture_record import Cause, Fixture, Notes
+from rtf.testing.supervision.incarnation import Incarnation
+from rtf.testing.verdict import FixtureState, Phase
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from rtf.testing.events import Event
+    from rtf.testing.isolation.children import Nursery
+    from rtf.testing.isolation.job import Job
+
+__all__ = ["Fixture", "Supervisor"]
+
+_LONGEST_BACK_OFF = 60.0
+_INTERRUPTED = "interrupted"
+
+
+class Supervisor:
+    """Keeps a set of fixtures up. One thread's, with the reactor that thread waits in; each lane has its own.
+
+    ``stop_now`` says that nothing is to be started any more, ``kill_now`` that nothing is to be waited for either.
+    """
+
+    def __init__(
+        self,
+        nursery: Nursery,
+        emit: Callable[[Event], None],
+        make_job: Callable[[Fixture], Job],
+        *,
+        running_test: Callable[[], str],
+        stop_now: Callable[[], bool],
+        kill_now: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._nursery = nursery
+        self._notes = Notes(emit, running_test)
+        self._make_job = make_job
+        self._stop_now = stop_now
+        self._kill_now = kill_now
+        self._fixtures: dict[str, Fixture] = {}
+
+    @property
+    def suite(self) -> str:
+        """The suite in whose name events are told."""
+        return self._notes.suite
+
+    @suite.setter
+    def suite(self, suite: str) -> None:
+        self._notes.suite = suite
+
+    # What the suite's run asks for -------------------------------------------------------------------------------
+
+    def adopt(self, fixtures: Iterable[Fixture]) -> None:
+        """Take over fixtures, given in dependency order. One that is known, and the same, stays as it is."""
+        for fixture in fixtures:
+            known = self._fixtures.get(fixture.name)
+            if known is not None and _same(known, fixture):
+                continue
+            if known is not None:  # another fixture of that name, from an earlier suite of the run
+                self._take_down_with_dependents(known)
+                del self._fixtures[fixture.name]
+            fixture.restarts_left = fixture.entry.restarts
+            self._fixtures[fixture.name] = fixture
+
+    def names(self) -> list[str]:
+        """The fixtures that are known, in dependency order."""
+        return [*self._fixtures]
+
+    def incarnations(self, names: Iterable[str]) -> dict[str, int]:
+        """The incarnation of each of these fixtures."""
+        return {name: self._fixtures[name].incarnation for name in names}
+
+    def lost(self, names: Iterable[str]) -> str:
+        """What happened to the first of these fixtures that is not up, or an empty text when all are."""
+        for name in names:
+            fixture = self._fixtures[name]
+            if not fixture.ready:
+                return f"{name}: {fixture.last_cause or fixture.state}"
+        return ""
+
+    def ever_failed(self) -> bool:
+        """Whether some fixture could not be brought up, or back."""
+        return any(fixture.state is FixtureState.FAILED for fixture in self._fixtures.values())
+
+    def bring_up(self, names: Iterable[str]) -> str:
+        """Have these fixtures and what they depend on up, restarting what collapsed; says what is not usable.
+
+        Comes back with an empty text only when all of them are up at that moment: one that collapses while a later one
+        comes up is restarted, as long as it has restarts left. Says ``interrupted`` when the run is to stop.
+        """
+        wanted = self._with_dependencies(names)
+        while True:
+            self.watch()
+            self._take_down_collapsed()
+            missing = next((fixture for fixture in wanted if not fixture.ready), None)
+            if missing is None:
+                return ""
+            if self._stop_now():
+                return _INTERRUPTED
+            if missing.state is FixtureState.FAILED:
+                return f"fixture {missing.name} is not usable: {missing.failure}"
+            self._start(missing)
+
+    def confirm(self, names: Iterable[str]) -> None:
+        """Have these fixtures look now, so that nothing that happened under a test goes unnoticed."""
+        self.watch()
+        asked = [process for name in names if (process := self._up(name)) is not None]
+        for process in asked:
+            process.ask("check")
+        self._wait(lambda: all(process.answered or not process.up for process in asked))
+
+    def park(self, names: Iterable[str]) -> None:
+        """Have what a stopped or killed test left brought into a safe state, dependents first."""
+        self.watch()
+        for name in reversed([*names]):
+            process = self._up(name)
+            if process is not None:
+                process.ask("park")
+                self._wait(lambda process=process: process.answered or not process.up)  # type: ignore[misc]
+
+    def take_down(self, names: Iterable[str] | None = None) -> None:
+        """Tear down these fixtures (default: all), dependents first; whatever goes wrong with one, all are done.
+
+        Raises an ExceptionGroup, after all of them, if the supervision itself failed somewhere.
+        """
+        chosen = {*self._fixtures} if names is None else {*names}
+        errors = []
+        for name in reversed([name for name in self._fixtures if name in chosen]):
+            try:
+                self._stop(self._fixtures[name])
+            except Exception as error:  # noqa: BLE001 - raised below, when the others are down
+                errors.append(error)
+        if errors:
+            raise ExceptionGroup("fixtures could not be taken down in order", errors)
+
+    def forget(self, names: Iterable[str]) -> None:
+        """Drop fixtures that are down."""
+        for name in [*names]:
+            self._fixtures.pop(name, None)
+
+    # Up ----------------------------------------------------------------------------------------------------------
+
+    def _up(self, name: str) -> Incarnation | None:
+        fixture = self._fixtures[name]
+        return fixture.process if fixture.ready else None
+
+    def _with_dependencies(self, names: Iterable[str]) -> list[Fixture]:
+        wanted: set[str] = set()
+        queue = [*names]
+        while queue:
+            name = queue.pop()
+            if name not in wanted:
+                wanted.add(name)
+                queue.extend(self._fixtures[name].entry.depends)
+        return [fixture for name, fixture in self._fixtures.items() if name in wanted]
+
+    def _dependents(self, fixture: Fixture) -> list[Fixture]:
+        """What stands on a fixture, directly or not, the fixture itself included; dependents last."""
+        found = {fixture.name}
+        for other in self._fixtures.values():
+            if found.intersection(other.entry.depends):
+                found.add(other.name)
+        return [other for name, other in self._fixtures.items() if name in found]
+
+    def _take_down_with_dependents(self, fixture: Fixture) -> None:
+        for dependent in reversed(self._dependents(fixture)):
+            self._stop(dependent)
+
+    def _take_down_collapsed(self) -> None:
+        for fixture in [*self._fixtures.values()]:
+            if fixture.state is FixtureState.COLLAPSED:
+                self._take_down_with_dependents(fixture)
+
+    def _start(self, fixture: Fixture) -> None:
+        """Start the next incarnation of a stopped fixture, if it may have one; what it depends on is up."""
+        if fixture.owes_restart and (fixture.restarts_left <= 0 or fixture.hopeless):
+            self._give_up(fixture)
+        elif fixture.plugin is None:
+            fixture.last_cause = fixture.problem
+            self._notes.incident(fixture, Cause(text=fixture.problem, phase=Phase.LOAD))
+            self._give_up(fixture)
+        elif fixture.owes_restart and not self._backed_off(fixture):
+            return
+        else:
+            if fixture.owes_restart:
+                fixture.restarts_left -= 1
+                fixture.owes_restart = False
+            self._start_once(fixture)
+
+    def _give_up(self, fixture: Fixture) -> None:
+        used = fixture.entry.restarts - fixture.restarts_left
+        times = f" ({used} restart{'s' if used != 1 else ''} used up)" if used else ""
+        fixture.failure = f"{fixture.last_cause}{times}"
+        self._notes.change(fixture, FixtureState.FAILED, fixture.failure)
+
+    def _start_once(self, fixture: Fixture) -> None:
+        fixture.incarnation += 1
+        fixture.last_cause = ""
+        try:
+            process = Incarnation(fixture, self._notes, self._nursery, self._wait, self._kill_now)
+        except NurseryLostError as error:
+            fixture.state = FixtureState.STARTING
+            self._notes.collapse(fixture, Cause(text=str(error), phase=Phase.SETUP))
+            return
+        fixture.process = process
+        self._notes.change(fixture, FixtureState.STARTING)
+        process.begin(self._make_job(fixture))
+        self._wait(lambda: fixture.state is not FixtureState.STARTING or self._no_longer_startable(fixture))
+        if not fixture.ready:
+            self._stop(fixture)
+
+    def _backed_off(self, fixture: Fixture) -> bool:
+        """Let the time before a restart pass. False when meanwhile the run is to stop, or what it needs collapsed."""
+        used = fixture.entry.restarts - fixture.restarts_left
+        pause = clock.Deadline.after(min(_LONGEST_BACK_OFF, fixture.entry.backoff * 2.0**used))
+        self._wait(lambda: pause.expired or self._no_longer_startable(fixture), pause)
+        return not self._no_longer_startable(fixture)
+
+    def _no_longer_startable(self, fixture: Fixture) -> bool:
+        return self._stop_now() or not all(self._fixtures[name].ready for name in fixture.entry.depends)
+
+    # While tests run ---------------------------------------------------------------------------------------------
+
+    def deadline(self) -> clock.Deadline:
+        """The moment at which :meth:`watch` has something to do, if nothing is heard before."""
+        deadline = clock.Deadline()
+        for fixture in self._fixtures.values():
+            if fixture.process is not None and fixture.state is not FixtureState.COLLAPSED:
+                deadline = deadline.earliest(fixture.process.deadline)
+        return deadline
+
+    def watch(self) -> None:
+        """Notice fixtures whose process has ended, fallen silent or cut its channel; after whatever has happened."""
+        for fixture in self._fixtures.values():
+            if fixture.process is not None:
+                fixture.process.look()
+
+    def _wait(self, until: Callable[[], bool], limit: clock.Deadline | None = None) -> None:
+        """Serve the reactor until something holds. Every active fixture is held to its deadline meanwhile."""
+        limit = limit or clock.Deadline()
+        while True:
+            self.watch()
+            if until():
+                return
+            self._nursery.reactor.run_once(limit.earliest(self.deadline()))
+
+    # Down --------------------------------------------------------------------------------------------------------
+
+    def _stop(self, fixture: Fixture) -> None:
+        process = fixture.process
+        if process is None:
+            if fixture.state is FixtureState.COLLAPSED:
+                self._notes.change(fixture, FixtureState.STOPPED)
+            return
+        reason = fixture.last_cause if fixture.state is FixtureState.COLLAPSED else ""
+        self._notes.change(fixture, FixtureState.STOPPING)
+        try:
+            process.stop(reason)
+        finally:
+            fixture.process = None
+            self._notes.change(fixture, FixtureState.STOPPED)
+
+
+def _same(known: Fixture, other: Fixture) -> bool:
+    """Whether two entries of suites mean the same thing, so that a fixture kept up for the run serves both."""
+    mine, its = known.entry, other.entry
+    return known.plugin == other.plugin and all(
+        getattr(mine, name) == getattr(its, name) for name in ("param", "parameters", "environment", "depends")
+    )

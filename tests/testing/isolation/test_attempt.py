@@ -1,0 +1,260 @@
+"""An attempt, against a child that says what the test makes it say: phases, limits, and what is believed."""
+
+# ruff: noqa: D102 - the scripted child has the methods of the real one
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf import clock
+from rtf.testing.events import Event, Message, OutputCaptured, PhaseStarted, TestStarted, to_line
+from rtf.testing.isolation.attempt import Attempt, Limits, Stop
+from rtf.testing.isolation.children import End
+from rtf.testing.isolation.job import Job
+from rtf.testing.plugins import PluginRef
+from rtf.testing.verdict import Phase, Severity, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+PLUGIN = PluginRef("test", "t", "t.py", "python")
+FINISHED = b'{"finished":{"outcome":"passed","reason":"","detail":""}}\n'
+
+
+class Scripted:
+    """A child and its nursery in one: each turn of the reactor plays one step."""
+
+    def __init__(self, *steps: bytes | End | Callable[[Scripted], None]) -> None:
+        self.steps = [*steps]
+        self.pid = 0
+        self.end: End | None = None
+        self.channel_closed = False
+        self.signals: list[tuple[int, bool]] = []
+        self.abandoned = False
+
+    @property
+    def reactor(self) -> Scripted:
+        return self
+
+    def take(self, *_: object) -> Scripted:
+        return self
+
+    def begin(self, message: bytes, on_line: Callable[[bytes], None], on_output: Callable[[str, bytes], None]) -> None:
+        self.on_line, self.on_output = on_line, on_output
+
+    def run_once(self, deadline: clock.Deadline) -> None:
+        assert self.steps, "the attempt should be over"
+        step = self.steps.pop(0)
+        if isinstance(step, bytes):
+            for line in step.splitlines():
+                self.on_line(line)
+        elif isinstance(step, End):
+            self.end = step
+        else:
+            step(self)
+
+    def signal(self, signum: int, *, group: bool = False) -> None:
+        self.signals.append((int(signum), group))
+
+    def send(self, line: bytes) -> None:
+        pass
+
+    def drain(self) -> None:
+        pass
+
+    def new_stacks(self) -> str:
+        return ""
+
+    def rouse(self) -> None:
+        pass
+
+    def abandon(self) -> None:
+        self.abandoned = True
+        self.end = End(None)
+
+
+def phase(name: Phase, repetition: int = 0) -> bytes:
+    """The line by which a phase begins."""
+    return to_line(PhaseStarted(test="s/t", phase=name, repetition=repetition))
+
+
+def attempt(
+    *steps: bytes | End | Callable[[Scripted], None],
+    repetition: int = 0,
+    limits: Limits | None = None,
+    tick: Callable[[], Stop | None] = lambda: None,
+    kill_now: Callable[[], bool] = lambda: False,
+):
+    """Carry out an attempt at a scripted child. Returns the outcome, the events and the child."""
+    child = Scripted(*steps)
+    events: list[Event] = []
+    made = Attempt(
+        Job(kind="test", id="s/t", name="t", plugin=PLUGIN, folder="", run_folder="", repetition=repetition),
+        limits or Limits(),
+        child,  # type: ignore[arg-type]
+        events.append,
+        tick=tick,
+        next_tick=clock.Deadline,
+        kill_now=kill_now,
+    )
+    return made.run(), events, child
+
+
+def nothing(child: Scripted) -> None:
+    """Time passes."""
+
+
+def test_what_is_finished_and_ended_well_is_believed():
+    """The outcome a test claims counts when its process ends with 0."""
+    outcome, events, _ = attempt(phase(Phase.RUN), FINISHED, End(0, cpu_time=0.5, max_rss=7))
+    assert (outcome.verdict, outcome.exit_status, outcome.cpu_time, outcome.max_rss) == (Verdict.PASSED, 0, 0.5, 7)
+    assert [type(event) for event in events] == [TestStarted, PhaseStarted]
+    assert not outcome.cut_short
+
+
+@pytest.mark.parametrize(
+    ("lines", "verdict"),
+    [
+        pytest.param(to_line(Message(severity=Severity.FAILURE, title="x", test="s/t")), Verdict.FAILED, id="failure"),
+        pytest.param(to_line(Message(severity=Severity.ERROR, title="x", test="s/t")), Verdict.ERROR, id="error"),
+        pytest.param(to_line(Message(severity=Severity.WARNING, title="x", test="s/t")), Verdict.PASSED, id="warning"),
+        pytest.param(b"garbage\n", Verdict.ERROR, id="garbage"),
+    ],
+)
+def test_what_was_heard_counts_whatever_the_process_says_at_last(lines: bytes, verdict: Verdict):
+    """A test that says it passed after a failure was heard has failed."""
+    assert attempt(lines + FINISHED, End(0))[0].verdict is verdict
+
+
+@pytest.mark.parametrize("last", [b'{"finished":{}}\n', b'{"finished":{"outcome":"splendid"}}\n', b'{"finished":7}\n'])
+def test_claim_that_is_none(last: bytes):
+    """A last word that says nothing is an error."""
+    outcome = attempt(last, End(0))[0]
+    assert outcome.verdict is Verdict.ERROR
+    assert outcome.reason in ("protocol", "exit")
+
+
+@pytest.mark.parametrize(
+    ("end", "reason", "detail"),
+    [
+        (End(11), "crash", "killed by SIGSEGV while loading"),
+        (End(9), "crash", "killed by SIGKILL while loading (the machine may have run out of memory)"),
+        (End(3 << 8), "exit", "the process ended with exit status 3 while loading, before the test was over"),
+        (End(71 << 8), "channel", "the test closed the channel to its runner"),
+        (
+            End(None),
+            "internal",
+            "the process from which tests are forked was lost, and the test with it, while loading",
+        ),
+    ],
+)
+def test_process_that_ends_before_the_test_is_over(end: End, reason: str, detail: str):
+    """How it ended and in which phase is said."""
+    outcome = attempt(end)[0]
+    assert (outcome.verdict, outcome.reason, outcome.detail) == (Verdict.ERROR, reason, detail)
+    assert outcome.cut_short
+
+
+@pytest.mark.parametrize(
+    ("phases", "repetition", "accepted"),
+    [
+        ([(Phase.SETUP, 0), (Phase.RUN, 0), (Phase.TEARDOWN, 0), (Phase.CLEANUP, 0)], 0, 4),
+        ([(Phase.RUN, 1), (Phase.RUN, 2), (Phase.RUN, 3)], 2, 3),
+        ([(Phase.RUN, 1), (Phase.RUN, 2), (Phase.RUN, 3)], 1, 2),
+        ([(Phase.RUN, 0), (Phase.RUN, 0)], 0, 1),
+        ([(Phase.RUN, 2), (Phase.RUN, 1)], 3, 1),
+        ([(Phase.TEARDOWN, 0), (Phase.RUN, 0), (Phase.TEARDOWN, 0)], 0, 1),
+        ([(Phase.CHECK, 0)], 0, 0),
+        ([(Phase.LOAD, 0)], 0, 0),
+    ],
+)
+def test_phases_begin_once_and_in_order(phases: list[tuple[Phase, int]], repetition: int, accepted: int):
+    """A phase that begins again would have its limit again: a test would outlive its limits."""
+    lines = b"".join(phase(name, count) for name, count in phases)
+    _, events, _ = attempt(lines + FINISHED, End(0), repetition=repetition)
+    assert sum(isinstance(event, PhaseStarted) for event in events) == accepted
+    told = [event for event in events if isinstance(event, Message) and event.title == "protocol"]
+    assert len(told) == len(phases) - accepted
+
+
+def test_phases_are_told_with_their_limits():
+    """Loading counts as setting up, all clean-ups together as tearing down."""
+    limits = Limits(setup=1.0, run=2.0, teardown=3.0)
+    assert [limits.of(name) for name in (Phase.LOAD, Phase.SETUP, Phase.RUN, Phase.TEARDOWN, Phase.CLEANUP)] == [
+        1.0,
+        1.0,
+        2.0,
+        3.0,
+        3.0,
+    ]
+
+
+def test_stop_is_asked_for_then_pressed():
+    """Asked, asked by force, and at last the process it was forked from is ended with it."""
+    limits = Limits(grace=0.0)
+    stop = Stop(Verdict.INTERRUPTED, "interrupted", "enough")
+    kills = iter([False, False, True, True, True, True])
+    outcome, _, child = attempt(
+        phase(Phase.RUN), *[nothing] * 4, End(9), limits=limits, tick=lambda: stop, kill_now=lambda: next(kills, True)
+    )
+    assert (18, False) in child.signals
+    assert (2, False) in child.signals
+    assert (9, True) in child.signals
+    assert (outcome.verdict, outcome.detail) == (
+        Verdict.INTERRUPTED,
+        "enough; it did not react to being stopped and was killed",
+    )
+
+
+def test_test_in_its_teardown_is_not_cut_short_by_an_interrupt():
+    """What it would be stopped for is under way already."""
+    stop = Stop(Verdict.INTERRUPTED, "interrupted", "enough")
+    outcome, _, child = attempt(phase(Phase.TEARDOWN), nothing, FINISHED, End(0), tick=lambda: stop)
+    assert (2, False) not in child.signals
+    assert outcome.verdict is Verdict.INTERRUPTED
+
+
+@pytest.mark.parametrize(
+    ("early", "late", "verdict"),
+    [(True, False, Verdict.FAILED), (False, True, Verdict.INTERRUPTED), (False, False, Verdict.INTERRUPTED)],
+)
+def test_failure_counts_when_it_was_found_before_the_stop(early: bool, late: bool, verdict: Verdict):
+    """What fails because the test is being stopped is the interrupt's doing; what failed before is not."""
+    failure = to_line(Message(severity=Severity.FAILURE, title="checks", detail="wrong", test="s/t"))
+    stop = Stop(Verdict.INTERRUPTED, "interrupted", "enough")
+    asked: list[int] = []
+
+    def tick() -> Stop | None:
+        asked.append(1)
+        return stop if len(asked) > 1 else None
+
+    first = phase(Phase.RUN) + (failure if early else b"")
+    outcome, _, _ = attempt(first, nothing, (failure if late else b"") or nothing, FINISHED, End(0), tick=tick)
+    assert outcome.verdict is verdict
+
+
+def test_fixture_lost_outweighs_what_the_test_had_found():
+    """On a rig that is gone nothing that was found can be trusted."""
+    failure = to_line(Message(severity=Severity.FAILURE, title="checks", detail="wrong", test="s/t"))
+    stop = Stop(Verdict.FIXTURE_LOST, "fixture", "rig: gone")
+    outcome = attempt(phase(Phase.RUN) + failure, End(9), tick=lambda: stop)[0]
+    assert outcome.verdict is Verdict.FIXTURE_LOST
+
+
+def test_output_is_the_tests():
+    """What is written is captured in its name."""
+
+    def speak(child: Scripted) -> None:
+        child.on_output("stderr", b"hear, hear\n")
+
+    _, events, _ = attempt(speak, FINISHED, End(0))
+    assert [event.text for event in events if isinstance(event, OutputCaptured)] == ["hear, hear\n"]
+
+
+def test_quotes_of_garbage_are_short():
+    """A line of megabytes is told in a few words."""
+    _, events, _ = attempt(json.dumps({"event": "x" * 1_000_000}).encode() + b"\n" + FINISHED, End(0))
+    (told,) = [event for event in events if isinstance(event, Message)]
+    assert len(told.detail) < 1000

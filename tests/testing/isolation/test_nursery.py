@@ -1,0 +1,344 @@
+"""The nursery and its templates: which fork, what a test sees of its file, which files are not loaded once for all."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from harness import Outcome, run_suite
+from rtf import clock
+from rtf.testing import plugins
+from rtf.testing.events import OutputCaptured, TestEnded, TestStarted
+from rtf.testing.isolation.children import Child, Nursery
+from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.nursery import unfit_because
+from rtf.testing.isolation.reactor import Reactor
+from rtf.testing.suite.model import Timeouts
+from rtf.testing.verdict import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+THRICE = '<test name="one">it.py</test><test name="two">it.py</test><test name="three">it.py</test>'
+NAMES = ("one", "two", "three")
+
+# Each test says which process loaded its file.
+WHO_LOADED = """
+import os
+from rtf.testing import TestCase
+LOADED_BY = os.getpid()
+class It(TestCase):
+    def run(self):
+        self.report("in a template" if LOADED_BY != os.getpid() else "in the test")
+"""
+
+
+def said(outcome: Outcome, name: str) -> str:
+    """What the test's one report said."""
+    (message,) = [
+        event
+        for event in outcome.events
+        if event.kind == "message" and event.test.endswith(f"/{name}")  # type: ignore[attr-defined]
+    ]
+    return message.detail  # type: ignore[attr-defined, no-any-return]
+
+
+def in_nursery(code: str) -> str:
+    """What a program prints that begins as a nursery does and then runs ``code``."""
+    begin = (
+        "import os, sys; from rtf.testing.isolation import forking; forking.watch_hooks(); os.dup2(2, 4); "
+        "from rtf.testing.isolation import nursery, worker; worker.prepare()\n"
+    )
+    return subprocess.run([sys.executable, "-c", begin + code], check=True, text=True, stdout=subprocess.PIPE).stdout
+
+
+class TestWhichFork:
+    """The plain fork where it is enough, else Python's."""
+
+    def test_nothing_that_a_nursery_loads_wants_to_hear_of_forks(self):
+        """A nursery has one thread and no hook, so the plain fork is enough for it, and that is what it uses."""
+        assert in_nursery("print(forking.choose_fork() is not os.fork)") == "True\n"
+
+    @pytest.mark.parametrize("module", ["threading", "random", "logging", "concurrent.futures.thread"])
+    def test_a_module_with_a_hook_is_heard(self, module: str):
+        """Once a module has registered for forks, ``os.fork`` is used, which calls it."""
+        assert in_nursery(f"import {module}; print(forking.choose_fork() is os.fork)") == "True\n"
+
+    def test_a_second_thread_is_noticed(self):
+        """With a thread beside the one that forks, ``os.fork`` is used."""
+        code = (
+            "import _thread; held = _thread.allocate_lock(); held.acquire(); _thread.start_new_thread(held.acquire, ())"
+        )
+        assert (
+            in_nursery(f"{code}; print(forking.choose_fork() is os.fork); sys.stdout.flush(); os._exit(0)") == "True\n"
+        )
+
+    def test_a_plain_fork_may_do_anything(self):
+        """The child of a plain fork imports, starts threads, forks, takes signals and has its own random numbers."""
+        code = """
+pid = forking.choose_fork()()
+if pid == 0:
+    import threading, random, logging, subprocess, signal, concurrent.futures, multiprocessing
+    from importlib import reload
+    assert threading.main_thread() is threading.current_thread()
+    assert threading.main_thread().native_id == os.getpid() == threading.get_native_id()
+    with concurrent.futures.ThreadPoolExecutor(4) as pool:
+        assert sum(pool.map(abs, range(-100, 1))) == 5050
+    assert subprocess.run(["echo", "x"], stdout=subprocess.PIPE).stdout == b"x\\n"
+    caught = []
+    signal.signal(signal.SIGUSR1, lambda *_: caught.append(1))
+    os.kill(os.getpid(), signal.SIGUSR1)
+    assert caught == [1]
+    inner = os.fork()
+    if inner == 0:
+        os._exit(7)
+    assert os.waitstatus_to_exitcode(os.waitpid(inner, 0)[1]) == 7
+    reload(threading)
+    os._exit(0)
+print(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+"""
+        assert in_nursery(code) == "0\n"
+
+
+class TestTemplates:
+    """A file with several tests is loaded once, and no test can tell."""
+
+    def test_a_file_with_one_test_is_loaded_in_the_test(self, tmp_path: Path):
+        """A template is worth its while from the second test on."""
+        outcome = run_suite(tmp_path, '<test name="one">it.py</test>', it__py=WHO_LOADED)
+        assert said(outcome, "one") == "in the test"
+
+    def test_a_file_with_several_tests_is_loaded_once(self, tmp_path: Path):
+        """All tests of a file that has several are forked from the process that has loaded it."""
+        outcome = run_suite(tmp_path, THRICE, it__py=WHO_LOADED)
+        assert {said(outcome, name) for name in NAMES} == {"in a template"}
+        assert len({event.pid for event in outcome.of(TestStarted)}) == 3  # type: ignore[attr-defined]
+
+    def test_each_test_sees_the_file_as_it_was_right_after_loading(self, tmp_path: Path):
+        """What one test does to its module, to its class or to the environment, no other test sees."""
+        code = """
+import os
+from rtf.testing import TestCase
+seen = []
+class It(TestCase):
+    count = 0
+    def run(self):
+        seen.append(1)
+        It.count += 1
+        os.environ["SEEN"] = os.environ.get("SEEN", "") + "x"
+        self.assert_equal((seen, It.count, os.environ["SEEN"]), ([1], 1, "x"), "what is seen")
+"""
+        outcome = run_suite(tmp_path, THRICE, it__py=code)
+        assert [outcome.verdict(name) for name in NAMES] == [Verdict.PASSED] * 3
+
+    def test_the_classes_of_one_file_share_a_template(self, tmp_path: Path):
+        """Tests that name different classes of one file are forked from one process, and each gets its class."""
+        code = WHO_LOADED + "\nclass Other(It):\n    def run(self):\n        self.report(f'Other, {LOADED_BY}')\n"
+        xml = '<test name="one">It</test><test name="two">Other</test><test name="three">Other</test>'
+        outcome = run_suite(tmp_path, xml, it__py=code)
+        assert said(outcome, "one") == "in a template"
+        assert said(outcome, "two") == said(outcome, "three")
+        assert said(outcome, "two").startswith("Other, ")
+
+    @pytest.mark.parametrize(
+        "line",
+        [
+            "import threading; threading.Thread(target=threading.Event().wait, daemon=True).start()",
+            "import subprocess; sleeper = subprocess.Popen(['sleep', '1000'])",
+            "stream = open(__file__)",
+            "import mmap; shared = mmap.mmap(-1, 4096)",
+            "import signal; signal.setitimer(signal.ITIMER_REAL, 1000)",
+            "print('hello')",
+        ],
+        ids=["thread", "process", "file", "memory", "timer", "output"],
+    )
+    def test_a_file_that_leaves_something_behind_is_loaded_in_each_test(self, tmp_path: Path, line: str):
+        """What a fork would share, or would not get, is made anew for each test."""
+        outcome = run_suite(tmp_path, THRICE, it__py=f"{WHO_LOADED}\n{line}\n")
+        assert {said(outcome, name) for name in NAMES} == {"in the test"}
+
+    def test_what_a_file_prints_is_told_by_each_test(self, tmp_path: Path):
+        """The output of loading belongs to each test, and to nothing else."""
+        outcome = run_suite(tmp_path, THRICE, it__py=f"print('hello')\n{WHO_LOADED}")
+        texts = [(event.test, event.text) for event in outcome.of(OutputCaptured)]  # type: ignore[attr-defined]
+        assert texts == [(f"s/{name}", "hello\n") for name in NAMES]
+
+    @pytest.mark.parametrize(
+        ("line", "detail"),
+        [
+            ("raise KeyError('x')", "KeyError: 'x'"),
+            ("import sys; sys.exit(0)", "SystemExit(0)"),
+            ("import os; os._exit(3)", "exit status 3 while loading"),
+            ("import os; os.kill(os.getpid(), 9)", "killed by SIGKILL while loading"),
+            ("class Broken:", "expected an indented block"),
+        ],
+        ids=["raises", "exits", "exits at once", "dies", "is no Python"],
+    )
+    def test_a_file_that_cannot_be_loaded_is_told_by_each_test(self, tmp_path: Path, line: str, detail: str):
+        """The error is each test's own, as if there were no templates."""
+        outcome = run_suite(tmp_path, THRICE, it__py=f"{WHO_LOADED}\n{line}\n")
+        assert [outcome.verdict(name) for name in NAMES] == [Verdict.ERROR] * 3
+        assert all(detail in outcome.detail(name) for name in NAMES)
+
+    def test_a_template_that_is_killed_takes_one_test_with_it(self, tmp_path: Path):
+        """The test that stood on it is an error; the others load the file for themselves."""
+        code = WHO_LOADED + "        if LOADED_BY != os.getpid():\n            os.kill(os.getppid(), 9)\n"
+        outcome = run_suite(tmp_path, THRICE, it__py=code)
+        assert outcome.verdict("one") is Verdict.ERROR
+        assert "the process from which tests are forked was lost" in outcome.detail("one")
+        assert [said(outcome, name) for name in NAMES[1:]] == ["in the test"] * 2
+
+    def test_a_template_that_is_stopped_goes_on(self, tmp_path: Path):
+        """A test that stops the process it was forked from is noticed, and the tests after it run."""
+        code = f"{WHO_LOADED}        if self.folder.name == 'one':\n            os.kill(os.getppid(), 19)\n"
+        outcome = run_suite(tmp_path, THRICE, options={"limits": Timeouts(total=1.0)}, it__py=code)
+        assert [outcome.verdict(name) for name in NAMES[1:]] == [Verdict.PASSED] * 2
+
+    def test_all_that_a_test_wrote_is_told(self, tmp_path: Path):
+        """What is still in a pipe that holds more than usual when the test ends is not lost."""
+        code = """
+import fcntl, os
+from rtf.testing import TestCase
+class It(TestCase):
+    def run(self):
+        fcntl.fcntl(1, fcntl.F_SETPIPE_SZ, 1 << 20)
+        os.write(1, b"x" * 600_000 + b"the end\\n")
+"""
+        outcome = run_suite(tmp_path, '<test name="one">it.py</test>', it__py=code)
+        assert "".join(event.text for event in outcome.of(OutputCaptured)).endswith("the end\n")  # type: ignore[attr-defined]
+
+    def test_what_a_test_leaves_behind_is_gone_before_the_next_begins(self, tmp_path: Path):
+        """A template ends strays as the nursery does: whoever a test has started does not live on."""
+        code = """
+import os, pathlib, subprocess
+from rtf.testing import TestCase
+class It(TestCase):
+    def run(self):
+        left = pathlib.Path(__file__).with_name("left")
+        if left.exists():
+            self.check(not pathlib.Path("/proc", left.read_text()).exists(), "it is gone")
+        left.write_text(str(subprocess.Popen(["sleep", "1000"], start_new_session=True).pid))
+"""
+        outcome = run_suite(tmp_path, THRICE, it__py=code)
+        assert [outcome.verdict(name) for name in NAMES] == [Verdict.PASSED] * 3
+        last = (tmp_path / "suite" / "left").read_text()
+        assert not os.path.exists(f"/proc/{last}")  # noqa: PTH110 - a process, not a file
+
+    def test_what_a_process_used_is_told(self, tmp_path: Path):
+        """CPU time and largest memory are the test's own."""
+        code = WHO_LOADED + "        data = bytearray(64 << 20)\n        sum(range(1 << 20))\n"
+        outcome = run_suite(tmp_path, THRICE, it__py=code)
+        for event in outcome.of(TestEnded):
+            assert event.max_rss > 64 << 20  # type: ignore[attr-defined]
+            assert 0 < event.cpu_time < 10  # type: ignore[attr-defined]
+
+
+def test_every_change_is_named():
+    """The reason why a file makes no template says all that loading it left behind."""
+    before: dict[str, list[str]] = {"threads": ["1"], "open files": ["0"], "timers": []}
+    assert unfit_because(before, before) == ""
+    after = {**before, "threads": ["1", "2"], "timers": ["3"]}
+    assert unfit_because(before, after) == "loading it left threads, timers"
+
+
+FILES = ("a", "b", "c", "d", "e")
+
+
+@pytest.fixture
+def nursery(tmp_path: Path) -> Iterator[Nursery]:
+    """A nursery that expects several tests of each of five files."""
+    for name in FILES:
+        (tmp_path / f"{name}.py").write_text(WHO_LOADED)
+    reactor = Reactor()
+    made = Nursery(reactor, uses={found(tmp_path, name).path: 3 for name in FILES})
+    made.start()
+    yield made
+    made.close()
+    reactor.close()
+
+
+def found(folder: Path, name: str) -> plugins.PluginRef:
+    """The plug-in of one of the five files."""
+    return plugins.find("test", f"{name}.py", beside=folder)
+
+
+def parent_of(child: Child) -> int:
+    """The process that forked a child."""
+    with open(f"/proc/{child.pid}/stat", encoding="utf-8") as stream:  # noqa: PTH123
+        return int(stream.read().rpartition(")")[2].split()[1])
+
+
+def test_a_template_holds_as_long_as_the_fixtures_it_was_loaded_on(nursery: Nursery, tmp_path: Path):
+    """When a fixture has been restarted, the file is loaded anew: it may have learnt something from the old one."""
+    ref = found(tmp_path, "a")
+    first = nursery.take(ref, {"simulator": 1})
+    template = parent_of(first)
+    assert parent_of(nursery.take(ref, {"simulator": 1})) == template
+    assert parent_of(nursery.take(ref, {"simulator": 2})) != template
+    assert first.end is not None  # it went with its template
+
+
+def test_only_so_many_templates_are_kept(nursery: Nursery, tmp_path: Path):
+    """Tests of a fifth file load it for themselves as long as four others are in use."""
+    children = [nursery.take(found(tmp_path, name)) for name in FILES]
+    root = parent_of(nursery.take())
+    assert [parent_of(child) == root for child in children] == [False] * 4 + [True]
+
+
+def test_a_template_whose_tests_are_over_makes_room(nursery: Nursery, tmp_path: Path):
+    """When the planned tests of a file have been taken, its template is ended for the sake of another file's."""
+    for _ in range(3):
+        nursery.take(found(tmp_path, "a")).dismiss()
+    children = [nursery.take(found(tmp_path, name)) for name in FILES[1:]]
+    root = parent_of(nursery.take())
+    assert all(parent_of(child) != root for child in children)
+
+
+def test_a_file_that_does_not_end_loading_makes_no_template(
+    nursery: Nursery, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Loading it for all is given up after a while; each test then has its own time limit for it."""
+    monkeypatch.setattr("rtf.testing.isolation.children._TEMPLATE_LIMIT", 0.2)
+    (tmp_path / "a.py").write_text("import time\nwhile True:\n    time.sleep(1)\n")
+    child = nursery.take(found(tmp_path, "a"))
+    assert parent_of(child) == parent_of(nursery.take())
+
+
+def test_a_job_arrives_as_it_was_sent():
+    """A job has the same members at both ends of the wire, whatever they hold."""
+    ref = plugins.PluginRef("test", "näme", "/x/y.py", "python", "It")
+    job = Job(
+        kind="test",
+        id="s/t",
+        name="t\n\0",
+        plugin=ref,
+        folder="/f",
+        run_folder="/r",
+        parameters=(("a", "1"), ("b", "")),
+        overrides=(("c", "(1 2)"),),
+        memory=1 << 40,
+        can_ask=True,
+        check_period=0.25,
+        last=False,
+    )
+    data = job.to_message()
+    assert Job.from_data(data[5:]) == job
+    assert isinstance(Job.from_data(data[5:]).plugin, plugins.PluginRef)
+
+
+def test_a_nursery_that_was_killed_is_replaced(nursery: Nursery):
+    """Its children are gone and say so; the next child comes from a new one."""
+    child = nursery.take()
+    os.kill(parent_of(child), signal.SIGKILL)
+    deadline = clock.Deadline.after(10)
+    while child.end is None and not deadline.expired:
+        nursery.reactor.run_once(deadline)
+    assert child.end is not None
+    assert child.end.status is None
+    assert nursery.take().pid != child.pid

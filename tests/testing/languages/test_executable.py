@@ -1,0 +1,509 @@
+"""Any program as a test: its arguments and environment, and the verdict from TAP, a JUnit file or the exit status."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.testing.events import Attached, Message, SubResultEnded
+from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.worker import run_test
+from rtf.testing.languages.executable import ExecutableTest
+from rtf.testing.languages.program import LineCutter
+from rtf.testing.plugins import PluginRef
+from rtf.testing.session import Session
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+DATA = Path(__file__).parents[2] / "data" / "plugins"
+MIB = 1024  # in kilobytes, as rusage has it
+
+
+class Ran:
+    """What came of a test: its conclusion and its events."""
+
+    def __init__(self, conclusion: dict[str, str], events: list[object]) -> None:
+        self.outcome = str(conclusion["outcome"])
+        self.detail = conclusion["detail"]
+        self.events = events
+        self.messages = self.of(Message)
+
+    def of(self, kind: type) -> list:
+        """The events of one kind."""
+        return [event for event in self.events if isinstance(event, kind)]
+
+    def told(self, *severities: str) -> list[tuple[str, str]]:
+        """Title and detail of the messages that weigh so much."""
+        return [(m.title, m.detail) for m in self.messages if m.severity in severities]
+
+    def parts(self) -> list[tuple[str, str]]:
+        """Subject and verdict of the sub-results."""
+        return [(part.subject, str(part.verdict)) for part in self.of(SubResultEnded)]
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    """Write a program that can be started."""
+
+    def of(text: str, name: str = "program", mode: int = 0o755) -> Path:
+        path = tmp_path / name
+        path.write_text(text)
+        path.chmod(mode)
+        return path
+
+    return of
+
+
+@pytest.fixture
+def run(tmp_path: Path, write: Callable[..., Path]):
+    """Run a program, given by its path or the body of a shell script, as a worker does."""
+
+    def carry_out(program: Path | str, mode: str = "", param: str = "", **more: object) -> Ran:
+        path = write(f"#!/bin/sh\n{program}\n") if isinstance(program, str) else program
+        events: list[object] = []
+        language = f"executable:{mode}" if mode else "executable"
+        job = Job(
+            kind="test",
+            id="suite/test",
+            name="test",
+            plugin=PluginRef("test", path.name, str(path), language),
+            folder=str(tmp_path / "files"),
+            run_folder=str(tmp_path),
+            param=param,
+            **more,
+        )
+        session = Session(job.id, events.append, folder=Path(job.folder), run_folder=tmp_path)
+        return Ran(run_test(job, session), events)
+
+    return carry_out
+
+
+# What a program gets -------------------------------------------------------------------------------------------------
+
+
+def test_a_program_gets_the_words_of_the_parameter_string(run: Callable[..., Ran], tmp_path: Path):
+    """No shell is involved: nothing in them is expanded; added parameters are one word each."""
+    ran = run(
+        f'for word; do echo "[$word]"; done > {tmp_path}/words',
+        param='--joints "(0 1 2)" $HOME *',
+        parameters=(("speed", "1 2"),),
+        overrides=(("flag", ""),),
+    )
+    assert ran.outcome == "passed"
+    assert (tmp_path / "words").read_text().splitlines() == [
+        "[--joints]",
+        "[(0 1 2)]",
+        "[$HOME]",
+        "[*]",
+        "[--speed]",
+        "[1 2]",
+        "[--flag]",
+    ]
+
+
+def test_a_program_gets_its_environment(run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """What the worker has, and who it is and where it may leave things."""
+    monkeypatch.setenv("MINE", "kept")
+    run(
+        f"env > {tmp_path}/env; readlink /proc/self/fd/0 > {tmp_path}/stdin",
+        environment="--robotname icubSim",
+        parameters=(("Max-Speed", "3"),),
+    )
+    environ = dict(line.partition("=")[::2] for line in (tmp_path / "env").read_text().splitlines())
+    junit = str(tmp_path / "files" / "junit.xml")
+    assert {
+        "RTF_TEST": "suite/test",
+        "RTF_ENVIRONMENT": "--robotname icubSim",
+        "RTF_FOLDER": str(tmp_path / "files"),
+        "RTF_JUNIT": junit,
+        "RTF_PARAM_MAX_SPEED": "3",
+        "GTEST_OUTPUT": f"xml:{junit}",
+        "GTEST_COLOR": "no",
+        "MINE": "kept",
+    }.items() <= environ.items()
+    assert (tmp_path / "stdin").read_text().strip() == "/dev/null"
+
+
+@pytest.mark.parametrize("mode", ["tap", "exit"])
+def test_a_program_that_is_read_otherwise_is_not_asked_for_a_file(run: Callable[..., Ran], tmp_path: Path, mode: str):
+    """Only where a JUnit file may decide."""
+    run(f"env > {tmp_path}/env", mode)
+    assert "JUNIT" not in (tmp_path / "env").read_text()
+    assert "GTEST" not in (tmp_path / "env").read_text()
+
+
+def test_what_a_program_leaves_is_attached(run: Callable[..., Ran]):
+    """Files in folders too; links are not followed."""
+    ran = run('cd "$RTF_FOLDER"; mkdir a; echo 1 > a/x.csv; echo 22 > y.txt; ln -s /etc/passwd link')
+    assert [(event.name, event.path, event.media_type, event.size) for event in ran.of(Attached)] == [
+        ("y.txt", "files/y.txt", "text/plain", 3),
+        ("a/x.csv", "files/a/x.csv", "text/csv", 2),
+    ]
+
+
+def test_a_program_that_leaves_nothing_leaves_no_folder(run: Callable[..., Ran], tmp_path: Path):
+    """An empty folder a test would litter the run."""
+    run("exit 0")
+    assert not (tmp_path / "files").exists()
+
+
+def test_output_is_the_tests_output(run: Callable[..., Ran], capfd: pytest.CaptureFixture[str]):
+    """Both streams, whatever it is read as."""
+    run("echo 1..1; echo ok 1; echo noise; echo trouble >&2")
+    captured = capfd.readouterr()
+    assert (captured.out, captured.err) == ("1..1\nok 1\nnoise\n", "trouble\n")
+
+
+# The exit status -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["", "exit"])
+@pytest.mark.parametrize(
+    ("status", "outcome"), [(0, "passed"), (1, "failed"), (77, "skipped"), (99, "error"), (255, "failed")]
+)
+def test_the_exit_status_decides_as_with_automake(run: Callable[..., Ran], mode: str, status: int, outcome: str):
+    """Where the program says nothing else."""
+    ran = run(f"echo ok; exit {status}", mode)
+    assert outcome == ran.outcome
+    if status:
+        assert f"program: exit status {status}" == ran.detail
+
+
+@pytest.mark.parametrize("mode", ["", "exit", "tap", "junit"])
+@pytest.mark.parametrize("name", ["SEGV", "ABRT", "KILL"])
+def test_death_by_a_signal_is_an_error_with_its_name(run: Callable[..., Ran], mode: str, name: str):
+    """Whatever the program said before."""
+    ran = run(f"{'echo 1..2; echo ok 1;' if mode == 'tap' else ''} kill -{name} $$", mode)
+    assert ("error", f"program: killed by SIG{name}") == (ran.outcome, ran.detail)
+    assert [("the program crashed", f"program: killed by SIG{name}")] == ran.told("failure", "error")
+
+
+def test_each_repetition_runs_the_program_anew(run: Callable[..., Ran], tmp_path: Path):
+    """With a JUnit file of its own."""
+    ran = run(
+        f"echo x >> {tmp_path}/runs; echo \"<testsuite><testcase name='a'/></testsuite>\" > $RTF_JUNIT", repetition=2
+    )
+    assert len((tmp_path / "runs").read_text()) / 2 == 3
+    assert ran.outcome == "passed"
+    assert [event.name for event in ran.of(Attached)] == ["junit.xml", "junit~2.xml", "junit~3.xml"]
+
+
+# TAP -----------------------------------------------------------------------------------------------------------------
+
+
+def test_a_tap_stream_becomes_sub_results(run: Callable[..., Ran]):
+    """A point each, with its place where its YAML block names it; TODO and SKIP do not fail."""
+    ran = run(f"cat {DATA}/nested.tap")
+    assert ran.parts() == [
+        ("power is on", "passed"),
+        ("left arm/shoulder", "passed"),
+        ("left arm/elbow", "failed"),
+        ("left arm", "failed"),
+        ("right arm", "skipped"),
+        ("hand", "expected failure"),
+    ]
+    elbow = next(m for m in ran.messages if m.subject == "left arm/elbow" and m.severity == "failure")
+    assert (
+        elbow.title,
+        elbow.detail,
+        elbow.file,
+        elbow.line,
+    ) == ("checks", "elbow\nmessage: stuck\nfile: 'arm.c'\nline: 42", "arm.c", 42)
+    assert ("reports", "the arm is cold") in ran.told("info")
+    assert ran.outcome == "failed"
+
+
+@pytest.mark.parametrize(
+    ("lines", "outcome", "detail"),
+    [
+        ("echo 1..1; echo ok 1", "passed", ""),
+        ("echo 1..1; echo not ok 1 - x; exit 1", "failed", "x"),
+        ("echo ok 1; echo 1..1; exit 3", "error", "program: exit status 3, although nothing failed"),
+        ("echo 1..2; echo ok 1", "failed", "2 test points planned, 1 came; missing: 2"),
+        ("echo 1..2; echo ok 1; exit 1", "failed", "2 test points planned, 1 came; missing: 2"),
+        ("echo 1..2; echo ok 1; echo Bail out! on fire", "error", "on fire"),
+        ("echo 1..2; echo ok 1; echo Bail out!; exit 9", "error", "the program gave no reason"),
+        ("echo '1..0 # SKIP no robot'", "skipped", "no robot"),
+        ("echo '1..0 # SKIP no robot'; exit 1", "error", "although nothing failed"),
+        ("echo 1..2; echo 'ok # SKIP a'; echo 'ok # SKIP b'", "skipped", "a"),
+        ("echo 1..1; echo 'not ok # TODO a'", "passed", ""),
+        ("echo 1..1; printf 'ok 1'", "passed", ""),
+    ],
+)
+def test_a_tap_stream_decides(run: Callable[..., Ran], lines: str, outcome: str, detail: str):
+    """Plan, points, bailing out and the exit status together."""
+    for mode in ("", "tap"):
+        ran = run(lines, mode)
+        assert outcome == ran.outcome, ran.messages
+        assert detail in ran.detail
+
+
+def test_a_program_that_must_speak_tap_and_does_not_fails(run: Callable[..., Ran]):
+    """There is no plan."""
+    assert run("echo hello", "tap").outcome == "failed"
+    assert run("echo hello; echo not ok 1").outcome == "passed"  # by itself it is no TAP: the first line decides
+
+
+def test_points_of_one_name_are_kept_apart(run: Callable[..., Ran]):
+    """And points without one get their number."""
+    ran = run("echo 1..4; echo ok; echo ok - a; echo ok - a; echo ok - a")
+    assert [subject for subject, _ in ran.parts()] == ["test 1", "a", "a (2)", "a (3)"]
+
+
+def test_points_are_told_while_the_program_runs(run: Callable[..., Ran], tmp_path: Path):
+    """The program waits until its first point is known."""
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+    path = tmp_path / "waits"
+    path.write_text(f"#!/bin/sh\necho 1..2; echo ok 1; echo '# next'; cat {gate}; echo ok 2\n")
+    path.chmod(0o755)
+    seen = []
+
+    def send(event: object) -> None:
+        if isinstance(event, SubResultEnded):
+            seen.append(event.subject)
+            if len(seen) == 1:
+                gate.write_text("")  # opens only when the program reads
+
+    job = Job(
+        kind="test",
+        id="s/t",
+        name="t",
+        plugin=PluginRef("test", "waits", str(path), "executable"),
+        folder=str(tmp_path / "files"),
+        run_folder=str(tmp_path),
+    )
+    session = Session(job.id, send, folder=tmp_path / "files", run_folder=tmp_path)
+    assert run_test(job, session)["outcome"] == "passed"
+    assert seen == ["test 1", "test 2"]
+
+
+# JUnit ---------------------------------------------------------------------------------------------------------------
+
+
+def test_the_file_of_googletest_becomes_sub_results(run: Callable[..., Ran]):
+    """Found without being told, because the program wrote it where it was asked to; the file is attached."""
+    ran = run(DATA / "gtest_like.py", param="--fail")
+    assert ran.parts() == [
+        ("Joint.Moves", "passed"),
+        ("Joint.Stops", "failed"),
+        ("Joint.Brakes", "skipped"),
+        ("Joint.DISABLED_Burns", "skipped"),
+    ]
+    (failure,) = [m for m in ran.messages if m.severity == "failure"]
+    assert (failure.file, failure.line, failure.subject) == ("/src/joint_test.cc", 12, "Joint.Stops")
+    assert ran.told("pass") == [("checks", "Joint.Moves (0.25 s)")]
+    assert [event.name for event in ran.of(Attached)] == ["junit.xml"]
+    assert ran.outcome == "failed"
+    assert run(DATA / "gtest_like.py", "junit").outcome == "passed"
+
+
+def junit(content: str, status: int = 0) -> str:
+    """A script that writes this file."""
+    return f"cat > $RTF_JUNIT <<'END'\n{content}\nEND\nexit {status}"
+
+
+@pytest.mark.parametrize(
+    ("script", "outcome", "detail"),
+    [
+        ("exit 0", "error", "did not write"),
+        ("exit 1", "error", "ended with exit status 1 and did not write"),
+        (junit("<testsuite/>"), "error", "without a test case"),
+        (junit("<html/>"), "error", "no root of a JUnit file"),
+        (junit('<testsuite><testcase name="a"/></testsuite>', 3), "error", "although nothing failed"),
+        (junit('<testsuite><testcase name="a"><error message="e"/></testcase></testsuite>', 1), "error", "e"),
+        (junit('<testsuite><testcase name="a"><failure/></testcase></testsuite>'), "failed", "a: failure"),
+        (junit('<testsuite><testcase name="a"><skipped message="r"/></testcase></testsuite>'), "skipped", "r"),
+        (junit('<testsuite><testcase name="a"><skipped/></testcase></testsuite>', 1), "error", "nothing failed"),
+    ],
+)
+def test_a_junit_file_decides(run: Callable[..., Ran], script: str, outcome: str, detail: str):
+    """With the exit status; a file that is missing or broken is an error."""
+    ran = run(script, "junit")
+    assert outcome == ran.outcome
+    assert detail in ran.detail
+
+
+# What cannot be started ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "mode", "part"),
+    [
+        ("#!/bin/sh\n", 0o644, "is not executable; chmod +x"),
+        ("#!/no/such/interpreter -x\n", 0o755, "the interpreter /no/such/interpreter, which does not exist"),
+        ("#!/bin/sh\r\nexit 0\r\n", 0o755, "dos2unix"),
+        ("#!/etc/passwd\n", 0o755, "the interpreter /etc/passwd, which cannot be run"),
+        ("just text\n", 0o755, "nor has it a first line such as #!/bin/sh"),
+    ],
+)
+def test_a_program_that_cannot_be_started_is_an_error_with_its_mend(
+    run: Callable[..., Ran], write: Callable[..., Path], text: str, mode: int, part: str
+):
+    """The kernel only says a number."""
+    if mode == 0o755 or os.geteuid() != 0 or not os.access(write(text, mode=mode), os.X_OK):
+        ran = run(write(text, mode=mode))
+        ((title, detail),) = ran.told("error")
+        assert title == "the program cannot be started"
+        assert part in detail
+        assert "program" in detail
+
+
+def test_a_program_that_is_gone_is_an_error(run: Callable[..., Ran], tmp_path: Path):
+    """It was there when the suite was read."""
+    ran = run(tmp_path / "gone")
+    assert ("the program cannot be started", f"{tmp_path}/gone: No such file or directory") in ran.told("error")
+
+
+def test_an_unknown_way_of_reading_is_refused():
+    """By the class, for those who use it without a suite."""
+    with pytest.raises(ValueError, match="not as 'xml'"):
+        ExecutableTest(Path("x"), "xml")
+
+
+def test_a_binary_that_crashes_in_the_middle_of_its_stream(run: Callable[..., Ran], tmp_path: Path):
+    """A real one: its flushed points are told, its plan is no fault, the signal is the error."""
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        pytest.skip("there is no C compiler")
+    source = tmp_path / "crash.c"
+    source.write_text(
+        "#include <signal.h>\n#include <stdio.h>\n"
+        'int main(void) { puts("1..3\\nok 1 - a"); fflush(stdout); raise(SIGFPE); }\n'
+    )
+    subprocess.run([compiler, "-o", tmp_path / "crash", source], check=True)
+    ran = run(tmp_path / "crash")
+    assert ran.parts() == [("a", "passed")]
+    assert (ran.outcome, ran.detail) == ("error", "crash: killed by SIGFPE")
+
+
+# Processes -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def stoppable(tmp_path: Path):
+    """Start a test in a process of its own; returns the process."""
+    started = []
+
+    def start(program: Path, mode: str = "", **more: object) -> subprocess.Popen:
+        language = f"executable:{mode}" if mode else "executable"
+        command = [sys.executable, DATA / "stoppable.py", language, program, tmp_path / "files", tmp_path / "events"]
+        process = subprocess.Popen(command, **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | more)
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        with process:
+            process.kill()
+
+
+def alive(pid: int) -> bool:
+    """Whether a process is there and no zombie."""
+    try:
+        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return False
+
+
+def test_a_stop_ends_the_program_first(stoppable: Callable[..., subprocess.Popen[bytes]], write: Callable[..., Path]):
+    """It is asked by SIGTERM, and its last words are heard."""
+    program = write(
+        "#!/usr/bin/env python3\nimport os, signal, sys\n"
+        "signal.signal(signal.SIGTERM, lambda *_: sys.exit(print('bye')))\n"
+        "print(os.getpid(), flush=True)\nsignal.pause()\n"
+    )
+    process = stoppable(program)
+    pid = int(process.stdout.readline())
+    process.send_signal(signal.SIGINT)
+    out, errors = process.communicate(timeout=30)
+    assert out == b"bye\n"
+    assert errors.startswith(b"passed stopped"), errors
+    assert not alive(pid)
+
+
+def test_a_program_that_will_not_end_is_killed(
+    stoppable: Callable[..., subprocess.Popen[bytes]], write: Callable[..., Path]
+):
+    """After two seconds of grace."""
+    program = write(
+        "#!/usr/bin/env python3\nimport os, signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+        "print(os.getpid(), flush=True)\nsignal.pause()\n"
+    )
+    process = stoppable(program)
+    pid = int(process.stdout.readline())
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert not alive(pid)
+
+
+def test_a_program_is_in_the_workers_group_and_dies_with_it(
+    stoppable: Callable[..., subprocess.Popen[bytes]], write: Callable[..., Path]
+):
+    """So the runner's last resort reaches it, and nothing is left behind."""
+    program = write(
+        "#!/usr/bin/env python3\nimport os, signal\nprint(os.getpid(), os.getpgrp(), flush=True)\nsignal.pause()\n"
+    )
+    process = stoppable(program, process_group=0)
+    pid, group = map(int, process.stdout.readline().split())
+    assert process.pid == group
+    watch = os.pidfd_open(pid)
+    process.kill()
+    assert select.select([watch], [], [], 30)[0]
+    os.close(watch)
+
+
+def test_a_grandchild_that_holds_the_output_is_not_waited_for(run: Callable[..., Ran], tmp_path: Path):
+    """The program has ended; what it left behind is the runner's."""
+    os.mkfifo(tmp_path / "gate")
+    ran = run(f"read x < {tmp_path}/gate & echo $! > {tmp_path}/pid; echo done")
+    pid = int((tmp_path / "pid").read_text())
+    try:
+        assert ran.outcome == "passed"
+        assert alive(pid)
+    finally:
+        os.kill(pid, signal.SIGKILL)
+
+
+def test_a_program_that_closes_its_output_is_waited_for(run: Callable[..., Ran]):
+    """Its exit status still decides."""
+    assert run("exec >&-; exec 2>&-; exit 5").outcome == "failed"
+
+
+@pytest.mark.parametrize(
+    ("mode", "script"),
+    [
+        ("", "head -c 1073741824 /dev/zero"),
+        ("tap", "head -c 1073741824 /dev/zero"),
+        ("tap", "echo 1..1; echo ok; yes " + "x" * 1000 + " | head -c 268435456"),
+        ("", "echo 1..1; echo not ok; echo '  ---'; yes '  aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa' | head -c 33554432"),
+    ],
+)
+def test_a_flood_of_output_does_not_grow_memory(
+    stoppable: Callable[..., subprocess.Popen[bytes]], write: Callable[..., Path], mode: str, script: str
+):
+    """A gigabyte in one line, and many lines that mean nothing."""
+    process = stoppable(write(f"#!/bin/sh\n{script}\n"), mode, stdout=subprocess.DEVNULL)
+    _, errors = process.communicate(timeout=100)
+    assert int(errors.split()[-1]) < 100 * MIB
+    assert all(len(json.loads(line)) for line in (Path(process.args[-1])).read_bytes().splitlines())
+
+
+def test_lines_are_cut_out_of_any_pieces():
+    """However the bytes come; an overlong line loses its end, bytes that are no UTF-8 are replaced."""
+    for size in (1, 2, 3, 100):
+        cutter = LineCutter(limit=4)
+        data = b"ab\n\nabcdefgh\n\xff\xc3\xa9\nlast"
+        pieces = [data[at : at + size] for at in range(0, len(data), size)]
+        lines = [line for piece in pieces for line in cutter.feed(piece)]
+        assert [*lines, *cutter.finish()] == ["ab", "", "abcd", "�é", "last"]

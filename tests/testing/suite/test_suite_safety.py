@@ -1,0 +1,227 @@
+"""Files that are broken, hostile or merely enormous are refused with their place, and nothing is ever fetched."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.testing.suite import fields as suite_fields
+from rtf.testing.suite import scan as suite_scan
+from rtf.testing.suite.diagnostics import MAX_DIAGNOSTICS
+from rtf.testing.suite.xml import load_suite, load_suite_bytes
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def refused(data: bytes | str) -> list[str]:
+    """Load what must not load, and give its errors."""
+    loaded = load_suite_bytes(data if isinstance(data, bytes) else data.encode(), "s.xml")
+    assert loaded.suite is None
+    assert loaded.errors
+    return [str(error) for error in loaded.errors]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "s.xml:1:1: error: this is not well-formed XML: no element found"),
+        ('<suite name="S">\n  <test>A</suite>', "s.xml:2:12: error: this is not well-formed XML: mismatched tag"),
+        ('<suite name="S">\n<test>A', "<test> of line 2 is still open here"),
+        ("<suite a='1' a='2'/>", "duplicate attribute"),
+        ("<suite>&robot;</suite>", "undefined entity"),
+        (
+            "<suite><!-- never closed -- </suite>",
+            "s.xml:1:8: error: what begins here with <!-- is never closed (end it with",
+        ),
+        ("<suite><![CDATA[ x ]] ></suite>", "end it with ]]>"),
+        ("<suite/><suite/>", "junk after document element"),
+        ("\0", "not well-formed"),
+    ],
+)
+def test_malformed_xml_is_an_error_with_its_place(text: str, told: str):
+    """Line and column of what the parser stumbled over."""
+    assert told in refused(text)[0]
+
+
+def test_what_stands_before_the_malformed_place_is_checked_all_the_same():
+    """One round of mending less; the half-read element is not judged."""
+    messages = refused('<suite name="S">\n<test retries="x">A</test><test>B</suite>')
+    assert len(messages) == 2
+    assert "attribute 'retries'" in messages[0]
+
+
+@pytest.mark.parametrize("text", ["<application/>", "<html><body/></html>", "<suit name='S'/>"])
+def test_another_root_is_no_suite(text: str):
+    """The ancestor said nothing."""
+    assert "this is not a test suite file: its root is <" in refused(text)[0]
+    assert load_suite_bytes(text.encode(), "s.xml").foreign
+
+
+def test_the_root_of_old_versions_is_recognised():
+    """Before its version 2 the ancestor wrote suit."""
+    assert "did you mean 'suite'?" in refused("<suit name='S'/>")[0]
+
+
+@pytest.mark.parametrize(
+    "doctype",
+    [
+        "<!DOCTYPE suite>",
+        '<!DOCTYPE suite SYSTEM "http://no.where/suite.dtd">',
+        '<!DOCTYPE suite PUBLIC "-//X" "y.dtd">',
+    ],
+)
+def test_a_bare_document_type_is_passed_over(doctype: str):
+    """It says nothing about the file and nothing is fetched."""
+    loaded = load_suite_bytes(
+        f'<?xml version="1.0"?>\n{doctype}<suite name="S"><test x="">A</test></suite>'.encode(), "s"
+    )
+    assert [test.plugin for test in loaded.suite.tests] == ["A"]
+    assert (2, len(doctype) + 17 + 6) == (loaded.warnings[0].location.line, loaded.warnings[0].location.column)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<!DOCTYPE suite [<!ENTITY a "b">]><suite name="&a;"/>',
+        '<!DOCTYPE suite SYSTEM "x.dtd" [ ]><suite/>',
+        '<!DOCTYPE suite [<!ENTITY % p SYSTEM "file:///etc/passwd"> %p;]><suite/>',
+        "<!-- --><!DOCTYPE s [\n<!ELEMENT s ANY>]><s/>",
+    ],
+)
+def test_declarations_are_refused(text: str):
+    """Entities are the door to everything bad in XML."""
+    assert "a document type with declarations in it" in refused(text)[0]
+
+
+def test_an_entity_behind_a_bare_document_type_is_no_loophole():
+    """With an outside document type, parsers may drop unknown entities silently; here it stays an error."""
+    assert "undefined entity" in refused('<!DOCTYPE suite SYSTEM "x"><suite name="S"><test>A&b;</test></suite>')[0]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "iso-8859-1", "windows-1252"])
+def test_encodings_that_files_have_are_read(encoding: str):
+    """By byte order mark or declaration."""
+    text = f'<?xml version="1.0" encoding="{encoding.removesuffix("-sig")}"?><suite name="Größe"/>'
+    assert load_suite_bytes(text.encode(encoding), "s.xml").unwrap().name == "Größe"
+
+
+@pytest.mark.parametrize(
+    ("data", "told"),
+    [
+        (b'<suite name="S">\n<test>\xff</test></suite>', "s.xml:2:7: error: this is not UTF-8 text"),
+        (b'<?xml version="1.0" encoding="zip"?><suite/>', "the encoding 'zip' is not supported"),
+        (b'<?xml version="1.0" encoding="iso-8859-99"?><suite/>', "there is no encoding 'iso-8859-99'"),
+    ],
+)
+def test_other_encodings_are_refused(data: bytes, told: str):
+    """With what to do."""
+    (message,) = refused(data)
+    assert told in message
+    assert "UTF-8)" in message
+
+
+def test_a_file_beyond_the_size_limit_is_refused():
+    """Before anything is parsed."""
+    assert "larger than 16 MiB" in refused(b" " * (suite_scan.MAX_BYTES + 1))[0]
+
+
+def test_deep_nesting_is_refused():
+    """Nobody nests like that by hand."""
+    assert "nested more than 64 deep" in refused("<suite>" + "<test>" * 100_000)[0]
+
+
+def test_more_elements_than_sense_are_refused(monkeypatch: pytest.MonkeyPatch):
+    """Memory is bounded."""
+    monkeypatch.setattr(suite_scan, "MAX_ELEMENTS", 50)
+    assert "the file has more than 50 elements" in refused(b"<suite>" + b"<a/>" * 50)[-1]
+
+
+def test_more_attributes_than_sense_are_refused():
+    """Each unknown one is looked up in the file, so their number is bounded."""
+    attributes = " ".join(f'a{number}=""' for number in range(300))
+    assert "more than 256 attributes" in refused(f"<suite><test {attributes}/></suite>")[-1]
+
+
+def loops(depth: int, values: str, body: str) -> str:
+    """Loops in loops, each over the same values."""
+    opening = "".join(f'<for name="v{level}" in="{values}">' for level in range(depth))
+    return f'<suite name="S">{opening}{body}{"</for>" * depth}</suite>'
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (loops(6, "0 1 2 3 4 5 6 7 8 9", "<test>T</test>"), "unfolds into more than 100000 tests"),
+        (loops(15, "0 1 2 3 4 5 6 7 8 9", ""), "steps to unfold"),
+        (loops(1, " ".join("a" * 5000), f'<test param="{"p" * 60_000}">T</test>'), "characters"),
+    ],
+)
+def test_loops_are_bounded(text: str, told: str):
+    """A file of a few lines can ask for more than a computer holds."""
+    assert told in refused(text)[0]
+
+
+def test_loops_are_not_nested_without_end():
+    """An error at the loop, with the rest of the suite intact."""
+    loaded = load_suite_bytes(loops(17, "a", "<test>T</test>").encode(), "s.xml")
+    assert "nested more than 16 deep" in loaded.errors[0].message
+
+
+def test_a_text_that_variables_blow_up_is_an_error():
+    """Before it is built."""
+    text = f'<suite name="S"><test param="{"${v}" * 1000}">T</test></suite>'
+    (error,) = load_suite_bytes(text.encode(), "s.xml", variables={"v": "x" * 100_000}).errors
+    assert "attribute 'param' of <test> is longer than 65536 characters once its variables are put in" in error.message
+
+
+def test_includes_do_not_multiply(tmp_path: Path):
+    """Each file includes the next twice: two to the power of their number."""
+    for number in range(15):
+        line = f"<include>{number + 1}.xml</include>"
+        (tmp_path / f"{number}.xml").write_text(f'<suite name="S">{line * 2}</suite>')
+    (tmp_path / "15.xml").write_text('<suite name="S"><test>T</test></suite>')
+    loaded = load_suite(tmp_path / "0.xml")
+    assert f"includes more than {suite_fields.MAX_FILES} files" in loaded.errors[0].message
+
+
+def test_requirements_do_not_multiply():
+    """A name that many tests share, required by many."""
+    text = f'<suite name="S">{"<test>T</test>" * 3000}{"<test requires=" + chr(34) + "test:T" + chr(34) + ">U</test>"}'
+    text += '<test requires="test:T">U</test>' * 1000 + "</suite>"
+    assert "steps to unfold" in refused(text)[0]
+
+
+def test_endless_problems_are_counted_not_kept():
+    """A thousand are listed, the rest is a number, and errors stay errors."""
+    text = '<suite name="S">' + "<tset/>" * 5000 + "<test/>" * 5000 + "</suite>"
+    loaded = load_suite_bytes(text.encode(), "s.xml")
+    assert len(loaded.diagnostics) == MAX_DIAGNOSTICS + 2
+    assert loaded.errors
+
+
+@pytest.mark.parametrize("size", [100_000])
+@pytest.mark.parametrize(
+    "piece", ["<!--", "<![CDATA[", "<?x ", "<!DOCTYPE s ", '<!DOCTYPE "', "<", "&", "<a b='", "-->"]
+)
+def test_repeated_openings_take_no_more_than_linear_time(piece: str, size: int):
+    """The scan that mends comments looks at each character once."""
+    refused(piece * size)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_a_pipe_is_not_waited_for(tmp_path: Path):
+    """Nobody may ever write to it."""
+    os.mkfifo(tmp_path / "pipe.xml")
+    (tmp_path / "s.xml").write_text('<suite name="S"><include>pipe.xml</include></suite>')
+    assert "no regular file" in load_suite(tmp_path / "pipe.xml").errors[0].message
+    assert "no regular file" in load_suite(tmp_path / "s.xml").errors[0].message
+
+
+def test_files_that_cannot_be_read_are_told(tmp_path: Path):
+    """Missing, a folder, an impossible name."""
+    assert "No such file" in load_suite(tmp_path / "none.xml").errors[0].message
+    assert "this is a folder" in load_suite(tmp_path).errors[0].message
+    assert "cannot be read" in load_suite("a\0b").errors[0].message

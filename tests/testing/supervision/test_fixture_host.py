@@ -1,0 +1,257 @@
+"""The host of a fixture as a process of its own, spoken to as the supervisor does, and interrupted at bad moments."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf import clock
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    Starter = Callable[..., "Talk"]
+
+HOST = """
+import sys
+from rtf.testing.supervision import fixture_host
+from rtf.testing import plugins
+from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.worker import Wire
+fixture_host.ORPHAN_PATIENCE = 0.2
+path, descriptor, attempt = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+plugin = plugins.PluginRef("fixture", "Fx", path, "python")
+job = Job(
+    kind="fixture", id="fx", name="fx", plugin=plugin, folder="", run_folder="", attempt=attempt, check_period=0.02
+)
+sys.exit(fixture_host.host(job, Wire(descriptor)))
+"""
+
+FIXTURE = """
+import os, threading
+from rtf import clock
+from rtf.testing import FixtureManager
+class Fx(FixtureManager):
+    def note(self, hook):
+        with open(CALLS, "a") as stream: stream.write(hook + "\\n")
+    def setup(self): self.note("setup")
+    def park(self): self.note("park")
+    def on_collapse(self, reason): self.note("on_collapse " + reason)
+    def teardown(self): self.note("teardown")
+"""
+
+
+class Talk:
+    """The runner's side of one host."""
+
+    def __init__(self, folder: Path, body: str, attempt: int = 1) -> None:
+        self.calls = folder / "calls"
+        path = folder / "fx.py"
+        path.write_text(FIXTURE.replace("CALLS", repr(str(self.calls))) + body)
+        here, there = socket.socketpair()
+        here.settimeout(20.0)
+        self.here = here
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", HOST, str(path), str(there.fileno()), str(attempt)], pass_fds=[there.fileno()]
+        )
+        there.close()
+        self._lines = here.makefile("rb")
+        self.command("stacks", path="/dev/null")
+
+    def command(self, command: str, **members: str) -> None:
+        """Say something."""
+        self.here.sendall(json.dumps({"command": command, **members}).encode() + b"\n")
+
+    def hear(self) -> Iterator[dict]:
+        """Everything that is said, until the host has ended."""
+        for line in self._lines:
+            yield json.loads(line)
+
+    def until(self, **members: object) -> dict:
+        """Wait for a message that has these members."""
+        for message in self.hear():
+            if members.items() <= message.items():
+                return message
+        raise AssertionError(f"{members} was never said")
+
+    def interrupt(self) -> None:
+        """Send SIGTERM."""
+        self.process.send_signal(signal.SIGTERM)
+
+    def end(self) -> list[str]:
+        """Wait for the end; gives what was called."""
+        assert self.process.wait(20.0) == 0
+        return self.calls.read_text().splitlines() if self.calls.exists() else []
+
+    def close(self) -> None:
+        """End everything."""
+        self.process.kill()
+        self.process.wait()
+        self._lines.close()
+        self.here.close()
+
+
+@pytest.fixture
+def talk(tmp_path: Path) -> Iterator:
+    """Starts hosts, and ends them."""
+    talks = []
+
+    def start(body: str = "", attempt: int = 1) -> Talk:
+        talks.append(Talk(tmp_path, body, attempt))
+        return talks[-1]
+
+    yield start
+    for one in talks:
+        one.close()
+
+
+class TestCommands:
+    """What the supervisor asks for."""
+
+    def test_life(self, talk: Starter):
+        """Ready, alive, parked when asked, torn down when asked, done."""
+        host = talk()
+        host.until(host="ready")
+        host.until(host="alive")
+        host.command("park")
+        host.until(host="answered")
+        host.command("check")
+        host.until(host="answered")
+        host.command("teardown", collapse="")
+        said = [message["host"] for message in host.hear() if message["host"] != "alive"]
+        assert said == ["doing", "doing", "done"]
+        assert host.end() == ["setup", "park", "park", "teardown"]
+
+    def test_collapse_found_by_the_runner(self, talk: Starter):
+        """The runner's reason reaches on_collapse."""
+        host = talk()
+        host.until(host="ready")
+        host.command("teardown", collapse="the runner says so")
+        assert host.end() == ["setup", "on_collapse the runner says so", "teardown"]
+
+    def test_first_announcement_counts(self, talk: Starter):
+        """Of many threads that announce a collapse, one is heard."""
+        body = """
+    def check(self):
+        threads = [threading.Thread(target=self.collapsed, args=(f"reason {n}",)) for n in range(20)]
+        for thread in threads: thread.start()
+        for thread in threads: thread.join()
+        return False
+"""
+        host = talk(body)
+        cause = host.until(host="collapsed")["cause"]
+        host.command("teardown", collapse=cause)
+        assert [message for message in host.hear() if message["host"] == "collapsed"] == []
+        assert host.end() == ["setup", f"on_collapse {cause}", "teardown"]
+
+    def test_announcement_of_anything_is_heard(self, talk: Starter):
+        """A reason that is no text is no reason to lose it."""
+        host = talk("    def check(self): self.collapsed(ValueError(7), exit_status=3, output=b'x')\n")
+        said = host.until(host="collapsed")
+        assert (said["cause"], said["exit_status"], said["output"]) == ("7", 3, "b'x'")
+
+    def test_exception_that_is_broken_itself(self, talk: Starter):
+        """An error whose text cannot be had is told all the same."""
+        body = """
+    def setup(self):
+        class Broken(Exception):
+            def __str__(self): raise RuntimeError
+        raise Broken
+"""
+        assert "Broken" in talk(body).until(host="failed")["cause"]
+
+    def test_keyboard_interrupt_does_not_skip_teardown(self, talk: Starter):
+        """Even what is no Exception ends in a message, and teardown is done."""
+        host = talk("    def setup(self): raise KeyboardInterrupt\n")
+        assert host.until(host="failed")["cause"] == "KeyboardInterrupt"
+        host.until(host="done")
+        assert host.end() == ["teardown"]
+
+
+class TestInterruption:
+    """SIGTERM at every moment."""
+
+    @pytest.mark.parametrize("delay", [index * 0.004 for index in range(25)])
+    def test_at_any_moment_ends_in_order(self, talk: Starter, delay: float):
+        """Every message is whole, and what was begun is torn down."""
+        body = """
+    def setup(self):
+        self.note("setup")
+        for _ in range(2000): self.report("x" * 500)
+    def check(self): self.report("y" * 500)
+"""
+        host = talk(body)
+        host.until(host="listening")
+        clock.sleep(delay)  # the moment is what is varied; nothing is waited for
+        host.interrupt()
+        kinds = [message.get("host", message.get("event")) for message in host.hear()]
+        assert kinds[-1] == "done"
+        called = host.end()
+        assert called in ([], ["teardown"], ["setup", "teardown"], ["setup", "park", "teardown"])
+
+    def test_in_a_hung_check_has_the_reason(self, talk: Starter):
+        """The command that was sent before the signal is read after it."""
+        host = talk("    def check(self): clock.sleep(1000)\n")
+        host.until(host="ready")
+        clock.sleep(0.1)  # so that it is in check(); were it not, the outcome would be the same
+        host.command("teardown", collapse="hung")
+        host.interrupt()
+        assert host.end() == ["setup", "on_collapse hung", "teardown"]
+
+    def test_does_not_touch_teardown(self, talk: Starter):
+        """However often it is signalled, teardown comes to its end."""
+        body = """
+    def teardown(self):
+        self.report("begun")
+        deadline = clock.Deadline.after(0.3)
+        while not deadline.expired: clock.sleep(0.01)
+        self.note("teardown ended")
+"""
+        host = talk(body)
+        host.until(host="ready")
+        host.command("teardown", collapse="")
+        host.until(event="message", detail="begun")
+        for _ in range(5):
+            host.interrupt()
+        host.until(host="done")
+        assert host.end()[-1] == "teardown ended"
+
+
+class TestLostRunner:
+    """Nobody is there any more."""
+
+    def test_tears_down_when_the_nursery_says_so(self, talk: Starter):
+        """It waits for its turn, and then parks and tears down."""
+        host = talk()
+        host.until(host="ready")
+        host.here.shutdown(socket.SHUT_RDWR)
+        host.interrupt()
+        assert host.end() == ["setup", "park", "teardown"]
+
+    def test_tears_down_on_its_own_when_nobody_does(self, talk: Starter):
+        """After a while it does not wait any longer."""
+        host = talk()
+        host.until(host="ready")
+        host.here.shutdown(socket.SHUT_RDWR)
+        assert host.end() == ["setup", "park", "teardown"]
+
+    def test_does_not_keep_it_from_parking(self, talk: Starter):
+        """A park that says something to nobody is not interrupted by that."""
+        host = talk("    def park(self): self.report('parking'); self.note('parked')\n")
+        host.until(host="ready")
+        host.here.shutdown(socket.SHUT_RDWR)
+        assert host.end() == ["setup", "parked", "teardown"]
+
+
+def test_stacks_go_where_the_runner_says(talk: Starter, tmp_path: Path):
+    """The descriptor of the dump file leads to the path of the first command."""
+    host = talk("    def setup(self): self.report(os.readlink('/proc/self/fd/4'))\n")
+    assert host.until(event="message")["detail"] == os.devnull

@@ -1,0 +1,655 @@
+"""Fixtures in real runs, with real processes that misbehave in every way we know, in every phase."""
+
+from __future__ import annotations
+
+import os
+import signal
+from typing import TYPE_CHECKING
+
+import pytest
+
+from harness import MARK, Command, Outcome, marked, run_command, run_suite, write_files
+from rtf import clock
+from rtf.testing.events import (
+    FixtureChanged,
+    FixtureIncident,
+    Message,
+    OutputCaptured,
+    StackDumped,
+    TestEnded,
+    TestStarted,
+)
+from rtf.testing.supervision import incarnation
+from rtf.testing.verdict import ExitCode, FixtureState, Phase, Severity, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from rtf.testing.events import Event
+    from rtf.testing.runner import Run
+
+FIXTURE = '''
+import ctypes, os, signal, sys, threading
+from rtf import clock
+from rtf.testing import FixtureCollapsed, FixtureManager, Parameter
+from rtf.testing.fixture import FixtureUnusable
+
+class Fx(FixtureManager):
+    """Notes each call in a file and then does what its parameter of that name says, in its first ``times`` lives."""
+    label = Parameter(str, "who", default="fx")
+    times = Parameter(int, "lives in which it misbehaves", default=1)
+    on_setup = Parameter(str, "", default="")
+    on_check = Parameter(str, "", default="")
+    on_park = Parameter(str, "", default="")
+    on_teardown = Parameter(str, "", default="")
+    after_test = Parameter(bool, "whether checks hold until a test was started", default=False)
+
+    def note(self, hook):
+        with open(FOLDER + "/calls", "a") as stream:
+            stream.write(f"{self.label} {hook} #{self.incarnation}\\n")
+
+    def act(self, hook, what):
+        self.note(hook)
+        return getattr(self, "do_" + what, lambda: None)() if self.incarnation <= self.times and what else None
+
+    def setup(self): return self.act("setup", self.on_setup)
+    def check(self):
+        if self.after_test and not os.path.exists(FOLDER + "/test-began"): return True
+        return self.act("check", self.on_check)
+    def park(self): return self.act("park", self.on_park)
+    def teardown(self): self.act("teardown", self.on_teardown)
+    def on_collapse(self, reason): self.note("on_collapse")
+    def before_restart(self, incarnation): self.note("before_restart")
+
+    def do_raise(self): raise RuntimeError("broken on purpose")
+    def do_false(self): return False
+    def do_exit(self): print("last words", flush=True); os._exit(3)
+    def do_sysexit(self): sys.exit(4)
+    def do_segv(self): ctypes.string_at(0)
+    def do_kill(self): os.kill(os.getpid(), signal.SIGKILL)
+    def do_stop(self): os.kill(os.getpid(), signal.SIGSTOP)
+    def do_hang(self): self.linger_in_vain()
+    def do_hang_in_c(self):
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+        self.linger_in_vain()
+    def linger_in_vain(self): clock.sleep(1000)
+    def do_unusable(self): raise FixtureUnusable("never ever")
+    def do_say_why(self): raise FixtureCollapsed("in my own words")
+    def do_announce_and_false(self):
+        self.collapsed("announced in check()", exit_status=7)
+        return False
+    def do_announce_in_thread(self):
+        thread = threading.Thread(target=self.collapsed, args=("announced in a thread",)); thread.start(); thread.join()
+    def do_announce_and_hang(self): self.do_announce_in_thread(); self.linger_in_vain()
+    def do_garbage(self):
+        os.write(3, b'[1, 2]\\n{"host": 5\\n"host"\\n{"host": "collapsed"}\\n\\xff\\xfe\\n')
+        os.write(3, b"[" * 100000 + b"\\n")
+    def do_foreign(self): os.write(3, b'{"event":"test_ended","test":"s/t","verdict":"passed","outcome":"passed"}\\n')
+    def do_surrogate(self):
+        os.write(3, b'{"event":"output_captured","stream":"stdout","text":"\\\\ud800\\\\n","fixture":"fx"}\\n')
+    def do_nonsense(self): os.write(3, b"nonsense\\n" * 3000)
+    def do_close_channel(self): os.close(3); self.linger_in_vain()
+    def do_flood(self):
+        for _ in range(400): self.output("x" * 8191)
+        self.output("the very last line")
+    def do_chatter(self):
+        for _ in range(40): self.report("y" * 1_000_000)
+    def do_stray(self):
+        if os.fork() == 0:
+            os.setsid()
+            if os.fork() == 0: self.linger_in_vain()
+            os._exit(0)
+        os.wait()
+'''
+
+TESTS = '''
+import os
+from rtf import clock
+from rtf.testing import Parameter, TestCase
+
+class T(TestCase):
+    """Waits until a fixture's call is in the file."""
+    wait_for = Parameter(str, "", default="")
+    hang = Parameter(bool, "", default=False)
+    quiet = Parameter(bool, "whether it keeps its beginning to itself", default=False)
+    def run(self):
+        if not self.quiet: open(FOLDER + "/test-began", "w").close()
+        if self.hang: clock.sleep(1000)
+        while self.wait_for and self.wait_for not in open(FOLDER + "/calls").read(): clock.sleep(0.005)
+'''
+
+READY, COLLAPSED, FAILED = FixtureState.READY, FixtureState.COLLAPSED, FixtureState.FAILED
+STARTING, STOPPING, STOPPED = FixtureState.STARTING, FixtureState.STOPPING, FixtureState.STOPPED
+
+
+class Lab:
+    """Runs suites of ``Fx`` and ``T`` in one folder and knows what was called and what was left behind."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def run(
+        self, xml: str, *, interfere: Callable[[Run], None] | None = None, options: dict[str, object] | None = None
+    ) -> Outcome:
+        """Run it, and say that nothing of it is left."""
+        outcome = run_suite(self.folder, xml, interfere=interfere, options=options, **self.plugins())
+        assert marked_others(os.environ[MARK], os.getpid()) == []
+        return outcome
+
+    def plugins(self) -> dict[str, str]:
+        """The files of the fixture and the test."""
+        folder = repr(str(self.folder))
+        return {"fx__py": FIXTURE.replace("FOLDER", folder), "t__py": TESTS.replace("FOLDER", folder)}
+
+    @property
+    def calls(self) -> list[str]:
+        """What was called, checks left out."""
+        path = self.folder / "calls"
+        lines = path.read_text().splitlines() if path.exists() else []
+        return [line for line in lines if " check " not in line]
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A lab in which patience is short."""
+    monkeypatch.setenv(MARK, f"{os.getpid()}-{tmp_path.name}")
+    monkeypatch.setattr(incarnation, "CHECK_LIMIT", 1.0)
+    monkeypatch.setattr(incarnation, "PARK_LIMIT", 1.0)
+    monkeypatch.setattr(incarnation, "GRACE", 0.5)
+    return Lab(tmp_path)
+
+
+def marked_others(mark: str, but: int):
+    """The living processes of a run, without this one."""
+    return [process for process in marked(mark) if process.pid != but]
+
+
+def fixture(
+    name: str = "fx",
+    depends: str = "",
+    *,
+    restarts: int = 1,
+    timeout: str = "10 s",
+    teardown: str = "10 s",
+    on_lost: str = "",
+    **parameters: object,
+):
+    """A fixture element that checks often and restarts soon."""
+    inner = "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in parameters.items())
+    lost = f' on-lost="{on_lost}"' if on_lost else ""
+    return (
+        f'<fixture name="{name}" depends="{depends}" restarts="{restarts}" backoff="0.01" check-period="0.02" '
+        f'timeout="{timeout}" teardown-timeout="{teardown}"{lost}>fx'
+        f'<parameter name="label">{name}</parameter>{inner}</fixture>'
+    )
+
+
+def case(name: str = "t", attributes: str = "", **parameters: object):
+    """A test element."""
+    inner = "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in parameters.items())
+    return f'<test name="{name}" {attributes}>t{inner}</test>'
+
+
+def states(outcome: Outcome, name: str = "fx"):
+    """The states a fixture went through, with the incarnation."""
+    return [(event.state, event.incarnation) for event in outcome.of(FixtureChanged, fixture=name)]
+
+
+def incidents(outcome: Outcome, name: str = "fx"):
+    """Everything that went wrong with a fixture."""
+    return outcome.of(FixtureIncident, fixture=name)
+
+
+def verdicts(outcome: Outcome, test: str = "s/t"):
+    """What each attempt at a test came to."""
+    return [event.verdict for event in outcome.of(TestEnded, test=test)]
+
+
+class TestSetup:
+    """What a setup that does not work does to the run."""
+
+    @pytest.mark.parametrize(
+        ("how", "cause", "status", "signal_name"),
+        [
+            ("raise", "RuntimeError: broken on purpose", None, ""),
+            ("false", "setup() returned False", None, ""),
+            ("say_why", "in my own words", None, ""),
+            ("sysexit", "SystemExit: 4", None, ""),
+            ("exit", "exit status 3", 3, ""),
+            ("segv", "killed by SIGSEGV", None, "SIGSEGV"),
+            ("kill", "killed by SIGKILL", None, "SIGKILL"),
+            ("hang", "setup() did not come back within 0.6 s", None, ""),
+            ("stop", "stopped by a signal", None, ""),
+            ("announce_and_hang", "announced in a thread", None, ""),
+            ("close_channel", "closed the channel", None, ""),
+        ],
+    )
+    def test_is_tried_again(self, lab: Lab, how: str, cause: str, status: int | None, signal_name: str):
+        """However setup fails, the fixture is started once more, and the test then runs on the second incarnation."""
+        timeout = "0.6 s" if how in ("hang", "stop") else "10 s"
+        outcome = lab.run(fixture(on_setup=how, timeout=timeout) + case())
+        (incident,) = incidents(outcome)
+        assert cause in incident.cause
+        assert (incident.phase, incident.incarnation) == (Phase.SETUP, 1)
+        assert (incident.exit_status, incident.signal) == (status, signal_name)
+        assert verdicts(outcome) == [Verdict.PASSED]
+        assert outcome.of(TestStarted)[0].fixtures == {"fx": 2}
+        assert outcome.exit_code == ExitCode.PASSED
+
+    @pytest.mark.parametrize("how", ["raise", "false", "hang", "announce_and_hang"])
+    def test_is_torn_down(self, lab: Lab, how: str):
+        """What setup brought up before it failed is torn down, once; neither park nor on_collapse is called."""
+        lab.run(fixture(on_setup=how, timeout="0.6 s") + case())
+        assert lab.calls == [
+            "fx setup #1",
+            "fx teardown #1",
+            "fx before_restart #2",
+            "fx setup #2",
+            "fx park #2",
+            "fx teardown #2",
+        ]
+
+    def test_that_never_works_blocks_the_tests(self, lab: Lab):
+        """When the restarts are used up the fixture is failed, what needs it blocked, and the exit code 6."""
+        outcome = lab.run(fixture(on_setup="raise", times=9, restarts=2) + case() + case("u"))
+        assert states(outcome)[-1] == (FAILED, 3)
+        assert len(incidents(outcome)) == 3
+        assert verdicts(outcome) == verdicts(outcome, "s/u") == [Verdict.BLOCKED]
+        assert "(2 restarts used up)" in outcome.detail("t")
+        assert outcome.exit_code == ExitCode.FIXTURE
+
+    def test_that_cannot_work_is_not_tried_again(self, lab: Lab):
+        """FixtureUnusable uses up no restarts: another try would come to the same."""
+        outcome = lab.run(fixture(on_setup="unusable", times=9, restarts=3) + case())
+        assert states(outcome)[-1] == (FAILED, 1)
+        assert outcome.detail("t") == "fixture fx is not usable: never ever"
+        assert lab.calls == ["fx setup #1", "fx teardown #1"]
+
+    def test_does_not_begin_on_wrong_parameters(self, lab: Lab):
+        """A mistake in the suite is told once, and nothing is set up or torn down."""
+        outcome = lab.run(fixture(no_such="1") + case())
+        (incident,) = incidents(outcome)
+        assert incident.phase == Phase.LOAD
+        assert "unknown parameter 'no_such'" in incident.cause
+        assert lab.calls == []
+
+    def test_hung_shows_its_stacks(self, lab: Lab):
+        """The stacks of a setup that hangs are told as the fixture's, and contain the author's function."""
+        outcome = lab.run(fixture(on_setup="hang", timeout="0.6 s") + case())
+        (dumped,) = outcome.of(StackDumped)
+        assert (dumped.fixture, dumped.test) == ("fx", "")
+        assert "linger_in_vain" in dumped.text
+        assert "setup() did not come back" in dumped.cause
+
+
+class TestCheck:
+    """A collapse while a test runs."""
+
+    @pytest.mark.parametrize(
+        ("how", "cause", "status", "signal_name"),
+        [
+            ("raise", "check() raised RuntimeError: broken on purpose", None, ""),
+            ("false", "check() returned False", None, ""),
+            ("say_why", "in my own words", None, ""),
+            ("sysexit", "check() raised SystemExit: 4", None, ""),
+            ("exit", "exit status 3", 3, ""),
+            ("segv", "killed by SIGSEGV", None, "SIGSEGV"),
+            ("kill", "killed by SIGKILL", None, "SIGKILL"),
+            ("hang", "check() did not come back within", None, ""),
+            ("hang_in_c", "check() did not come back within", None, ""),
+            ("stop", "stopped by a signal", None, ""),
+            ("announce_and_false", "announced in check()", 7, ""),
+            ("announce_in_thread", "announced in a thread", None, ""),
+            ("announce_and_hang", "announced in a thread", None, ""),
+            ("close_channel", "closed the channel", None, ""),
+            ("nonsense", "says only nonsense", None, ""),
+        ],
+    )
+    def test_loses_the_running_test_and_repeats_it(
+        self, lab: Lab, how: str, cause: str, status: int | None, signal_name: str
+    ):
+        """The test is stopped at once, lost through no fault of its own, and run again on the next incarnation."""
+        outcome = lab.run(fixture(on_check=how, after_test="true") + case(wait_for="setup #2"))
+        incident = incidents(outcome)[0]
+        assert cause in incident.cause
+        assert (incident.phase, incident.incarnation, incident.test) == (Phase.CHECK, 1, "s/t")
+        assert (incident.exit_status, incident.signal) == (status, signal_name)
+        assert verdicts(outcome) == [Verdict.FIXTURE_LOST, Verdict.PASSED]
+        assert [event.fixtures for event in outcome.of(TestStarted)] == [{"fx": 1}, {"fx": 2}]
+        assert states(outcome) == [
+            (STARTING, 1),
+            (READY, 1),
+            (COLLAPSED, 1),
+            (STOPPING, 1),
+            (STOPPED, 1),
+            (STARTING, 2),
+            (READY, 2),
+            (STOPPING, 2),
+            (STOPPED, 2),
+        ]
+
+    @pytest.mark.parametrize("how", ["false", "hang", "announce_and_hang"])
+    def test_hooks_are_called_in_order(self, lab: Lab, how: str):
+        """After a collapse on_collapse and teardown, then before_restart and setup; park only where all is well."""
+        lab.run(fixture(on_check=how, after_test="true") + case(wait_for="setup #2"))
+        assert lab.calls == [
+            "fx setup #1",
+            "fx on_collapse #1",
+            "fx teardown #1",
+            "fx before_restart #2",
+            "fx setup #2",
+            "fx park #2",
+            "fx teardown #2",
+        ]
+
+    def test_end_of_the_process_is_noticed_at_once(self, lab: Lab, monkeypatch: pytest.MonkeyPatch):
+        """Nobody waits for the next check when the fixture's process dies."""
+        monkeypatch.setattr(incarnation, "CHECK_LIMIT", 60.0)
+        outcome = lab.run(fixture(on_check="kill", after_test="true") + case(wait_for="setup #2"))
+        began = outcome.of(TestStarted)[0].time
+        assert outcome.of(TestEnded)[0].time - began < 5.0
+
+    def test_last_words_are_in_the_incident(self, lab: Lab):
+        """The last lines a fixture wrote before it died are in the incident."""
+        outcome = lab.run(fixture(on_check="exit", after_test="true") + case(wait_for="setup #2"))
+        assert incidents(outcome)[0].output == "last words"
+
+    def test_that_hangs_shows_its_stacks_and_not_the_tests(self, lab: Lab):
+        """The dump of a hung fixture is the fixture's although a test runs meanwhile."""
+        outcome = lab.run(fixture(on_check="hang", after_test="true") + case(wait_for="setup #2"))
+        (dumped,) = outcome.of(StackDumped)
+        assert (dumped.fixture, dumped.test) == ("fx", "")
+        assert "linger_in_vain" in dumped.text
+
+    def test_of_a_hung_test_shows_its_stacks_and_not_the_fixtures(self, lab: Lab):
+        """The dump of a hung test is the test's although a fixture is up."""
+        outcome = lab.run(fixture() + case(attributes='timeout="0.5 s"', hang="true"))
+        (dumped,) = outcome.of(StackDumped)
+        assert (dumped.fixture, dumped.test) == ("", "s/t")
+        assert "linger_in_vain" not in dumped.text
+
+    def test_under_the_last_test_is_noticed(self, lab: Lab):
+        """The verdict of a test counts only if its fixture is still there afterwards."""
+        outcome = lab.run(fixture(on_check="false", after_test="true", times=9, restarts=0) + case())
+        assert verdicts(outcome)[-1] in (Verdict.FIXTURE_LOST, Verdict.BLOCKED)
+        assert Verdict.PASSED not in verdicts(outcome)
+
+    def test_again_and_again_uses_up_the_restarts(self, lab: Lab):
+        """A fixture that comes up each time and collapses each time fails for good, and blocks what comes after."""
+        xml = fixture(on_check="false", after_test="true", times=99, restarts=2)
+        outcome = lab.run(xml + case(wait_for="never") + case("u", wait_for="never") + case("v"))
+        assert states(outcome)[-1] == (FAILED, 3)
+        assert verdicts(outcome) == [Verdict.FIXTURE_LOST, Verdict.FIXTURE_LOST]
+        assert verdicts(outcome, "s/v") == [Verdict.BLOCKED]
+        assert outcome.exit_code == ExitCode.FIXTURE
+
+    @pytest.mark.parametrize(
+        ("policy", "expected"),
+        [
+            ("rerun", [Verdict.FIXTURE_LOST, Verdict.PASSED]),
+            ("error", [Verdict.FIXTURE_LOST]),
+            ("skip", [Verdict.SKIPPED]),
+        ],
+    )
+    def test_policy_decides_what_becomes_of_the_test(self, lab: Lab, policy: str, expected: list[Verdict]):
+        """The lost test is run again, an error, or skipped, as the suite says; the next one runs in any case."""
+        xml = fixture(on_check="false", after_test="true", on_lost=policy) + case(wait_for="setup #2") + case("u")
+        outcome = lab.run(xml)
+        assert verdicts(outcome) == expected
+        assert verdicts(outcome, "s/u") == [Verdict.PASSED]
+
+    def test_of_another_fixture_disturbs_no_test(self, lab: Lab):
+        """A test that does not need the fixture runs to its end; the fixture is restarted for the next that does."""
+        xml = fixture("a", on_check="false", after_test="true") + fixture("b")
+        xml += case("first", 'fixtures="a"', quiet="true")
+        xml += case(attributes='fixtures="b"', wait_for="a check #1") + case("u", 'fixtures="a b"')
+        outcome = lab.run(xml)
+        assert verdicts(outcome) == verdicts(outcome, "s/u") == [Verdict.PASSED]
+        assert outcome.of(TestStarted, test="s/u")[0].fixtures == {"a": 2, "b": 1}
+
+
+class TestDependencies:
+    """Several fixtures."""
+
+    def test_worked_example(self, lab: Lab):
+        """The example in the supervisor's text, step by step."""
+        xml = (
+            fixture("server", on_check="kill", after_test="true")
+            + fixture("simulator", "server", restarts=0)
+            + fixture("logger", restarts=0)
+            + case(wait_for="simulator setup #2")
+        )
+        outcome = lab.run(xml)
+        changes = [(event.fixture, str(event.state), event.incarnation) for event in outcome.of(FixtureChanged)]
+        assert changes == [
+            *((name, state, 1) for name in ("server", "simulator", "logger") for state in ("starting", "ready")),
+            ("server", "collapsed", 1),
+            ("simulator", "stopping", 1),
+            ("simulator", "stopped", 1),
+            ("server", "stopping", 1),
+            ("server", "stopped", 1),
+            *((name, state, 2) for name in ("server", "simulator") for state in ("starting", "ready")),
+            *(
+                (name, state, number)
+                for name, number in (("logger", 1), ("simulator", 2), ("server", 2))
+                for state in ("stopping", "stopped")
+            ),
+        ]
+        assert [event.fixtures for event in outcome.of(TestStarted)] == [
+            {"server": 1, "simulator": 1, "logger": 1},
+            {"server": 2, "simulator": 2, "logger": 1},
+        ]
+        assert verdicts(outcome) == [Verdict.FIXTURE_LOST, Verdict.PASSED]
+
+    def test_failed_one_blocks_those_above_it(self, lab: Lab):
+        """What stands on a failed fixture is never started; a test that needs neither of them runs."""
+        xml = fixture("a", on_setup="raise", times=9, restarts=0) + fixture("b", "a") + fixture("c")
+        outcome = lab.run(xml + case(attributes='fixtures="b"') + case("u", 'fixtures="c"'))
+        assert verdicts(outcome) == [Verdict.BLOCKED]
+        assert verdicts(outcome, "s/u") == [Verdict.PASSED]
+        assert [call for call in lab.calls if call.startswith("b")] == []
+
+    def test_collapse_while_a_dependent_sets_up(self, lab: Lab):
+        """A dependent that is coming up is not waited for when what it stands on collapses; both start anew."""
+        (lab.folder / "test-began").touch()
+        xml = fixture("a", on_check="false", after_test="true") + fixture("b", "a", on_setup="hang", restarts=0)
+        outcome = lab.run(xml + case())
+        assert verdicts(outcome) == [Verdict.PASSED]
+        assert outcome.of(TestStarted)[0].fixtures == {"a": 2, "b": 2}
+
+    def test_collapse_of_an_earlier_one_while_a_later_one_sets_up(self, lab: Lab):
+        """When all are up at last, all of them are up: what collapsed meanwhile has been restarted."""
+        (lab.folder / "test-began").touch()
+        xml = fixture("a", on_check="false", after_test="true") + fixture("b", on_setup="raise") + case()
+        outcome = lab.run(xml)
+        assert verdicts(outcome)[-1] == Verdict.PASSED
+        assert outcome.of(TestStarted)[-1].fixtures == {"a": 2, "b": 2}
+
+
+class TestTeardown:
+    """A teardown that does not work."""
+
+    @pytest.mark.parametrize(
+        ("how", "cause", "status", "signal_name"),
+        [
+            ("raise", "teardown() raised RuntimeError: broken on purpose", None, ""),
+            ("sysexit", "teardown() raised SystemExit: 4", None, ""),
+            ("exit", "ended in teardown(): exit status 3", 3, ""),
+            ("segv", "ended in teardown(): killed by SIGSEGV", None, "SIGSEGV"),
+            ("kill", "ended in teardown(): killed by SIGKILL", None, "SIGKILL"),
+            ("hang", "teardown() did not come back within 0.6 s; killed", None, ""),
+            ("hang_in_c", "teardown() did not come back within 0.6 s; killed", None, ""),
+            ("stop", "stopped by a signal; killed", None, ""),
+        ],
+    )
+    def test_is_told_and_the_others_are_torn_down(
+        self, lab: Lab, how: str, cause: str, status: int | None, signal_name: str
+    ):
+        """Teardown goes on in reverse order whatever one does; each trouble is an incident, and the run fails."""
+        xml = (
+            fixture("a") + fixture("b", "a", on_teardown=how, teardown="0.6 s") + fixture("c", "b", on_teardown="raise")
+        )
+        outcome = lab.run(xml + case())
+        (incident,) = incidents(outcome, "b")
+        assert cause in incident.cause
+        assert (incident.phase, incident.exit_status, incident.signal) == (Phase.TEARDOWN, status, signal_name)
+        assert len(incidents(outcome, "c")) == 1
+        assert [call for call in lab.calls if "teardown" in call] == ["c teardown #1", "b teardown #1", "a teardown #1"]
+        assert verdicts(outcome) == [Verdict.PASSED]
+        assert outcome.exit_code == ExitCode.FAILURES
+
+    def test_hung_shows_its_stacks(self, lab: Lab):
+        """The stacks of a teardown that hangs are told before it is killed."""
+        outcome = lab.run(fixture(on_teardown="hang", teardown="0.6 s") + case())
+        (dumped,) = outcome.of(StackDumped)
+        assert dumped.fixture == "fx"
+        assert "linger_in_vain" in dumped.text
+
+    def test_only_what_was_set_up(self, lab: Lab):
+        """A fixture that was never started is not torn down."""
+        lab.run(fixture("a") + fixture("b") + case(attributes='fixtures="a"'))
+        assert lab.calls == ["a setup #1", "a park #1", "a teardown #1"]
+
+    def test_is_done_although_park_hangs_before_it(self, lab: Lab):
+        """The last park may be interrupted, so that teardown is reached."""
+        outcome = lab.run(fixture(on_park="hang") + case())
+        assert "park() did not come back and was interrupted" in incidents(outcome)[0].cause
+        assert lab.calls[-1] == "fx teardown #1"
+
+    def test_leaves_nothing_behind(self, lab: Lab):
+        """A process that a fixture let loose is ended with it."""
+        outcome = lab.run(fixture(on_setup="stray") + case())
+        assert verdicts(outcome) == [Verdict.PASSED]
+
+
+class TestPark:
+    """Making safe what a test left."""
+
+    def test_after_a_test_that_was_stopped(self, lab: Lab):
+        """A test that ran out of time leaves nobody knows what: the fixture parks before the next one."""
+        lab.run(fixture() + case(attributes='timeout="0.3 s"', hang="true") + case("u"))
+        assert lab.calls == ["fx setup #1", "fx park #1", "fx park #1", "fx teardown #1"]
+
+    @pytest.mark.parametrize(
+        ("how", "cause"), [("raise", "park() raised RuntimeError"), ("hang", "park() did not come back within 1 s")]
+    )
+    def test_that_does_not_work_is_a_collapse(self, lab: Lab, how: str, cause: str):
+        """The next test does not run on a fixture that could not be parked, but on a new incarnation."""
+        outcome = lab.run(fixture(on_park=how) + case(attributes='timeout="0.3 s"', hang="true") + case("u"))
+        assert cause in incidents(outcome)[0].cause
+        assert outcome.of(TestStarted, test="s/u")[0].fixtures == {"fx": 2}
+        assert verdicts(outcome, "s/u") == [Verdict.PASSED]
+
+
+class TestChannel:
+    """A fixture's process says something that it should not."""
+
+    @pytest.mark.parametrize("how", ["garbage", "foreign"])
+    def test_nonsense_is_told_and_survived(self, lab: Lab, how: str):
+        """Lines that are no messages are told as errors and do nothing else."""
+        outcome = lab.run(fixture(on_setup=how) + case())
+        said = outcome.of(Message, fixture="fx", severity=Severity.ERROR)
+        assert said
+        assert all(message.title == "protocol" for message in said)
+        assert verdicts(outcome) == [Verdict.PASSED]
+
+    def test_text_that_is_no_unicode_is_survived(self, lab: Lab):
+        """A lone surrogate in a fixture's output is written in another way."""
+        outcome = lab.run(fixture(on_setup="surrogate") + case())
+        assert outcome.of(OutputCaptured, fixture="fx")[0].text == "\\ud800\n"
+
+    def test_flood_of_output_is_bounded(self, lab: Lab):
+        """Of a flood the beginning and the end are kept, and the rest is counted."""
+        outcome = lab.run(fixture(on_setup="flood") + case())
+        captured = outcome.of(OutputCaptured, fixture="fx")
+        kept = sum(len(event.text) for event in captured)
+        assert kept < 512 * 1024
+        assert kept + sum(event.omitted for event in captured) == 400 * 8192 + len("the very last line\n")
+        assert captured[-1].text.endswith("the very last line\n")
+
+    def test_flood_of_messages_is_bounded(self, lab: Lab):
+        """Beyond 16 MB what a fixture reports is counted and left out."""
+        outcome = lab.run(fixture(on_setup="chatter") + case())
+        said = outcome.of(Message, fixture="fx")
+        assert sum(len(message.detail) for message in said) < 17 << 20
+        assert said[-1].detail.endswith("messages left out: the fixture said too much")
+
+
+class TestInterrupt:
+    """The run is to stop."""
+
+    def test_ends_a_back_off(self, lab: Lab):
+        """Nobody waits for a restart that will not come; the fixture is not called failed."""
+
+        def interfere(run: Run) -> None:
+            emit = run.emit
+
+            def listening(event: Event) -> None:
+                emit(event)
+                if isinstance(event, FixtureChanged) and event.state is STOPPED:
+                    run.interrupts.request("a test")
+
+            run.emit = listening
+
+        xml = fixture(on_setup="raise", times=9).replace('backoff="0.01"', 'backoff="60 s"') + case()
+        began = clock.monotonic()
+        outcome = lab.run(xml, interfere=interfere)
+        assert clock.monotonic() - began < 20.0
+        assert verdicts(outcome) == [Verdict.NOT_RUN]
+        assert states(outcome)[-1] == (STOPPED, 1)
+
+    def test_ends_a_setup(self, lab: Lab):
+        """A fixture that is coming up is interrupted and torn down, and that is no incident."""
+
+        def interfere(run: Run) -> None:
+            emit = run.emit
+
+            def listening(event: Event) -> None:
+                emit(event)
+                if isinstance(event, FixtureChanged) and event.state is STARTING:
+                    run.interrupts.request("a test")
+
+            run.emit = listening
+
+        outcome = lab.run(fixture(on_setup="hang", timeout="60 s") + case(), interfere=interfere)
+        assert verdicts(outcome) == [Verdict.NOT_RUN]
+        assert incidents(outcome) == []
+
+
+class TestCommandLine:
+    """The whole runner as a process."""
+
+    def write(self, lab: Lab, **suites: str) -> None:
+        """Write suites and plug-ins into the lab's folder."""
+        files = {name + "__xml": f'<suite name="{name}">{xml}</suite>' for name, xml in suites.items()}
+        write_files(lab.folder, {**lab.plugins(), **files})
+
+    def test_lanes_have_fixtures_of_their_own(self, lab: Lab) -> None:
+        """With two jobs, each suite's fixture collapses, is restarted and repeats its test in its own lane."""
+        self.write(
+            lab,
+            one=fixture("a", on_check="false", after_test="true") + case(wait_for="a setup #2"),
+            two=fixture("b", on_check="kill", after_test="true") + case(wait_for="b setup #2"),
+        )
+        outcome = run_command(lab.folder, "-j", "2", "-s", "one.xml", "-s", "two.xml")
+        for suite in ("one", "two"):
+            assert verdicts(outcome, f"{suite}/t") == [Verdict.FIXTURE_LOST, Verdict.PASSED]
+
+    @pytest.mark.parametrize("signum", [signal.SIGKILL, signal.SIGSEGV])
+    def test_runner_that_dies_leaves_nothing(self, lab: Lab, signum: int) -> None:
+        """Fixtures are parked and torn down in reverse order even then, and no process is left."""
+        self.write(lab, one=fixture("a") + fixture("b", "a") + case(hang="true"))
+        command = Command(lab.folder, "-s", "one.xml")
+        command.wait_for(lambda events: any(isinstance(event, TestStarted) for event in events))
+        command.signal(signum)
+        command.process.communicate(timeout=20)
+        assert command.left_over() == []
+        assert lab.calls == [
+            "a setup #1",
+            "b setup #1",
+            "b park #1",
+            "b teardown #1",
+            "a park #1",
+            "a teardown #1",
+        ]
