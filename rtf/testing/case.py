@@ -24,11 +24,12 @@ from rtf.testing.parameters import Declared, Parameter
 from rtf.testing.verdict import MeasurementVerdict, Severity
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from contextlib import AbstractContextManager
 
     from numpy.typing import ArrayLike
 
+    from rtf.testing.series import Series
     from rtf.testing.session import Session
 
     Cleanup = tuple[Callable[..., object], tuple[object, ...], dict[str, object]]
@@ -296,18 +297,37 @@ class TestCase(Declared):
         All columns are one-dimensional and of one length. They are stored as ``.npz`` beside the journal and plotted in
         reports. Returns the file.
         """
-        import numpy as np
+        if not columns:
+            raise ValueError(f"series {name!r} has no columns")
+        units = {column: str(unit(symbol)) for column, (_, symbol) in columns.items()}
+        return self._keep_series(name, self._session.subject, units, {key: data for key, (data, _) in columns.items()})
+
+    def series(self, name: str, /, **columns: str | Unit) -> Series:
+        """Record columns row by row, to be watched while they grow: ``series("elbow", t="s", position="deg")``.
+
+        Give a row to ``append``. It is kept like one of ``record`` when it is closed, as it is at the end of a ``with``
+        block and of the test.
+        """
+        from rtf.testing.series import Series
 
         if not columns:
             raise ValueError(f"series {name!r} has no columns")
-        arrays = {key: np.asarray(values, dtype=np.float64) for key, (values, _) in columns.items()}
+        subject = self._session.subject
+        units = {column: str(unit(symbol)) for column, symbol in columns.items()}
+        series = Series(self._session, name, units, lambda data: self._keep_series(name, subject, units, data))
+        self.add_cleanup(series.close)
+        return series
+
+    def _keep_series(self, name: str, subject: str, units: dict[str, str], columns: Mapping[str, ArrayLike]) -> Path:
+        import numpy as np
+
+        arrays = {column: np.asarray(values, dtype=np.float64) for column, values in columns.items()}
         shapes = {array.shape for array in arrays.values()}
         if len(shapes) != 1 or any(array.ndim != 1 for array in arrays.values()):
             listed = ", ".join(f"{key} {array.shape}" for key, array in arrays.items())
             raise ValueError(f"the columns of series {name!r} must be one-dimensional and of one length: {listed}")
-        units = [{"name": key, "unit": str(unit(symbol))} for key, (_, symbol) in columns.items()]
         session = self._session
-        path = self._free_path(f"{session.subject}-{name}" if session.subject else name, ".npz")
+        path = self._free_path(f"{subject}-{name}" if subject else name, ".npz")
         np.savez(path, allow_pickle=False, **arrays)
         session.recorded()
         session.emit(
@@ -315,9 +335,9 @@ class TestCase(Declared):
                 test=session.test,
                 name=name,
                 path=self._relative(path),
-                columns=tuple(units),
+                columns=tuple({"name": column, "unit": symbol} for column, symbol in units.items()),
                 rows=len(next(iter(arrays.values()))),
-                subject=session.subject,
+                subject=subject,
             ),
         )
         return path

@@ -270,6 +270,21 @@ class SeriesRecorded(Event):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SeriesSampled(Event):
+    """A series grows: ``samples`` holds some points of each column since the last time, in the order of ``columns``.
+
+    A preview for those who watch, a few points a batch; the whole follows in ``SeriesRecorded``.
+    """
+
+    kind: ClassVar[str] = "series_sampled"
+    test: str
+    name: str
+    columns: tuple[dict[str, str], ...]
+    samples: tuple[tuple[float, ...], ...]
+    subject: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SubResultEnded(Event):
     """One part of a test (joint, port, repetition) has its own verdict; one bad part does not hide the others."""
 
@@ -433,6 +448,7 @@ _CHECKS: dict[str, tuple[type, ...]] = {
     "float | str | None": (*_NUMBER, str, _NONE),
     "tuple[str, ...]": _LISTS,
     "tuple[dict[str, str], ...]": _LISTS,
+    "tuple[tuple[float, ...], ...]": _LISTS,
     "dict[str, str]": (dict,),
     "dict[str, int]": (dict,),
     "Severity": (str,),
@@ -552,7 +568,7 @@ def line_of(record: dict[str, Any]) -> bytes:
 def _json_number(value: object) -> object:
     if isinstance(value, float) and not math.isfinite(value):
         return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
-    return value
+    return [_json_number(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def from_record(record: object) -> Event:
@@ -605,6 +621,8 @@ def _member(kind: object, schema: _Schema, name: str, value: Any) -> Any:
             return schema.enums[name](value)
         except ValueError as error:
             raise EventError(f"{kind}: {name}: {error}") from None
+    if name == "samples":
+        return tuple(_numbers(kind, column) for column in value)
     if name in schema.tuples:
         if not all(_holds_text(item) if name in _ROWS else isinstance(item, str) for item in value):
             raise EventError(f"{kind}: {name} holds something else than {'rows of ' if name in _ROWS else ''}text")
@@ -612,6 +630,18 @@ def _member(kind: object, schema: _Schema, name: str, value: Any) -> Any:
     if isinstance(value, dict) and not (_holds_counts(value) if name in _COUNTS else _holds_text(value)):
         raise EventError(f"{kind}: {name} holds something else than {'numbers' if name in _COUNTS else 'text'}")
     return value
+
+
+def _numbers(kind: object, column: object) -> tuple[float, ...]:
+    if not isinstance(column, _LISTS):
+        raise EventError(f"{kind}: samples are lists of numbers, not {type(column).__name__}")
+    numbers: list[float] = []
+    for item in column:
+        value = _NOT_FINITE.get(item) if isinstance(item, str) else item
+        if type(value) is not float and (type(value) is not int or not abs(value) <= _BIGGEST):
+            raise EventError(f"{kind}: samples hold something else than numbers")
+        numbers.append(value)
+    return tuple(numbers)
 
 
 _ROWS = frozenset({"columns", "parameters"})

@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from rtf.testing import TestCase
-from rtf.testing.events import Attached, Event, Measured, Message, Progressed, SeriesRecorded, TestRenamed
+from rtf.testing.events import (
+    Attached,
+    Event,
+    Measured,
+    Message,
+    Progressed,
+    SeriesRecorded,
+    SeriesSampled,
+    TestRenamed,
+)
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
 from rtf.testing.session import Session
 from rtf.testing.verdict import Severity, Verdict
@@ -136,6 +145,40 @@ def test_test_that_only_records_is_measured(case: Case):
     assert case._session.tally.verdict() is Verdict.MEASURED
     case.check(True, "x")
     assert case._session.tally.verdict() is Verdict.PASSED
+
+
+def test_series_that_grows_is_watched_and_kept(case: Case, sent: list[Event], tmp_path: Path):
+    """What is appended is told of in batches of a few points, and kept whole when the block is left."""
+    with case._session.part("joint 1"), case.series("elbow", t="s", q="deg") as series:
+        for step in range(10_000):
+            series.append(step * 0.01, step)
+    batches = [event for event in sent if isinstance(event, SeriesSampled)]
+    assert batches[0].samples == ((0.0,), (0.0,))
+    assert all(len(column) <= 40 for event in batches for column in event.samples)
+    (kept,) = (event for event in sent if isinstance(event, SeriesRecorded))
+    assert (kept.rows, kept.subject, kept.columns) == (10_000, "joint 1", batches[0].columns)
+    with np.load(tmp_path / kept.path) as columns:
+        assert columns["q"].tolist() == [*range(10_000)]
+
+
+def test_series_is_kept_once_however_it_ends(case: Case, sent: list[Event]):
+    """The clean-up closes one that was left open; one without a row is none."""
+    case.series("empty", t="s", q="deg")
+    case.series("left open", t="s", q="deg").append(0, float("nan"))
+    for function, arguments, keywords in case.cleanup_stack() * 2:
+        function(*arguments, **keywords)
+    assert [event.name for event in sent if isinstance(event, SeriesRecorded)] == ["left open"]
+
+
+def test_series_takes_whole_rows_only(case: Case):
+    """A row of another length, or with something that is no number, is refused, and the columns stay of one length."""
+    series = case.series("elbow", t="s", q="deg")
+    for row in ((1.0,), (1.0, "x"), (1.0, 2.0, 3.0)):
+        with pytest.raises(ValueError):  # noqa: PT011 - three messages, one class
+            series.append(*row)
+    assert len(series) == 0
+    with pytest.raises(ValueError, match="no columns"):
+        case.series("none")
 
 
 def test_series_are_kept_beside_the_journal(case: Case, sent: list[Event], tmp_path: Path):
