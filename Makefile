@@ -7,7 +7,7 @@ BIN := .venv/bin
 # As many processes as there are cores, for the tests.
 JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 
-.PHONY: demo test lint format types check wheel benchmark clean help
+.PHONY: demo test benchmark wheel format clean help
 
 help:
 	@echo "make demo       install into .venv and run the demonstration"
@@ -18,29 +18,37 @@ help:
 demo: .venv/installed
 	$(BIN)/rtf demo
 
-test: .venv/installed
+test: .venv/installed-for-tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 	@echo "TESTS PASSED  style, types and tests are in order"
 
-benchmark: .venv/installed
+benchmark: .venv/installed-for-tests
 	$(BIN)/python tests/benchmarks/run_benchmarks.py
 
-wheel: .venv/installed
+wheel: .venv/installed-for-tests
 	$(BIN)/python -m build --wheel --outdir dist
 
-format: .venv/installed
+format: .venv/installed-for-tests
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-# The stamp is older than what decides the installation exactly when something must be installed again.
+# A stamp is older than what decides the installation exactly when something must be installed again.
 .venv/installed: pyproject.toml packages.apt
 	@bash tools/system-packages packages.apt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[lua]'
 	@touch .venv/installed
+
+.venv/installed-for-tests: .venv/installed packages-test.apt tests/browser/package.json
+	@bash tools/system-packages packages-test.apt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@mkdir -p .venv/npm
+	@cp tests/browser/package.json .venv/npm/
+	npm install --prefix .venv/npm --ignore-scripts --no-audit --no-fund --loglevel=error
+	@touch .venv/installed-for-tests
 
 clean:
 	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache
