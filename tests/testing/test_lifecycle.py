@@ -14,6 +14,7 @@ from rtf.testing.events import (
     Measured,
     Message,
     PhaseStarted,
+    SeriesSampled,
     SubResultEnded,
     SuiteEnded,
     TestEnded,
@@ -653,3 +654,20 @@ def test_interrupt_from_outside(stage: int, tmp_path: Path):
     assert verdicts(outcome) == [Verdict.PASSED if stage == 1 else Verdict.INTERRUPTED, Verdict.NOT_RUN]
     assert log_of(tmp_path)[-1] == "down"
     assert outcome.exit_code == ExitCode.INTERRUPTED
+
+
+def test_a_killed_test_leaves_what_was_watched_of_its_series(tmp_path: Path):
+    """The file of a series is written at its end; of one that never ended the journal has the points that were shown."""
+    code = """
+import os
+from rtf.testing import TestCase
+class It(TestCase):
+    def run(self):
+        series = self.series("way", t="s", q="deg")
+        series.append(0.0, 1.5)
+        os.kill(os.getpid(), 9)
+"""
+    outcome = run_suite(tmp_path, '<test name="one">it.py</test>', it__py=code)
+    (sampled,) = outcome.of(SeriesSampled, name="way")
+    assert sampled.samples == ((0.0,), (1.5,))
+    assert outcome.verdict("one") is Verdict.ERROR
