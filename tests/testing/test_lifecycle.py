@@ -657,7 +657,7 @@ def test_interrupt_from_outside(stage: int, tmp_path: Path):
 
 
 def test_a_killed_test_leaves_what_was_watched_of_its_series(tmp_path: Path):
-    """The file of a series is written at its end; of one that never ended the journal has the points that were shown."""
+    """The file of a series is written at its end; of one that never ended the journal has what was shown."""
     code = """
 import os
 from rtf.testing import TestCase
