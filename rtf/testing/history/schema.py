@@ -1,0 +1,97 @@
+"""The tables of the history, and how a file of an older version is brought up to this one.
+
+The version stands in ``user_version``, and ``application_id`` tells our files from other people's. A step, once
+released, is never changed; a new version is a new step.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import sqlite3
+    from collections.abc import Sequence
+
+#: "RTFH" in the header of the file.
+APPLICATION = 0x52544648
+
+#: What leads from version 0, an empty file, to 1, and so on. Rows lie in the order of their keys, so that what belongs
+#: to a run, a test or a measurement is read in one go and needs no index beside it.
+STEPS: tuple[tuple[str, ...], ...] = (
+    (
+        """CREATE TABLE runs (
+            id INTEGER PRIMARY KEY,
+            run TEXT NOT NULL,          -- name of the run's folder
+            folder TEXT NOT NULL,       -- where it was when the run was recorded
+            started REAL NOT NULL,      -- seconds since 1970
+            ended REAL,
+            duration REAL,              -- seconds
+            verdict TEXT NOT NULL,
+            exit_code INTEGER NOT NULL,
+            robot TEXT NOT NULL,
+            station TEXT NOT NULL,
+            version TEXT NOT NULL,      -- of RTF
+            seed INTEGER,
+            host TEXT NOT NULL,
+            user TEXT NOT NULL,
+            command TEXT NOT NULL,      -- JSON array of words
+            UNIQUE (run, started, station)
+        )""",
+        "CREATE INDEX runs_of_a_robot ON runs (robot, station, started)",
+        """CREATE TABLE tests (
+            run INTEGER NOT NULL REFERENCES runs ON DELETE CASCADE,
+            test TEXT NOT NULL,         -- suite/test
+            name TEXT NOT NULL,
+            suite TEXT NOT NULL,
+            verdict TEXT NOT NULL,
+            outcome TEXT NOT NULL,      -- of the last attempt
+            attempts INTEGER NOT NULL,
+            duration REAL,              -- seconds over all attempts
+            reason TEXT NOT NULL,
+            PRIMARY KEY (run, test)
+        ) WITHOUT ROWID""",
+        """CREATE TABLE measurements (
+            run INTEGER NOT NULL REFERENCES runs ON DELETE CASCADE,
+            test TEXT NOT NULL,
+            subject TEXT NOT NULL,
+            name TEXT NOT NULL,
+            repetition INTEGER NOT NULL, -- counts from 0 what was measured more than once
+            value REAL,                  -- NULL if it was no finite number, and then
+            not_finite TEXT,             -- NaN, Infinity or -Infinity
+            unit TEXT NOT NULL,
+            low REAL,
+            high REAL,
+            marginal REAL,
+            verdict TEXT NOT NULL,
+            PRIMARY KEY (run, test, subject, name, repetition)
+        ) WITHOUT ROWID""",
+    ),
+)
+
+
+class ForeignFileError(Exception):
+    """The file is a database of something else, or of a newer RTF."""
+
+
+def version_of(connection: sqlite3.Connection, newest: int) -> int:
+    """The version of an open file; 0 when there is nothing in it. Raises ForeignFileError for what is not ours."""
+    (application,) = connection.execute("PRAGMA application_id").fetchone()
+    (version,) = connection.execute("PRAGMA user_version").fetchone()
+    (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    if application != APPLICATION and (application or version or tables):
+        raise ForeignFileError("it is a database of something else; name another file")
+    if version > newest:
+        raise ForeignFileError(
+            f"it is of version {version}, and this RTF knows {newest}; use the newer RTF that made it, or another file"
+        )
+    return int(version)
+
+
+def migrate(connection: sqlite3.Connection, steps: Sequence[Sequence[str]]) -> None:
+    """Bring the file up to the version of the last step. To be called in a transaction that may write."""
+    done = version_of(connection, len(steps))
+    for step in steps[done:]:
+        for statement in step:
+            connection.execute(statement)
+    connection.execute(f"PRAGMA application_id = {APPLICATION}")
+    connection.execute(f"PRAGMA user_version = {len(steps)}")

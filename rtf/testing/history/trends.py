@@ -1,0 +1,231 @@
+"""What the history says over time: pass rates, flaky tests, and measurements that drift.
+
+Everything is computed when it is asked for, from the last runs of one robot on one station. The answer is JSON-able,
+strictly; its shape is that of ``docs/page.md``. Beyond it a run has its ``duration``, and a drift says whether it may
+be ``believed`` and which ``limit`` it would reach ``after`` how many runs.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import itertools
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from rtf.testing.statistics import discovery_limit, mann_kendall, median, theil_sen, wilson_interval
+from rtf.testing.verdict import MeasurementVerdict, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Iterator, Sequence
+
+    from rtf.testing.history.database import History, MeasurementRow, StoredRun, TestRow
+
+#: The normal approximation of the Mann-Kendall test needs so many values.
+_FEWEST = 10
+_BELIEVED = 0.05
+#: A line through so many runs is followed at most so many times as far.
+_AHEAD = 10
+#: Of more values than this in one run a plot gets the smallest, the middle and the largest.
+_MOST_POINTS = 20
+
+_GOOD = frozenset(verdict.value for verdict in Verdict if verdict.good and verdict.ran)
+#: What ended like this was not judged, or by nobody but the person who stopped it.
+_UNJUDGED = frozenset(verdict.value for verdict in Verdict if not verdict.ran) | {Verdict.INTERRUPTED.value}
+
+Point = tuple[int, float | None, float | None, float | None, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Which tests and measurements are asked for: all, those of some suites, those whose names match.
+
+    A name with ``*``, ``?`` or ``[`` is a pattern for the whole of a test's id, a subject, a measurement's name or all
+    of them joined by ``/``; any other is looked for anywhere in them, in capitals or not.
+    """
+
+    names: Sequence[str] = ()
+    suites: Collection[str] | None = None
+
+    @property
+    def everything(self) -> bool:
+        """Whether nothing is left out."""
+        return not self.names and self.suites is None
+
+    def test(self, row: TestRow) -> bool:
+        """Whether a test is asked for."""
+        return (self.suites is None or row[2] in self.suites) and self._matches((row[0],))
+
+    def measurement(self, row: MeasurementRow, tests: Collection[str]) -> bool:
+        """Whether a measurement is asked for; ``tests`` are those of the suites."""
+        return (self.suites is None or row[0] in tests) and self._matches(row[:3])
+
+    def _matches(self, parts: tuple[str, ...]) -> bool:
+        whole = "/".join(part for part in parts if part)
+        return not self.names or any(
+            any(fnmatch.fnmatchcase(text, name) for text in (whole, *parts))
+            if any(character in name for character in "*?[")
+            else name.casefold() in whole.casefold()
+            for name in self.names
+        )
+
+
+@dataclass(slots=True)
+class _Measured:
+    """All values of one measurement."""
+
+    unit: str = ""
+    values: dict[int, list[Point]] = field(default_factory=dict)
+
+    def add(self, run: int, row: MeasurementRow) -> None:
+        self.unit = row[6]
+        self.values.setdefault(run, []).append((run, row[4], row[7], row[8], row[10]))
+
+
+def trends(
+    history: History,
+    *,
+    names: Sequence[str] = (),
+    suites: Collection[str] | None = None,
+    robot: str | None = None,
+    station: str | None = None,
+    last: int = 50,
+) -> dict[str, Any]:
+    """The last runs in which there is something that is asked for, and what became of it in them.
+
+    Robot and station are those of the newest run unless they are given; ``*`` mixes all. Raises HistoryError.
+    """
+    selection = Selection(names, suites)
+    tests: dict[str, dict[int, str]] = {}
+    measured: dict[tuple[str, str, str], _Measured] = {}
+    with history.snapshot():
+        robot, station = _of_the_newest(history, robot, station)
+        found = [*itertools.islice(_selected(history, history.runs(robot, station), selection), last)]
+    found.reverse()
+    for index, (_, of_tests, of_measurements) in enumerate(found):
+        for row in of_tests:
+            tests.setdefault(row[0], {})[index] = row[3]
+        for measurement in of_measurements:
+            measured.setdefault(measurement[:3], _Measured()).add(index, measurement)
+    return {
+        "runs": [_run(run) for run, _, _ in found],
+        "measurements": _measurements(measured),
+        "tests": {
+            test: _test([verdicts.get(index) for index in range(len(found))]) for test, verdicts in tests.items()
+        },
+    }
+
+
+def _of_the_newest(history: History, robot: str | None, station: str | None) -> tuple[str, str]:
+    """What is not given is that of the newest run which the other allows."""
+    wanted = "*" if robot is None else robot, "*" if station is None else station
+    runs = history.runs(*wanted) if robot is None or station is None else []
+    if not runs:
+        return wanted
+    newest = runs[0][1]
+    return newest.robot if robot is None else robot, newest.station if station is None else station
+
+
+_Found = tuple["StoredRun", "list[TestRow]", "list[MeasurementRow]"]
+
+
+def _selected(history: History, runs: Iterable[tuple[int, StoredRun]], selection: Selection) -> Iterator[_Found]:
+    for number, run in runs:
+        tests, measurements = history.tests(number), history.measurements(number)
+        if not selection.everything:
+            in_suites = {row[0] for row in tests if selection.suites is None or row[2] in selection.suites}
+            tests = [row for row in tests if selection.test(row)]
+            measurements = [row for row in measurements if selection.measurement(row, in_suites)]
+        if selection.everything or tests or measurements:
+            yield run, tests, measurements
+
+
+def _run(run: StoredRun) -> dict[str, Any]:
+    return {
+        "run": run.run,
+        "started": run.started,
+        "duration": run.duration,
+        "verdict": run.verdict,
+        "robot": run.robot,
+        "station": run.station,
+        "version": run.version,
+    }
+
+
+# Tests ---------------------------------------------------------------------------------------------------------------
+
+
+def _test(verdicts: list[str | None]) -> dict[str, Any]:
+    judged = [verdict in _GOOD for verdict in verdicts if verdict is not None and verdict not in _UNJUDGED]
+    return {"verdicts": verdicts, "pass_rate": _rate(judged), "flaky": Verdict.FLAKY in verdicts or _alternates(judged)}
+
+
+def _alternates(judged: list[bool]) -> bool:
+    """Whether it went from one to the other and back: a defect that came, or was mended, changes it once."""
+    return sum(before is not after for before, after in itertools.pairwise(judged)) > 1
+
+
+def _rate(judged: list[bool]) -> list[float]:
+    """How often it was good, with the 95 % interval; 0 with nothing known, (0, 1), where nothing was judged."""
+    rate = sum(judged) / len(judged) if judged else 0.0
+    return [rate, *wilson_interval(sum(judged), len(judged))]
+
+
+# Measurements --------------------------------------------------------------------------------------------------------
+
+
+def _measurements(measured: dict[tuple[str, str, str], _Measured]) -> dict[str, Any]:
+    told = {key: _measurement(item) for key, item in measured.items()}
+    drifts = [item["drift"] for item in told.values() if item["drift"] is not None]
+    believed = discovery_limit((drift["p"] for drift in drifts), _BELIEVED)
+    for drift in drifts:
+        drift["believed"] = drift["p"] <= believed and drift["slope"] != 0
+    return {"\n".join(key): item for key, item in told.items()}
+
+
+def _measurement(measured: _Measured) -> dict[str, Any]:
+    verdicts = [{point[4] for point in points} - {MeasurementVerdict.RECORDED} for points in measured.values.values()]
+    return {
+        "unit": measured.unit,
+        "points": [point for points in measured.values.values() for point in _thinned(points)],
+        "drift": _drift(measured),
+        "pass_rate": _rate([MeasurementVerdict.FAILED not in of_a_run for of_a_run in verdicts if of_a_run]),
+    }
+
+
+def _thinned(points: list[Point]) -> list[Point]:
+    if len(points) <= _MOST_POINTS:
+        return points
+    ordered = sorted((point for point in points if point[1] is not None), key=lambda point: point[1] or 0.0)
+    return [ordered[0], ordered[len(ordered) // 2], ordered[-1]] if ordered else points[:1]
+
+
+def _drift(measured: _Measured) -> dict[str, Any] | None:
+    """How the middle value of a run changes from run to run; none where too few runs have one."""
+    middles: list[float] = []
+    for points in measured.values.values():
+        values = [point[1] for point in points if point[1] is not None]
+        if values and math.isfinite(middle := median(values)):
+            middles.append(middle)
+    if len(middles) < _FEWEST:
+        return None
+    slope, p = theil_sen(middles), mann_kendall(middles)
+    if not math.isfinite(slope):
+        return None
+    drift = {"slope": slope, "unit": f"{measured.unit or '1'}/run", "p": p, "limit": None, "after": None}
+    if slope and p < _BELIEVED:
+        newest = [*measured.values.values()][-1][-1]
+        drift.update(_reaches(middles, slope, low=newest[2], high=newest[3]))
+    return drift
+
+
+def _reaches(middles: list[float], slope: float, *, low: float | None, high: float | None) -> dict[str, Any]:
+    """The limit that the line goes to, and the runs until it is there; nothing where that is too far to tell."""
+    limit = high if slope > 0 else low
+    if limit is None:
+        return {}
+    count = len(middles)
+    now = median([middle + slope * (count - 1 - index) for index, middle in enumerate(middles)])
+    ahead = (limit - now) / slope
+    near = math.isfinite(ahead) and ahead <= _AHEAD * count
+    return {"limit": limit, "after": max(0, math.ceil(ahead)) if near else None}
