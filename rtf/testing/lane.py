@@ -7,6 +7,7 @@ an interrupt means for it. It has a nursery, a reactor and a supervisor of its o
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,7 +30,7 @@ from rtf.testing.supervision.supervisor import Fixture, Supervisor
 from rtf.testing.verdict import Severity, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from rtf.testing.isolation.children import Child
     from rtf.testing.plan import PlannedSuite, PlannedTest
@@ -42,7 +43,12 @@ _SETTLING = 0.1
 
 
 class Lane:
-    """Works through suites one after the other, with one nursery and one set of fixtures."""
+    """Works through suites one after the other, with one nursery and one set of fixtures.
+
+    :meth:`run` keeps to the order of the plan. Whoever knows the order only as it comes uses what :meth:`run` is made
+    of instead: inside :meth:`at_work` and :meth:`suite` tests are run one by one, and :meth:`wait` stands for the time
+    between them. All but :meth:`wake` and :meth:`abort` belong to one thread.
+    """
 
     def __init__(self, run: Run, suites: Sequence[PlannedSuite]) -> None:
         self._run = run
@@ -56,6 +62,7 @@ class Lane:
         self._suite: PlannedSuite = suites[0] if suites else None  # type: ignore[assignment]  # no suite, no test
         self._suite_deadline = clock.Deadline()
         self._interrupts_before = 0  # what comes after these ends a fixture's teardown by force
+        self._aborted = ""
         self._shared: Child | None = None
         preload = tuple(dict.fromkeys(name for planned in suites for name in planned.suite.preload))
         self._nursery = Nursery(
@@ -76,12 +83,25 @@ class Lane:
 
     def run(self) -> None:
         """Run the suites; afterwards everything of this lane is gone."""
+        done = self._run.options.done
+        with self.at_work():
+            for index, planned in enumerate(self._suites):
+                if planned.tests and all(test.entry.id in done for test in planned.tests):
+                    self._end_suite(planned, 0.0)
+                    continue
+                with self.suite(planned, self._suites[index + 1 :]):
+                    for test in planned.tests:
+                        if test.entry.id not in done:
+                            self.run_test(test)
+
+    @contextmanager
+    def at_work(self) -> Iterator[None]:
+        """Have a nursery in the block; afterwards everything of this lane is gone."""
         self._run.interrupts.attend(self._reactor)
         try:
             if any(test.plugin is not None for planned in self._suites for test in planned.tests):
                 self._nursery.start()
-            for index, planned in enumerate(self._suites):
-                self._run_suite(planned, self._suites[index + 1 :])
+            yield
         finally:
             try:
                 self._take_down(self._supervisor.names())
@@ -92,15 +112,32 @@ class Lane:
                 for problem in self._nursery.problems:
                     self._emit(Diagnosed(severity=Severity.WARNING, text=problem))
 
+    def wait(self, until: Callable[[], bool]) -> None:
+        """Watch over the fixtures until something holds; what makes it hold must call :meth:`wake`."""
+        while not until():
+            self._supervisor.watch()
+            self._reactor.run_once(self._supervisor.deadline())
+
+    def wake(self) -> None:
+        """Have :meth:`wait` look again. Any thread."""
+        self._reactor.wake()
+
+    def abort(self, reason: str) -> None:
+        """Stop the running test, and start nothing until this is taken back with an empty reason. Any thread."""
+        self._aborted = reason
+        self._reactor.wake()
+
     # Suites ------------------------------------------------------------------------------------------------------
 
-    def _run_suite(self, planned: PlannedSuite, later: Sequence[PlannedSuite]) -> None:
+    @contextmanager
+    def suite(self, planned: PlannedSuite, later: Sequence[PlannedSuite] = ()) -> Iterator[None]:
+        """Run tests of a suite in the block; afterwards its fixtures are down but for those that a ``later`` one needs.
+
+        What its tests stand on comes up with the first of them that needs it.
+        """
         suite = planned.suite
         self._suite = planned
         self._suite_folder = str(Path(suite.file).parent) if suite.file else ""
-        if planned.tests and all(test.entry.id in self._run.options.done for test in planned.tests):
-            self._end_suite(planned, 0.0)
-            return
         self._suite_deadline = clock.Deadline.after(suite.timeout)
         self._supervisor.suite = suite.id
         self._supervisor.adopt(
@@ -111,9 +148,7 @@ class Lane:
         self._emit(SuiteStarted(suite=suite.id))
         try:
             with alarm(suite.timeout, self._reactor.wake):
-                for test in planned.tests:
-                    if test.entry.id not in self._run.options.done:
-                        self._run_test(test)
+                yield
         finally:
             self._suite_deadline = clock.Deadline()
             self._end_shared()
@@ -127,7 +162,7 @@ class Lane:
 
     def _start_nothing(self) -> bool:
         self._run.interrupts.announce(self._emit)
-        return self._run.interrupts.stage > 0 or self._suite_deadline.expired
+        return self._run.interrupts.stage > 0 or self._suite_deadline.expired or bool(self._aborted)
 
     def _use_force(self) -> bool:
         interrupts = self._run.interrupts
@@ -155,24 +190,39 @@ class Lane:
 
     # Tests -------------------------------------------------------------------------------------------------------
 
-    def _run_test(self, test: PlannedTest) -> None:
-        reason = self._stop_reason()
-        if reason:
-            self._never_started(test, Verdict.NOT_RUN, "not run", reason)
-        elif test.plugin is None:
-            self._never_started(test, Verdict.ERROR, "load", test.problem)
+    def run_test(self, test: PlannedTest) -> None:
+        """Run a test of the suite, up to its final end."""
+        obstacle = self._obstacle(test)
+        if obstacle is not None:
+            self._never_started(test, *obstacle)
         else:
-            missing = unmet(test, self._run.results, self._run.options.features)
-            if missing is not None:
-                self._never_started(test, missing.verdict, "requirement", missing.text)
-            else:
-                self._run_attempts(test)
+            self._run_attempts(test)
         if self._run.options.fail_fast and not self._verdict_is_good(test):
             self._run.failed_fast.set()
 
+    def bring_up(self, test: PlannedTest) -> bool:
+        """Have what a test stands on up. False when it cannot be started; :meth:`run_test` then says at once why."""
+        if self._obstacle(test) is not None:
+            return False
+        names = self._fixtures_of(test)
+        return not names or not self._supervisor.bring_up(names)
+
+    def _obstacle(self, test: PlannedTest) -> tuple[Verdict, str, str] | None:
+        """Why a test is not to be started: its verdict, the reason, and the sentence for people."""
+        reason = self._stop_reason()
+        if reason:
+            return Verdict.NOT_RUN, "not run", reason
+        if test.plugin is None:
+            return Verdict.ERROR, "load", test.problem
+        missing = unmet(test, self._run.results, self._run.options.features)
+        return None if missing is None else (missing.verdict, "requirement", missing.text)
+
+    def _fixtures_of(self, test: PlannedTest) -> list[str]:
+        return [fixture.name for fixture in self._suite.suite.fixtures_of(test.entry)]
+
     def _stop_reason(self) -> str:
         """Why nothing more of this suite is to be started, or an empty text."""
-        reason = self._run.stop_reason()
+        reason = self._run.stop_reason() or self._aborted
         if not reason and self._suite_deadline.expired:
             reason = self._suite_overdue()
         return reason
@@ -191,7 +241,7 @@ class Lane:
 
     def _run_attempts(self, test: PlannedTest) -> None:
         entry = test.entry
-        names = [fixture.name for fixture in self._suite.suite.fixtures_of(entry)]
+        names = self._fixtures_of(test)
         retries = self._run.retries_of(entry) if entry.expected is Expected.PASS else 0
         reruns = 1
         attempt = 0
@@ -208,7 +258,7 @@ class Lane:
                 reruns -= 1
             else:
                 again = outcome.verdict in _RETRIED and len(failed) < retries
-            again = again and not self._run.interrupts.stage and not self._suite_deadline.expired
+            again = again and not (self._run.interrupts.stage or self._suite_deadline.expired or self._aborted)
             self._ended(test, attempt, outcome, final=not again, failed=failed, names=names)
             if not again:
                 return
@@ -304,7 +354,7 @@ class Lane:
             return Stop(Verdict.INTERRUPTED, "interrupted", reason)
         if self._suite_deadline.expired:
             return Stop(Verdict.ERROR, "timeout", self._suite_overdue())
-        return None
+        return Stop(Verdict.ERROR, "aborted", self._aborted) if self._aborted else None
 
     def _next_tick(self) -> clock.Deadline:
         return self._supervisor.deadline().earliest(self._suite_deadline)

@@ -39,6 +39,7 @@ from rtf.testing.verdict import ExitCode, Verdict
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from rtf.testing.control import Control
     from rtf.testing.events import Asked
     from rtf.testing.isolation.launch import Launched
     from rtf.testing.plan import PlannedSuite, PlannedTest
@@ -55,7 +56,10 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 class RunOptions:
     """What a run is told beside its plan. Times in seconds, memory in bytes (0: no limit).
 
-    ``grace`` is how long a test that is asked to stop may take to begin its teardown before it is killed.
+    ``grace`` is how long a test that is asked to stop may take to begin its teardown before it is killed. ``control``
+    is the door through which people stop the run. ``conduct`` says, instead of the order of the plan, what the run's
+    one lane does next. Without ``plan_ahead`` a test is told of when whoever conducts calls :meth:`Run.plan`, and not
+    before anything runs.
     """
 
     run_folder: Path
@@ -78,7 +82,10 @@ class RunOptions:
     seed: int | None = None
     command: tuple[str, ...] = ()
     handle_signals: bool = True
+    conduct: Callable[[Lane], None] | None = None
+    plan_ahead: bool = True
     ask: Callable[[Asked, Callable[[str | None, str], None]], None] | None = None
+    control: Control | None = None
     facts: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -100,6 +107,9 @@ class Run:
         self._limits: dict[str, Limits] = {}
         self._launched = [] if launched is None else [launched]
         self.emit = broadcast.emit
+        if options.control is not None:
+            broadcast.control = options.control
+            options.control.bind(self.interrupts)
 
     @property
     def results(self) -> Any:
@@ -145,10 +155,12 @@ class Run:
         )
         for diagnosed in diagnostics:
             self.emit(diagnosed)
-        for suite in self.suites:
-            self._plan(suite)
+        if options.plan_ahead:
+            for suite in self.suites:
+                self.plan(suite)
 
-    def _plan(self, planned: PlannedSuite) -> None:
+    def plan(self, planned: PlannedSuite) -> None:
+        """Tell of a suite and its tests, as far as that was not done before."""
         suite = planned.suite
         known = self._broadcast.results
         if suite.id not in known.suites:
@@ -248,8 +260,8 @@ class Run:
     # Lanes -------------------------------------------------------------------------------------------------------
 
     def _run_lanes(self) -> None:
-        groups = _groups_sharing_fixtures(self.suites)
-        if self.options.jobs <= 1 or len(groups) <= 1:
+        groups = groups_sharing_fixtures(self.suites)
+        if self.options.jobs <= 1 or len(groups) <= 1 or self.options.conduct is not None:
             self._run_lane(self.suites)
             return
         with ThreadPoolExecutor(max_workers=self.options.jobs, thread_name_prefix="rtf-lane") as pool:
@@ -263,7 +275,8 @@ class Run:
 
     def _run_lane(self, suites: Sequence[PlannedSuite]) -> None:
         try:
-            Lane(self, suites).run()
+            conduct = self.options.conduct or Lane.run
+            conduct(Lane(self, suites))
         except Exception as error:  # noqa: BLE001 - reported; the other lanes go on
             self._broke(error)
 
@@ -307,7 +320,7 @@ class Run:
         return "a test failed before (--fail-fast)" if self.failed_fast.is_set() else ""
 
 
-def _groups_sharing_fixtures(suites: Sequence[PlannedSuite]) -> list[list[PlannedSuite]]:
+def groups_sharing_fixtures(suites: Sequence[PlannedSuite]) -> list[list[PlannedSuite]]:
     """Suites that use a fixture in common must not run at the same time; the groups keep the order of the plan."""
     groups: list[tuple[set[tuple[str, str]], list[PlannedSuite]]] = []
     for planned in suites:
@@ -319,6 +332,11 @@ def _groups_sharing_fixtures(suites: Sequence[PlannedSuite]) -> list[list[Planne
         groups.append(merged)
     order = {id(planned): index for index, planned in enumerate(suites)}
     return [sorted(members, key=lambda planned: order[id(planned)]) for _, members in groups]
+
+
+def most_memory() -> int:
+    """Bytes of private memory that a test may use where nobody says otherwise: three quarters of the machine's."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") * 3 // 4
 
 
 def _facts() -> dict[str, str]:

@@ -1,0 +1,190 @@
+"""Has the runner run one test at a time, when pytest asks for it, in a thread of its own.
+
+The thread is there because fixtures are watched over also while pytest is busy with something else, and because
+Ctrl-C, or a time-out of pytest, then strikes where it may: pytest's thread only waits, and hands on what struck it.
+"""
+
+from __future__ import annotations
+
+import threading
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from rtf.testing.interrupts import KILL_STAGE
+from rtf.testing.runner import Run
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from rtf.testing.events import Diagnosed
+    from rtf.testing.lane import Lane
+    from rtf.testing.plan import PlannedSuite, PlannedTest
+    from rtf.testing.reporting import Broadcast
+    from rtf.testing.runner import RunOptions
+
+_T = TypeVar("_T")
+
+#: An interrupt stops the running test; the first one already, as people know it from pytest.
+_NOW = 2
+
+
+class RunOverError(RuntimeError):
+    """The run is over, because it broke; the record and the summary say why."""
+
+
+@dataclass(slots=True)
+class _Order(Generic[_T]):
+    """Something to be done in the run's thread."""
+
+    work: Callable[[Lane], _T]
+    result: _T | None = None
+    error: BaseException | None = None
+    done: threading.Event = field(default_factory=threading.Event)
+
+    def carry_out(self, lane: Lane) -> None:
+        try:
+            self.result = self.work(lane)
+        except BaseException as error:  # noqa: BLE001 - raised by who waits for it
+            self.error = error
+
+
+class Conductor:
+    """One run, from :meth:`start` to :meth:`close`. All methods are called by pytest's thread.
+
+    What happened to that thread while something was being done is raised when it is done, or has been cut short.
+    """
+
+    def __init__(
+        self,
+        suites: Sequence[PlannedSuite],
+        options: RunOptions,
+        broadcast: Broadcast,
+        diagnostics: Sequence[Diagnosed],
+    ) -> None:
+        self._run = Run(suites, replace(options, conduct=self._conduct, handle_signals=False), broadcast)
+        self._diagnostics = diagnostics
+        self._lock = threading.Lock()
+        self._lane: Lane | None = None
+        self._order: _Order[object] | None = None
+        self._closing = False
+        self._over = False
+        self._suite = ExitStack()
+        self._thread = threading.Thread(target=self._execute, name="rtf-run", daemon=True)
+
+    def start(self) -> None:
+        """Begin the run."""
+        self._thread.start()
+
+    def begin_suite(self, planned: PlannedSuite) -> None:
+        """Make ready for tests of a suite."""
+
+        def work(lane: Lane) -> None:
+            self._run.plan(replace(planned, tests=()))
+            self._suite.enter_context(lane.suite(planned))
+
+        self._have_done(work)
+
+    def end_suite(self) -> None:
+        """Take down the fixtures of the suite that was begun."""
+        self._have_done(lambda _lane: self._suite.close())
+
+    def bring_up(self, planned: PlannedSuite, test: PlannedTest) -> bool:
+        """Bring up what a test stands on. When it is false, :meth:`run` says at once why the test cannot be started."""
+
+        def work(lane: Lane) -> bool:
+            self._run.plan(replace(planned, tests=(test,)))
+            return lane.bring_up(test)
+
+        return self._have_done(work)
+
+    def run(self, test: PlannedTest) -> None:
+        """Run a test up to its final end."""
+        self._have_done(lambda lane: lane.run_test(test))
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether somebody, at the live page maybe, has asked the run to stop."""
+        return self._run.interrupts.stage > 0
+
+    def close(self) -> None:
+        """End the run: everything is down, the record is closed, reports are written. Safe to call more than once."""
+        with self._lock:
+            self._closing = True
+            self._wake()
+        trouble: BaseException | None = None
+        while self._thread.is_alive():
+            try:
+                self._thread.join()
+            except BaseException as error:  # noqa: BLE001 - raised below
+                trouble = trouble or error
+                self._cut_short(error)
+        if trouble is not None:
+            raise trouble
+
+    # pytest's thread ---------------------------------------------------------------------------------------------
+
+    def _have_done(self, work: Callable[[Lane], _T]) -> _T:
+        order = _Order(work)
+        trouble: BaseException | None = None
+        with self._lock:
+            if self._over:
+                raise RunOverError("the run of the robot tests broke and is over; the summary says why")
+            self._order = order  # type: ignore[assignment]  # whatever it gives back
+            self._wake()
+        while not order.done.is_set():
+            try:
+                order.done.wait()
+            except BaseException as error:  # noqa: BLE001 - raised below
+                trouble = trouble or error
+                self._cut_short(error)
+        if trouble is not None or order.error is not None:
+            raise trouble or order.error  # type: ignore[misc]  # one of them is
+        return order.result  # type: ignore[return-value]  # there is one, if there was no error
+
+    def _wake(self) -> None:
+        if self._lane is not None and not self._over:
+            self._lane.wake()
+
+    def _cut_short(self, error: BaseException) -> None:
+        """Ctrl-C ends the run, and pressed again kills; anything else, such as pytest's time-out, the running test."""
+        interrupts = self._run.interrupts
+        if isinstance(error, KeyboardInterrupt):
+            interrupts.request("SIGINT", stage=_NOW if interrupts.stage < _NOW else KILL_STAGE)
+            return
+        with self._lock:
+            if self._order is not None and self._lane is not None:
+                self._lane.abort(f"{type(error).__name__}: {error}")
+
+    # The run's thread --------------------------------------------------------------------------------------------
+
+    def _execute(self) -> None:
+        try:
+            self._run.execute(self._diagnostics)
+        finally:
+            with self._lock:
+                self._over = True
+                order, self._order = self._order, None
+            if order is not None:
+                order.error = RunOverError("the run of the robot tests broke; the summary says why")
+                order.done.set()
+
+    def _conduct(self, lane: Lane) -> None:
+        with lane.at_work(), self._suite:
+            self._lane = lane
+            try:
+                while True:
+                    lane.wait(lambda: self._order is not None or self._closing)
+                    if self._order is None:
+                        return
+                    self._carry_out(self._order, lane)
+            finally:
+                with self._lock:
+                    self._lane = None  # what wakes it is about to be closed
+
+    def _carry_out(self, order: _Order[object], lane: Lane) -> None:
+        order.carry_out(lane)
+        with self._lock:
+            self._order = None
+            lane.abort("")
+        order.done.set()

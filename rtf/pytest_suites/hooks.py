@@ -1,0 +1,75 @@
+"""The hooks that a session with suites needs beside those of every session."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.pytest_suites import verdicts
+from rtf.pytest_suites.nodes import SuiteItem, planned_suites, suite_items
+from rtf.testing.runner import groups_sharing_fixtures
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from rtf.pytest_suites.session import SuiteSession
+    from rtf.testing.plan import PlannedSuite
+
+
+class SuiteHooks:
+    """Registered when the first suite file is collected."""
+
+    def __init__(self, shared: SuiteSession) -> None:
+        self._shared = shared
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
+        """Say which tests belong on one worker of pytest-xdist, for they share a fixture or need each other."""
+        if config.getoption("forked", False) and any(suite_items(items)):
+            raise pytest.UsageError("--forked: a robot test has a process of its own already; leave --forked out")
+        if not config.pluginmanager.hasplugin("xdist"):
+            return
+        groups: dict[str, str] = {}
+        for group in groups_sharing_fixtures(planned_suites(items)):
+            if any(_needs_one_worker(planned) for planned in group):
+                groups |= dict.fromkeys((planned.suite.id for planned in group), group[0].suite.id)
+        for item in suite_items(items):
+            group_name = groups.get(item.suite_file.planned.suite.id)
+            if group_name is not None:
+                item.add_marker(pytest.mark.xdist_group(group_name))
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_makereport(
+        self, item: pytest.Item, call: pytest.CallInfo[None]
+    ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        """Say what a test came to in our words, where it is what the test came to."""
+        report = yield
+        if isinstance(item, SuiteItem) and item.told is not None and call.when in ("setup", "call"):
+            if call.when == "call":
+                report.duration = item.told.result.duration
+            raised = item.raised
+            if raised is not None and call.excinfo is not None and call.excinfo.value is raised and not report.skipped:
+                report.longrepr = verdicts.longrepr(item.told, raised)
+        elif isinstance(item, SuiteItem):
+            item.told = item.raised = None  # ten thousand tests stay small
+        return report
+
+    @pytest.hookimpl(wrapper=True, trylast=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> Generator[None, object, object]:
+        """End the run, when pytest has taken down what was up, and before it says what came of everything."""
+        result = yield
+        self._shared.close(session)
+        told = getattr(session.config, "workeroutput", None)
+        if told is not None:
+            told["rtf"] = self._shared.farewell()
+        return result
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """Say where the record is."""
+        for line in self._shared.summary():
+            terminalreporter.write_line(line)
+
+
+def _needs_one_worker(planned: PlannedSuite) -> bool:
+    return bool(planned.suite.fixtures) or any(test.entry.required_tests for test in planned.tests)

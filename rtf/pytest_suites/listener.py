@@ -1,0 +1,85 @@
+"""What the plug-in hears of a run, as a reporter like any other: each test's events, and what befell the fixtures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rtf.testing.events import Event, FixtureIncident, InternalError, Message
+from rtf.testing.report.files import OF_A_TEST, AttemptEvents, TestEvents
+from rtf.testing.reporting import Reporter
+from rtf.testing.verdict import Phase, Severity, Verdict
+
+if TYPE_CHECKING:
+    from rtf.testing.events import TestEnded
+    from rtf.testing.reporting import ReportOptions
+    from rtf.testing.results import RunResult, TestResult
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """All that is known of a test that has ended; ``incidents`` are those of fixtures since the test before it."""
+
+    result: TestResult
+    ended: TestEnded
+    attempts: list[AttemptEvents]
+    incidents: tuple[FixtureIncident, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """What is said of the test."""
+        return self.ended.verdict
+
+    @property
+    def last(self) -> AttemptEvents:
+        """The attempt that settled it, or an empty one if it never started."""
+        return next((attempt for attempt in reversed(self.attempts) if attempt.started), AttemptEvents())
+
+    @property
+    def earlier(self) -> list[AttemptEvents]:
+        """The attempts before that one."""
+        return [attempt for attempt in self.attempts if attempt.started][:-1]
+
+
+class Listener(Reporter):
+    """Keeps what a test's report is made of until it is asked for. The run's thread tells, pytest's asks."""
+
+    plugin_name = "pytest"
+
+    def __init__(self, options: ReportOptions) -> None:
+        super().__init__(options)
+        self._events = TestEvents()
+        self._ended: dict[str, tuple[TestResult, list[AttemptEvents]]] = {}
+        self._incidents: list[FixtureIncident] = []
+        self._suite_problems: list[FixtureIncident | Message] = []
+        self.broken: list[InternalError] = []
+
+    def handle(self, event: Event, results: RunResult) -> None:
+        """Take one event."""
+        if type(event) in OF_A_TEST and event.test:  # type: ignore[attr-defined]
+            attempts = self._events.take(event)
+            if attempts is not None:
+                test: str = event.test  # type: ignore[attr-defined]
+                self._ended[test] = (results.tests[test], attempts)
+        elif isinstance(event, FixtureIncident):
+            if event.phase is Phase.TEARDOWN:
+                self._suite_problems.append(event)
+            else:
+                self._incidents.append(event)
+        elif isinstance(event, Message) and event.severity in (Severity.FAILURE, Severity.ERROR):
+            self._suite_problems.append(event)
+        elif isinstance(event, InternalError):
+            self.broken.append(event)
+
+    def take_test(self, test: str) -> Told | None:
+        """What became of a test, once."""
+        result, attempts = self._ended.pop(test, (None, []))
+        if result is None or result.last is None:
+            return None
+        incidents, self._incidents = self._incidents, []
+        return Told(result, result.last, attempts, tuple(incidents))
+
+    def take_suite_problems(self) -> list[FixtureIncident | Message]:
+        """What went wrong with a suite and its fixtures, other than under its tests, since the last time."""
+        problems, self._suite_problems = self._suite_problems, []
+        return problems

@@ -1,0 +1,201 @@
+"""Suites as pytest files and their tests as items."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from rtf.pytest_suites import texts, verdicts
+from rtf.pytest_suites.properties import properties
+from rtf.pytest_suites.session import SuiteSession
+from rtf.pytest_suites.warnings import SuiteFileWarning
+from rtf.testing.report.text import place, shown
+from rtf.testing.suite.values import NameBook
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from rtf.pytest_suites.conductor import Conductor
+    from rtf.pytest_suites.listener import Told
+    from rtf.testing.events import Diagnosed
+    from rtf.testing.plan import PlannedSuite, PlannedTest
+
+_NOT_IN_A_MARKER = re.compile(r"[^\w.+-]")
+#: Markers that pytest and common plug-ins act upon: a tag of that name is a word, and no order.
+_ACTED_UPON = frozenset(
+    {
+        *("skip", "skipif", "xfail", "parametrize", "usefixtures", "filterwarnings", "tryfirst", "trylast"),
+        *("timeout", "xdist_group", "forked", "flaky", "repeat", "order", "run", "dependency", "asyncio", "anyio"),
+    }
+)
+
+
+class SuiteFile(pytest.File):
+    """A suite file. Its fixtures are up while its tests run, and down before another suite's tests do."""
+
+    _planned: PlannedSuite | None = None
+    _begun = False
+
+    def collect(self) -> Iterable[pytest.Item]:
+        """Load the suite. A file with errors is not collected at all: it is not the suite that was meant."""
+        planned, loaded = self.shared.load(self.path)
+        if planned is None:
+            raise self.CollectError("\n".join(_said(diagnosed) for diagnosed in loaded.diagnostics) or "not a suite")
+        for diagnosed in loaded.diagnostics:
+            self.warn(SuiteFileWarning(_said(diagnosed)))
+        self._planned = planned
+        names = NameBook()
+        return [
+            SuiteItem.from_parent(self, name=names.unique(safe_name(test.entry.name)), test=test)
+            for test in planned.tests
+        ]
+
+    @property
+    def shared(self) -> SuiteSession:
+        """What it shares with the other suites of the session."""
+        return SuiteSession.of(self.config)
+
+    @property
+    def planned(self) -> PlannedSuite:
+        """The suite with all its tests."""
+        assert self._planned is not None, "the file has not been collected"
+        return self._planned
+
+    @property
+    def conductor(self) -> Conductor:
+        """Whoever has the tests run."""
+        return self.shared.conductor(self.session)
+
+    def setup(self) -> None:
+        """Make ready for the suite's tests. Fixtures come up with the first test that needs them."""
+        if self.config.getoption("setupplan", False):
+            return
+        conductor = self.conductor
+        if self.shared.locks is not None:
+            self.shared.locks.acquire(self.planned.suite)
+        self._begun = True
+        conductor.begin_suite(self.planned)
+
+    def teardown(self) -> None:
+        """Take the fixtures down, and tell what went wrong with them and no test has told."""
+        if not self._begun:
+            return
+        self._begun = False
+        try:
+            self.conductor.end_suite()
+        finally:
+            if self.shared.locks is not None:
+                self.shared.locks.release()
+        problems = self.shared.listener.take_suite_problems()
+        if problems and not self.conductor.interrupted:
+            pytest.fail("\n\n".join(texts.suite_problem(event) for event in problems), pytrace=False)
+
+
+class SuiteItem(pytest.Item):
+    """A test of a suite."""
+
+    def __init__(self, *, test: PlannedTest, **others: Any) -> None:  # what pytest hands through
+        super().__init__(**others)
+        self.test = test
+        self.raised: BaseException | None = None
+        self.told: Told | None = None
+        self.extra_keyword_matches.add(test.entry.id)
+        for tag in dict.fromkeys((*self.suite_file.planned.suite.tags, *test.entry.tags)):
+            self._mark(tag)
+
+    @property
+    def suite_file(self) -> SuiteFile:
+        """The file it is from."""
+        assert isinstance(self.parent, SuiteFile)
+        return self.parent
+
+    def _mark(self, tag: str) -> None:
+        name = marker_name(tag)
+        known = self.suite_file.shared.markers
+        if name not in known:
+            known.add(name)
+            self.config.addinivalue_line("markers", f"{name}: a tag of robot tests")
+        self.add_marker(name)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        """Where the test stands in its suite, or in the file that is included there; and the heading of its failure."""
+        at = self.test.entry.location
+        heading = f"{self.suite_file.planned.suite.name}: {self.name}"  # a mere name would be shown with dots as colons
+        return Path(at.file) if at.file else self.path, max(0, at.line - 1), shown(heading)
+
+    def setup(self) -> None:
+        """Bring up what the test stands on. What cannot be started fails here."""
+        self.told = self.raised = None
+        if self.config.getoption("setupplan", False):
+            return
+        if not self.suite_file.conductor.bring_up(self.suite_file.planned, self.test):
+            self._run()
+
+    def runtest(self) -> None:
+        """Run the test."""
+        self._run()
+
+    def _run(self) -> None:
+        conductor = self.suite_file.conductor
+        shared = self.suite_file.shared
+        try:
+            conductor.run(self.test)
+        finally:
+            self.told = shared.listener.take_test(self.test.entry.id)
+        if conductor.interrupted:
+            self.session.shouldstop = "the run of the robot tests was stopped"
+        told = self.told
+        if told is None:
+            raise RuntimeError(f"the runner said nothing of {self.test.entry.id}")
+        self._conclude(told, shared)
+
+    def _conclude(self, told: Told, shared: SuiteSession) -> None:
+        assert shared.run_folder is not None
+        when = "call" if told.ended.attempt else "setup"
+        for name, text in texts.sections(told):
+            self.add_report_section(when, name, text)
+        self.user_properties.extend(properties(told, shared.run_folder))
+        self.raised = verdicts.exception_for(told, self.config, anything_red=shared.anything_red)
+        if self.raised is None:
+            try:
+                verdicts.warn_about(self, told)
+            except Warning as warning:  # where warnings are errors
+                self.raised = warning
+        if self.raised is not None:
+            shared.anything_red |= not told.verdict.good
+            raise self.raised
+
+
+def marker_name(tag: str) -> str:
+    """The name of the marker that a tag becomes: what ``-m`` can read, and nothing that pytest would act upon."""
+    name = _NOT_IN_A_MARKER.sub("_", tag)
+    return f"tag_{name}" if name.startswith("_") or name in _ACTED_UPON else name
+
+
+def safe_name(name: str) -> str:
+    """A name as part of a node's id: in one line, and without what separates the parts of an id."""
+    plain = "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in shown(name))
+    plain = re.sub(":{2,}", ":", plain)
+    return f" {plain}" if plain.startswith("()") else plain or "(unnamed)"
+
+
+def _said(diagnosed: Diagnosed) -> str:
+    hint = f" ({diagnosed.hint})" if diagnosed.hint else ""
+    return f"{place(diagnosed.file, diagnosed.line, diagnosed.column)}: {diagnosed.severity}: {diagnosed.text}{hint}"
+
+
+def planned_suites(items: Iterable[pytest.Item]) -> list[PlannedSuite]:
+    """The suites of a session with those of their tests that were selected, in the order of the first of each."""
+    selected: dict[SuiteFile, list[PlannedTest]] = {}
+    for item in suite_items(items):
+        selected.setdefault(item.suite_file, []).append(item.test)
+    return [replace(file.planned, tests=tuple(tests)) for file, tests in selected.items()]
+
+
+def suite_items(items: Iterable[pytest.Item]) -> Iterator[SuiteItem]:
+    """Those items that are tests of suites."""
+    return (item for item in items if isinstance(item, SuiteItem))

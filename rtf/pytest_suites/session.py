@@ -1,0 +1,219 @@
+"""What all suites of a pytest session share: the settings, the one run, its record and its reports."""
+
+from __future__ import annotations
+
+import os
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from rtf.pytest_plugin import lock_file
+from rtf.pytest_suites.conductor import Conductor
+from rtf.pytest_suites.listener import Listener
+from rtf.pytest_suites.locks import FixtureLocks
+from rtf.pytest_suites.settings import LIVE_PAGE, Settings
+from rtf.testing.control import Control
+from rtf.testing.journal import FILE_NAME, Journal
+from rtf.testing.operator import automatic
+from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files
+from rtf.testing.report.text import near_path
+from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, load_reporter
+from rtf.testing.run_folder import make_run_folder
+from rtf.testing.runner import RunOptions, most_memory
+from rtf.testing.suite.model import Timeouts, suite_id_of
+from rtf.testing.suite.values import NameBook
+
+if TYPE_CHECKING:
+    from rtf.testing.events import Diagnosed
+
+_KEY = pytest.StashKey["SuiteSession"]()
+
+
+class SuiteSession:
+    """The robot tests of one pytest session, or of one worker of it. It begins its run with the first test."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self._config = config
+        self._settings = Settings.of(config)
+        self._planner = Planner()
+        self._ids = NameBook()
+        self._diagnostics: list[Diagnosed] = []
+        self._reporters: list[Reporter] = []
+        self._conductor: Conductor | None = None
+        self._listener: Listener | None = None
+        self._refused = ""
+        self._closed = False
+        self.run_folder: Path | None = None
+        self.anything_red = False
+        self.markers: set[str] = set()  # what pytest has been told are names of markers
+        self._workerinput: dict[str, str] = getattr(config, "workerinput", {})  # pytest-xdist puts it there
+        self.worker = self._workerinput.get("workerid", "")
+        self._locks = FixtureLocks(lock_file(self._workerinput["testrunuid"])) if self.worker else None
+
+    @classmethod
+    def of(cls, config: pytest.Config) -> SuiteSession:
+        """The one of a session; made, and made known to pytest, when it is first asked for."""
+        known = config.stash.get(_KEY, None)
+        if known is None:
+            from rtf.pytest_suites.hooks import SuiteHooks
+
+            known = config.stash[_KEY] = cls(config)
+            config.pluginmanager.register(SuiteHooks(known), "rtf-suites")
+        return known
+
+    # Collecting --------------------------------------------------------------------------------------------------
+
+    def load(self, path: Path) -> tuple[PlannedSuite | None, Loaded]:
+        """Read a suite file. There is no suite when something is wrong with it."""
+        loaded = load_files([(path, True)], self._settings.variables)
+        if loaded.has_errors or not loaded.suites:
+            return None, loaded
+        self._diagnostics += loaded.diagnostics
+        suite = loaded.suites[0]
+        suite = suite.with_id(self._ids.unique(suite_id_of(suite.name)))
+        (planned,) = self._planner.plan(self._planner.complete([suite]))
+        return planned, loaded
+
+    # Running -----------------------------------------------------------------------------------------------------
+
+    def conductor(self, session: pytest.Session) -> Conductor:
+        """Whoever has tests run. The first to ask begins the run."""
+        if self._conductor is None and not self._refused:
+            try:
+                self._conductor = self._begin(session)
+            except OSError as error:
+                self._refused = f"robot tests: {error}"
+        if self._conductor is not None:
+            return self._conductor
+        if self.worker:  # which cannot end the session; each of its tests says why it was not run
+            pytest.fail(self._refused, pytrace=False)
+        pytest.exit(self._refused, returncode=pytest.ExitCode.USAGE_ERROR)
+
+    @property
+    def listener(self) -> Listener:
+        """Whoever hears what comes of them."""
+        assert self._listener is not None, "nothing has been run yet"
+        return self._listener
+
+    @property
+    def locks(self) -> FixtureLocks | None:
+        """What keeps other workers from the fixtures that this one has up."""
+        return self._locks
+
+    def _begin(self, session: pytest.Session) -> Conductor:
+        from rtf.pytest_suites.nodes import planned_suites
+
+        settings = self._settings
+        folder = make_run_folder(settings.runs.resolve(), settings.robot, "pytest", self.worker)
+        self.run_folder = folder
+        control = Control()
+        self._listener = Listener(ReportOptions(target=None, run_folder=folder))
+        journal = Journal(folder / FILE_NAME)
+        try:
+            self._open_reporters(folder, control)
+        except OSError:
+            journal.close()
+            raise
+        suites = planned_suites(session.items)
+        broadcast = Broadcast(journal, [self._listener, *self._reporters])
+        conductor = Conductor(suites, self._options(folder, control), broadcast, self._diagnostics)
+        conductor.start()
+        return conductor
+
+    def _options(self, folder: Path, control: Control) -> RunOptions:
+        settings = self._settings
+        asking = any(name == LIVE_PAGE for name, _ in settings.reports)
+        return RunOptions(
+            run_folder=folder,
+            limits=Timeouts(run=settings.timeout),
+            memory=most_memory(),
+            overrides=settings.overrides,
+            features=settings.features,
+            retries=settings.retries,
+            robot=settings.robot,
+            station=settings.station,
+            command=("pytest", *map(str, self._config.invocation_params.args)),
+            ask=automatic(settings.answer) if settings.answer is not None else control.ask if asking else None,
+            control=control,
+            plan_ahead=not self.worker,  # a worker does not know which tests it will be given
+            facts=self._facts(),
+        )
+
+    def _facts(self) -> dict[str, str]:
+        facts = {"pytest": pytest.__version__}
+        if self.worker:  # by which the records of one session's workers find together
+            facts |= {"worker": self.worker, "session": self._workerinput["testrunuid"]}
+        return facts
+
+    def _open_reporters(self, folder: Path, control: Control) -> None:
+        try:
+            for name, target in self._settings.reports:
+                self._reporters.append(self._open(name, target, folder, control))
+        except OSError:
+            self._let_reporters_go()
+            raise
+
+    def _let_reporters_go(self) -> None:
+        for reporter in self._reporters:
+            reporter.linger()
+
+    def _open(self, name: str, target: str, folder: Path, control: Control) -> Reporter:
+        kind = load_reporter(name)
+        live = name == LIVE_PAGE
+        options = ReportOptions(
+            target=None if live else self._target(target, folder, kind.default_file),
+            run_folder=folder,
+            verbosity=-1,
+            colour=False,
+            extra={"port": target} if live and target else {},
+            control=control,
+        )
+        reporter = kind(options)
+        capture = self._config.pluginmanager.getplugin("capturemanager")
+        try:
+            with capture.global_and_fixture_disabled() if capture else nullcontext():  # it may say where to look
+                reporter.open()
+        except (OSError, ValueError) as error:
+            raise OSError(f"report {name} cannot be written: {error}") from None
+        return reporter
+
+    def _target(self, target: str, folder: Path, default: str) -> Path | None:
+        if not target:
+            return folder / default if default else None
+        path = Path(target).absolute()
+        return path.with_name(f"{path.stem}-{self.worker}{path.suffix}") if self.worker else path
+
+    # The end -----------------------------------------------------------------------------------------------------
+
+    def close(self, session: pytest.Session) -> None:
+        """End the run and let go of everything. Safe to call more than once."""
+        if self._conductor is not None and not self._closed:
+            self._conductor.close()
+            self._closed = True
+            self._let_reporters_go()
+            if self.broken:
+                session.exitstatus = pytest.ExitCode.INTERNAL_ERROR
+        if self._locks is not None:
+            self._locks.close()
+
+    def farewell(self) -> dict[str, Any]:
+        """What a worker tells the session that started it."""
+        return {"lines": self.summary(), "broken": self.broken}
+
+    @property
+    def broken(self) -> bool:
+        """Whether the framework or a reporter broke."""
+        return self._listener is not None and bool(self._listener.broken)
+
+    def summary(self) -> list[str]:
+        """Where the record and the reports are, and what broke."""
+        if self.run_folder is None:
+            return []
+        lines = [f"robot tests: {near_path(str(self.run_folder))}"]
+        for reporter in self._reporters:
+            lines += [f"robot tests: {near_path(os.fspath(path))}" for path in reporter.paths()]
+        if self._listener is not None:
+            lines += [f"robot tests: internal error: {event.text}\n{event.traceback}" for event in self.listener.broken]
+        return lines

@@ -1,0 +1,133 @@
+"""What a test came to, in words: the line of the short summary, the text of a failure, the sections below it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.testing.events import Measured, Message, OutputCaptured, StackDumped, SubResultEnded
+from rtf.testing.report.text import measurement, one_line, place, problem, sentence, shown
+from rtf.testing.report.troubles import incident_text
+from rtf.testing.verdict import MeasurementVerdict, Severity, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from rtf.pytest_suites.listener import Told
+    from rtf.testing.events import FixtureIncident
+    from rtf.testing.report.files import AttemptEvents
+
+#: Characters of one section; the record of the run has the rest.
+_SECTION_LIMIT = 256 * 1024
+_WEIGHTY = (Severity.FAILURE, Severity.ERROR)
+
+
+def headline(told: Told) -> str:
+    """The one line by which a test that did not pass is told of."""
+    problems = _problems(told.last)
+    if told.verdict is Verdict.FAILED and problems and problems[0].detail in ("", told.ended.detail):
+        first = problems[0]
+        return one_line(": ".join(part for part in (first.subject, first.detail or first.title) if part))
+    said = one_line(_last_word(told))
+    return said if told.verdict is Verdict.FAILED else f"{told.verdict}: {said}"
+
+
+def explanation(told: Told) -> str:
+    """All that is to be said of a test that did not pass."""
+    said = _last_word(told)
+    # What the runner itself noted is its last word, too.
+    parts = [problem(message) for message in _problems(told.last) if message.file or message.detail != said]
+    if told.verdict is not Verdict.FAILED:
+        parts.insert(0, f"{told.verdict}: {said}")
+    elif not any(said in part for part in parts):
+        parts.insert(0, said)
+    parts += _parts_not_passed(told)
+    parts += [f"{event.cause}:\n{event.text.rstrip()}" for event in told.last.events if isinstance(event, StackDumped)]
+    parts += [incident_text(event) for event in told.incidents]
+    return "\n\n".join(_cut(shown(part)) for part in parts)
+
+
+def _last_word(told: Told) -> str:
+    return (told.ended.detail or told.ended.reason or told.verdict).strip("\n")
+
+
+def where(told: Told) -> tuple[str, int]:
+    """File and line of the first problem, or of the test in its suite."""
+    for message in _problems(told.last):
+        if message.file and message.line:
+            return message.file, message.line
+    return told.result.planned.file, told.result.planned.line
+
+
+def sections(told: Told) -> Iterator[tuple[str, str]]:
+    """What was said, measured and written, by the name of the section; empty ones are left out."""
+    parts = {
+        "log": _lines(_log(told.last)),
+        "stdout": _output(told.last, "stdout"),
+        "stderr": _output(told.last, "stderr"),
+        "sub-results": _lines(_subresults(told.last)),
+        "earlier attempts": _lines(earlier_attempt(attempt) for attempt in told.earlier),
+        "fixture incidents": _lines(incident_text(event) for event in told.incidents),
+    }
+    for name, text in parts.items():
+        if text:
+            yield name, _cut(shown(text))
+
+
+def suite_problem(event: FixtureIncident | Message) -> str:
+    """What went wrong with a suite or its fixtures beside its tests."""
+    return _cut(shown(problem(event) if isinstance(event, Message) else incident_text(event)))
+
+
+def earlier_attempt(attempt: AttemptEvents) -> str:
+    """What an attempt before the last one came to, in one line or several."""
+    number = attempt.started.attempt if attempt.started else "?"
+    ended = attempt.ended
+    said = f"{ended.outcome}: {ended.detail or ended.reason}" if ended else "it never ended"
+    return "\n".join([f"attempt {number}: {said}", *(f"  {sentence(message)}" for message in _problems(attempt))])
+
+
+def _problems(attempt: AttemptEvents) -> list[Message]:
+    return [event for event in attempt.events if isinstance(event, Message) and event.severity in _WEIGHTY]
+
+
+def _parts_not_passed(told: Told) -> list[str]:
+    parts = [event for event in told.last.events if isinstance(event, SubResultEnded)]
+    bad = [event.subject for event in parts if not event.verdict.good]
+    return [f"{len(bad)} of {len(parts)} sub-results did not pass: {', '.join(bad)}"] if bad else []
+
+
+def _subresults(attempt: AttemptEvents) -> Iterator[str]:
+    for event in attempt.events:
+        if isinstance(event, SubResultEnded):
+            yield f"{event.subject}: {event.verdict}{': ' if event.reason else ''}{event.reason}"
+
+
+def _log(attempt: AttemptEvents) -> Iterator[str]:
+    for event in attempt.events:
+        if isinstance(event, Message):
+            at = place(event.file, event.line)
+            yield f"{event.severity.upper():8} {sentence(event)}{f' ({at})' if at else ''}"
+        elif isinstance(event, Measured) and event.verdict is not MeasurementVerdict.FAILED:
+            yield f"MEASURED {measurement(event)}"  # a failed one is said by the failure that follows it
+
+
+def _output(attempt: AttemptEvents, stream: str) -> str:
+    parts: list[str] = []
+    for event in attempt.events:
+        if isinstance(event, OutputCaptured) and event.stream == stream:
+            if event.omitted:
+                parts.append(f"… {event.omitted} bytes not kept …\n")
+            parts.append(event.text)
+    return "".join(parts)
+
+
+def _lines(lines: Iterable[str]) -> str:
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _cut(text: str) -> str:
+    if len(text) <= _SECTION_LIMIT:
+        return text
+    half = _SECTION_LIMIT // 2
+    left_out = len(text) - 2 * half
+    return f"{text[:half]}\n… {left_out} characters left out; the record of the run has them …\n{text[-half:]}"

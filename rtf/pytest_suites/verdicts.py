@@ -1,0 +1,80 @@
+"""Verdicts in pytest's terms: a test passes, or an exception says what it came to, and the report says it in our words.
+
+=================================================  ==========================================================
+verdict                                            in pytest
+=================================================  ==========================================================
+passed, measured                                   passed
+flaky                                              passed, with a warning
+skipped                                            skipped
+expected failure                                   xfailed (failed under ``--runxfail``)
+unexpected pass                                    failed (passed under ``--runxfail``)
+failed                                             failed
+error, fixture lost, inconclusive, interrupted     failed, or an error of the setup if it never started
+blocked                                            likewise
+not run                                            skipped; an error of the setup if nothing else is red for it
+=================================================  ==========================================================
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+# pytest has no public way to make the text of a failure that survives the way from a worker to the terminal and has a
+# line for the short summary; these classes are what its own reports consist of.
+from _pytest._code.code import ReprExceptionInfo, ReprFileLocation, ReprTracebackNative
+
+from rtf.pytest_suites import texts
+from rtf.pytest_suites.warnings import FixtureWarning, FlakyTestWarning
+from rtf.testing.report.text import incident, near_path, one_line
+from rtf.testing.verdict import Verdict
+
+if TYPE_CHECKING:
+    from rtf.pytest_suites.listener import Told
+
+_PASSED = (Verdict.PASSED, Verdict.MEASURED, Verdict.FLAKY)
+
+
+class NotTestedError(Exception):
+    """A robot test said nothing of the robot: it could not be carried out."""
+
+
+def exception_for(told: Told, config: pytest.Config, *, anything_red: bool) -> BaseException | None:
+    """The exception by which pytest learns what a test came to; none for a pass."""
+    verdict = told.verdict
+    if verdict is Verdict.UNEXPECTED_PASS and config.getoption("runxfail", False):
+        return None
+    if verdict in _PASSED:
+        return None
+    text = texts.headline(told)
+    if verdict is Verdict.SKIPPED or (verdict is Verdict.NOT_RUN and anything_red):
+        reason = told.ended.detail or told.ended.reason
+        return pytest.skip.Exception(text if verdict is Verdict.NOT_RUN else one_line(reason), _use_item_location=True)
+    if verdict is Verdict.EXPECTED_FAILURE:
+        return pytest.xfail.Exception(one_line(told.ended.detail), pytrace=False)
+    if verdict in (Verdict.FAILED, Verdict.UNEXPECTED_PASS):
+        return pytest.fail.Exception(text, pytrace=False)
+    return NotTestedError(text)
+
+
+def warn_about(item: pytest.Item, told: Told) -> None:
+    """Warn of what a passing test would hide."""
+    if told.verdict is Verdict.FLAKY:
+        first = texts.earlier_attempt(told.earlier[0]) if told.earlier else "it failed before"
+        item.warn(FlakyTestWarning(f"passed at attempt {told.ended.attempt}; {one_line(first)}"))
+    for event in told.incidents:
+        item.warn(FixtureWarning(one_line(incident(event))))
+
+
+def longrepr(told: Told, raised: BaseException) -> ReprExceptionInfo:
+    """The text of a test that did not pass, with its line for the summary and its place."""
+    headline, text = texts.headline(told), texts.explanation(told)
+    if isinstance(raised, Warning):
+        headline = f"{type(raised).__name__}: {raised}"
+        text = f"{headline}\n\n{text}"
+    file, line = texts.where(told)
+    return ReprExceptionInfo(
+        reprtraceback=ReprTracebackNative([f"{text}\n"]),
+        reprcrash=ReprFileLocation(path=near_path(file), lineno=line, message=headline),
+    )

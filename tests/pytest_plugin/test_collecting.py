@@ -1,0 +1,202 @@
+"""Which files are collected as suites, what their tests are called, and that nothing happens where there is none."""
+
+from __future__ import annotations
+
+import sys
+from importlib.metadata import entry_points
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rtf.pytest_suites.nodes import marker_name, safe_name
+from rtf.pytest_suites.sniff import is_suite
+
+pytest_plugins = ("pytester",)
+
+FINE = '<test name="a fine one"> Fine </test>'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<suite/>",
+        '<?xml version="1.0" encoding="UTF-8"?>\n<!-- a licence -->\n<suite name="s">',
+        "\ufeff<SUITE name='s'>",
+        "<!DOCTYPE suite>\n<suite>",
+        f"<!--{'x' * 60_000}--><suite>",
+    ],
+)
+def test_suite_is_known_by_its_root_element(tmp_path, text):
+    """Whatever may stand before it, the first element decides; case makes no difference, as when it is loaded."""
+    file = tmp_path / "s.xml"
+    file.write_text(text, encoding="utf-8")
+    assert is_suite(file)
+
+
+def test_suite_in_sixteen_bits_is_known(tmp_path):
+    """A file that the loader can read is recognised."""
+    file = tmp_path / "s.xml"
+    file.write_text("<suite/>", encoding="utf-16")
+    assert is_suite(file)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "<suites/>", "<testsuite/>", "<suite:x/>", "<robot><suite/></robot>", "<!-- <suite> -->", "suite", "\0"],
+)
+def test_other_files_are_none(tmp_path, text):
+    """A file that merely ends in .xml is left to others."""
+    file = tmp_path / "s.xml"
+    file.write_text(text, encoding="utf-8")
+    assert not is_suite(file)
+
+
+def test_folder_and_missing_file_are_none(tmp_path):
+    """What cannot be read is no suite, and no error."""
+    assert not is_suite(tmp_path)
+    assert not is_suite(tmp_path / "gone.xml")
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=300))
+def test_any_bytes_are_looked_at_without_harm(tmp_path_factory, data):
+    """No file makes the look at it fail."""
+    file = tmp_path_factory.getbasetemp() / "any.xml"
+    file.write_bytes(data)
+    assert is_suite(file) in (True, False)
+
+
+@settings(deadline=None)
+@given(st.text(max_size=30))
+def test_safe_name_is_one_part_of_a_node_id(text):
+    """A name has one line, is not empty, and does not contain what separates the parts of an id."""
+    name = safe_name(text)
+    assert name
+    assert name.isprintable()
+    assert "::" not in name
+    assert not name.startswith("()")
+
+
+@settings(deadline=None)
+@given(st.text(min_size=1, max_size=30))
+def test_marker_of_a_tag_can_be_selected(text):
+    """Whatever a tag is, ``-m`` can read the name of its marker."""
+    from _pytest.mark.expression import Expression
+
+    name = marker_name(text)
+    assert Expression.compile(f"not not {name}").evaluate(lambda word, **_: word == name)
+    assert not name.startswith("_")
+
+
+def test_named_file_is_collected_and_nothing_is_run(lab):
+    """Its tests have the names of the suite; ``--collect-only`` leaves no trace."""
+    finished = lab.run(lab.suite(FINE), "--collect-only", "-q")
+    assert finished.out.splitlines()[0] == "s.xml::a fine one"
+    assert not (lab.folder / "rtf-runs").exists()
+
+
+@pytest.mark.parametrize(("arguments", "expected"), [((), 5), (("--rtf",), 0), (("-o", "rtf_suites=true"), 0)])
+def test_folders_have_suites_only_where_that_was_asked_for(lab, arguments, expected):
+    """With RTF in the environment a folder with suites is what it was without; XML that is no suite always is."""
+    lab.suite(FINE)
+    lab.write(report__xml="<testsuites/>")
+    finished = lab.run("--collect-only", "-q", *arguments)
+    assert finished.exit_code == expected, finished.out
+    assert ("s.xml::a fine one" in finished.out) is (expected == 0)
+    assert "report.xml" not in finished.out
+
+
+def test_errors_of_a_file_are_told_like_a_compilers(lab):
+    """A suite that is not what was meant is not collected; every error has its place, and no traceback is shown."""
+    lab.write(bad__xml='<suite name="s">\n  <test name="a" retrys="2"> Fine </test>\n  <test name="b"/>\n</suite>\n')
+    finished = lab.run("bad.xml")
+    assert finished.exit_code == pytest.ExitCode.INTERRUPTED
+    assert "bad.xml:3:3: error: " in finished.out
+    assert "Traceback" not in finished.out
+    assert "ERROR bad.xml" in finished.out
+
+
+def test_doubts_about_a_file_are_warnings(lab):
+    """What is probably not meant is told, and the suite is run."""
+    finished = lab.run(lab.suite('<test name="a" retrys="2"> Fine </test>'))
+    assert finished.exit_code == 0, finished.out
+    assert "SuiteFileWarning: s.xml:2:" in finished.out
+
+
+HOSTILE = ("twice", "twice", "a::b", "x[1]", "line&#10;end", "()", "&lt;script&gt;", "ärm ∞", "a and b", "../up")
+
+
+def test_hostile_names_are_unique_and_can_be_selected(lab):
+    """Every test can be named on the command line as it is listed."""
+    lab.suite("".join(f'<test name="{name}"> Fine </test>' for name in HOSTILE))
+    listed = lab.run("s.xml", "--collect-only", "-q").out.split("\n\n")[0].splitlines()
+    assert len({*listed}) == len(HOSTILE)
+    assert listed[:2] == ["s.xml::twice", "s.xml::twice~2"]
+    finished = lab.run(*listed, "-v")
+    assert finished.last_line.startswith(f"{len(HOSTILE)} passed")
+    assert [node for node in listed if f"{node} PASSED" not in finished.out] == []
+
+
+def test_tags_are_markers(lab):
+    """Tags select with ``-m`` and are known; one that is called like a marker of pytest's is a word, and no order."""
+    lab.suite(f'<test name="arm"> Measures </test>{FINE}', attributes='tags="bench"')
+    quick = lab.run("s.xml", "--strict-markers", "-m", "quick and bench")
+    assert quick.last_line.startswith("1 passed, 1 deselected")
+    slow = lab.run("s.xml", "--strict-markers", "-m", "slow-arm and tag_skip")
+    assert slow.last_line.startswith("1 failed, 1 deselected")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--rtf-set", "speed"), "--rtf-set is 'speed'; it must be of the form NAME=VALUE"),
+        (("--rtf-timeout", "soon"), "--rtf-timeout is 'soon'; it must be a duration"),
+        (("--rtf-retries", "-1"), "--rtf-retries is '-1', which is out of range; it must be a whole number"),
+        (("--rtf-report", "no_such"), "--rtf-report is 'no_such': "),
+        (("-o", "rtf_retries=many"), "ini value rtf_retries is 'many'; it must be a whole number"),
+    ],
+)
+def test_wrong_values_are_refused_before_anything_runs(lab, arguments, said):
+    """The message names the option, the value and the mend."""
+    finished = lab.run(lab.suite(FINE), *arguments)
+    assert finished.exit_code == pytest.ExitCode.USAGE_ERROR
+    assert f"ERROR: {said}" in finished.out
+
+
+def test_sessions_without_suites_load_nothing(pytester: pytest.Pytester, monkeypatch):
+    """Beside other tests the plug-in is one small module: nothing else of RTF is imported."""
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    pytester.makepyfile(
+        """
+        import sys
+
+        def test_modules():
+            assert [name for name in sorted(sys.modules) if name.split(".")[0] == "rtf"] == ["rtf", "rtf.pytest_plugin"]
+        """
+    )
+    (pytester.path / "other.xml").write_text("<testsuites/>")
+    result = pytester.runpytest_subprocess("-p", "rtf.pytest_plugin")
+    result.assert_outcomes(passed=1)
+    result.stdout.no_fnmatch_line("*robot tests*")
+
+
+def test_suites_and_python_tests_are_one_session(pytester: pytest.Pytester, monkeypatch):
+    """A suite stands beside a module, and both count."""
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    plug = "from rtf.testing import TestCase\nclass Plug(TestCase):\n    def run(self): self.check(True, 'fine')"
+    pytester.makepyfile(test_one="def test_one(): pass", plug=plug)
+    (pytester.path / "s.xml").write_text('<suite name="s"><test name="two"> plug.py </test></suite>')
+    result = pytester.runpytest_subprocess("-p", "rtf.pytest_plugin", "--rtf", "-v")
+    result.assert_outcomes(passed=2)
+    result.stdout.fnmatch_lines(["s.xml::two PASSED*", "test_one.py::test_one PASSED*"])
+
+
+@pytest.mark.skipif(
+    not [entry for entry in entry_points(group="pytest11") if entry.value == "rtf.pytest_plugin"],
+    reason="this installation has no entry point for pytest",
+)
+def test_installed_plug_in_is_there_unasked(pytester: pytest.Pytester):
+    """An installed RTF adds its options to pytest."""
+    result = pytester.run(sys.executable, "-m", "pytest", "--help")
+    result.stdout.fnmatch_lines(["robot testing (rtf):*"])

@@ -1,0 +1,213 @@
+"""Items one at a time: selection, order, stopping early, options, and the record of it all."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from rtf.testing.verdict import Verdict
+
+ARMS = '<test name="left"> Measures </test><test name="right"> Fine </test><test name="head"> Fine </test>'
+FIXTURE = '<fixture name="robot" backoff="0"> Robot </fixture>'
+
+
+def verdicts(finished) -> dict[str, Verdict]:
+    """What the record says, by the last part of the ids."""
+    return {test.id.rpartition("/")[2]: test.verdict for test in finished.results.tests.values()}
+
+
+def test_selection_is_pytests(lab):
+    """Only what was selected is planned, so that the record does not speak of tests that nobody wanted."""
+    finished = lab.run(lab.suite(ARMS), "-k", "right or s/head")
+    assert finished.last_line.startswith("2 passed, 1 deselected")
+    assert verdicts(finished) == {"right": Verdict.PASSED, "head": Verdict.PASSED}
+
+
+def test_stopping_at_the_first_failure_takes_fixtures_down(lab):
+    """After ``-x`` nothing more is started, fixtures come down, and the record says what was not run."""
+    finished = lab.run(lab.suite(FIXTURE + ARMS), "-x")
+    assert finished.last_line.startswith("1 failed")
+    assert verdicts(finished) == {"left": Verdict.FAILED, "right": Verdict.NOT_RUN, "head": Verdict.NOT_RUN}
+    assert lab.log == ["up", "down"]
+    assert finished.events[-1].kind == "run_ended"
+
+
+def test_last_failed_are_run_again(lab):
+    """``--lf`` knows the tests of suites by their ids."""
+    lab.suite(ARMS)
+    lab.run("s.xml", "-p", "cacheprovider")
+    again = lab.run("s.xml", "-p", "cacheprovider", "--lf")
+    assert again.last_line.startswith("1 failed, 2 deselected")
+    assert verdicts(again) == {"left": Verdict.FAILED}
+
+
+def test_any_order_keeps_fixtures_apart(lab):
+    """When suites are mixed, the fixtures of one are down before the next one's come up."""
+    lab.write(conftest__py="def pytest_collection_modifyitems(items): items[:] = items[::2] + items[1::2]")
+    for name in ("one", "two"):
+        lab.suite(
+            f'{FIXTURE}<test name="a"> Fine </test><test name="b"> Fine </test><test name="c"> Fine </test>', name
+        )
+    finished = lab.run("one.xml", "two.xml", "-v")
+    assert finished.last_line.startswith("6 passed")
+    assert lab.log == ["up", "down"] * 4  # a c | b of the other | b | a c of the other
+
+
+def test_fixture_is_set_up_once_a_suite(lab):
+    """It is up for all tests of the suite, and down before what comes after it."""
+    lab.write(test_after__py="def test_log(): assert open('robot.log').read().split() == ['up', 'down']")
+    finished = lab.run(lab.suite(FIXTURE + ARMS.replace("Measures", "Fine")), "test_after.py")
+    assert finished.last_line.startswith("4 passed")
+
+
+def test_options_reach_the_tests(lab):
+    """Parameters, variables, features, retries, robot and station are those of the command line."""
+    lab.write(
+        asked__py=(
+            "from pathlib import Path\n"
+            "from rtf.testing import Parameter, TestCase\n"
+            "class Asked(TestCase):\n"
+            "    speed = Parameter(int, 'speed', default=1)\n"
+            "    def run(self):\n"
+            "        self.check(self.speed == 7, f'{self.speed} is 7')\n"
+            "        self.check(self.confirm('sure?'), 'sure')\n"
+            "        if not Path('was-here').exists():\n"
+            "            Path('was-here').touch()\n"
+            "            self.assert_fail('once more')\n"
+        )
+    )
+    lab.suite('<test name="${who}" requires="bench"> asked.py </test>')
+    options = ["--rtf-set=speed=7", "--rtf-define=who=me", "--rtf-feature=bench", "--rtf-retries=1", "--rtf-answer=yes"]
+    finished = lab.run("s.xml", *options, "--rtf-robot=icub", "--rtf-station=bench 2", "--rtf-timeout=20s", "-v")
+    assert "s.xml::me PASSED" in finished.out
+    assert verdicts(finished) == {"me": Verdict.FLAKY}
+    started = finished.events[0]
+    assert (started.robot, started.station) == ("icub", "bench 2")
+    assert finished.results.tests["s/me"].planned.run_timeout == 20.0
+
+
+def test_ini_values_count_where_the_command_line_says_nothing(lab):
+    """A project says once what its robots are; the command line has the last word."""
+    lab.write(pytest__ini="[pytest]\nrtf_robot = red\nrtf_runs = records\nrtf_define =\n    who=she\n    how=well\n")
+    lab.suite('<test name="${who} ${how}"> Fine </test>')
+    finished = lab.run("s.xml", "--rtf-define", "how=badly", "-v")
+    assert "s.xml::she badly PASSED" in finished.out
+    assert (lab.folder / "records" / "latest").exists()
+
+
+def test_reports_of_the_runner_are_written(lab):
+    """Any reporter listens to the robot tests of the session; a file that was not named is in the run's folder."""
+    finished = lab.run(lab.suite(ARMS), "--rtf-report", "json=out.json", "--rtf-report", "junit")
+    record = json.loads((lab.folder / "out.json").read_text())
+    assert len(record["suites"][0]["tests"]) == 3
+    assert (lab.folder / "rtf-runs" / "latest" / "junit.xml").exists()
+    assert "robot tests: out.json" in finished.out
+
+
+def test_record_can_be_reported_later(lab):
+    """``testrunner`` makes of the record what it makes of any run's; only to go on with it is pytest's business."""
+    lab.run(lab.suite(ARMS))
+
+    def testrunner(*words: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "rtf.cli.testrunner", *words]
+        return subprocess.run(command, cwd=lab.folder, capture_output=True, text=True, timeout=60, check=False)
+
+    assert (
+        testrunner("report", "rtf-runs/latest").stdout.rstrip().splitlines()[-1].startswith("FAILED  1 failed, 2 pas")
+    )
+    resumed = testrunner("--resume", "rtf-runs/latest")
+    assert resumed.returncode == 4
+    assert "was made by pytest, which goes on with it by --last-failed" in resumed.stderr
+
+
+def test_report_that_cannot_be_written_ends_the_session(lab):
+    """Nothing is run whose report would be lost."""
+    finished = lab.run(lab.suite(ARMS), "--rtf-report", "json=/proc/no/such.json")
+    assert finished.exit_code == pytest.ExitCode.USAGE_ERROR
+    assert "robot tests: report json cannot be written" in finished.out
+
+
+def test_reporter_that_breaks_is_an_internal_error(lab):
+    """The tests go on, and the session does not look as if all were well."""
+    broken = "from rtf.testing import Reporter\nclass Broken(Reporter):\n    def handle(self, event, results): 1 / 0\n"
+    lab.write(reports__broken__py="", **{"reports/broken.py": broken})
+    finished = lab.run(lab.suite(ARMS), "--rtf-report", "broken", RTF_PLUGIN_PATH=str(lab.folder / "reports"))
+    assert finished.exit_code == pytest.ExitCode.INTERNAL_ERROR
+    assert "robot tests: internal error: reporter" in finished.out
+    assert verdicts(finished)["head"] is Verdict.PASSED
+
+
+def test_time_out_of_the_suite_is_red_once(lab):
+    """What a suite that takes too long did not come to is skipped, and the test it was in is not."""
+    lab.suite('<test name="slow"> Hangs </test><test name="late"> Fine </test>', attributes='timeout="1"')
+    finished = lab.run("s.xml", "-ra")
+    assert finished.last_line.startswith("1 failed, 1 skipped")
+    assert finished.line("FAILED") == "FAILED s.xml::slow - error: the suite did not end within 1 s"
+    assert finished.line("SKIPPED").endswith("not run: the suite did not end within 1 s")
+
+
+def test_time_out_of_pytest_ends_the_test_alone(lab):
+    """pytest-timeout strikes in pytest's process; the test's own is ended, its teardown runs, the next test runs."""
+    lab.suite(f'{FIXTURE}<test name="slow"> Hangs </test><test name="next"> Fine </test>')
+    finished = lab.run("s.xml", "-p", "pytest_timeout", "-o", "timeout=2")
+    assert finished.last_line.startswith("1 failed, 1 passed")
+    assert "Timeout (>2.0s)" in finished.line("FAILED")
+    assert verdicts(finished) == {"slow": Verdict.ERROR, "next": Verdict.PASSED}
+    assert "Timeout" in finished.results.tests["s/slow"].last.detail
+    assert (lab.folder / "torn-down").exists()
+    assert lab.log == ["up", "down"]
+
+
+def test_plan_of_the_set_up_touches_nothing(lab):
+    """``--setup-plan`` brings no robot up."""
+    finished = lab.run(lab.suite(FIXTURE + ARMS), "--setup-plan")
+    assert finished.exit_code == 0
+    assert lab.log == []
+    assert not (lab.folder / "rtf-runs").exists()
+
+
+def test_set_up_alone_brings_fixtures_up_and_down(lab):
+    """``--setup-only`` does what a test stands on, and not the test."""
+    finished = lab.run(lab.suite(FIXTURE + ARMS), "--setup-only")
+    assert finished.exit_code == 0
+    assert lab.log == ["up", "down"]
+    assert {*verdicts(finished).values()} == {Verdict.NOT_RUN}
+
+
+def test_fork_for_each_test_is_refused(lab):
+    """A robot test has a process already; in a fork of pytest the run would be begun anew with each test."""
+    finished = lab.run(lab.suite(ARMS), "-p", "pytest_forked", "--forked")
+    assert finished.exit_code == pytest.ExitCode.USAGE_ERROR
+    assert "leave --forked out" in finished.out
+
+
+def test_live_page_says_where_it_is_and_goes_with_the_session(lab):
+    """Its address with the token is shown in spite of pytest's capture, and its server ends with the run."""
+    session = lab.start(lab.suite(ARMS), "--rtf-report", "web=0")
+    finished = session.wait()
+    assert "web page: http://127.0.0.1:" in finished.out
+    assert not session.left_over()
+
+
+STOPPER = """
+from rtf.testing import Reporter
+
+class Stopper(Reporter):
+    def handle(self, event, results):
+        if event.kind == "test_started":
+            self.options.control.stop("web", 1)
+"""
+
+
+def test_run_that_is_stopped_from_outside_ends_the_session(lab):
+    """Who presses stop on the live page stops pytest: the running test ends, nothing more is started."""
+    lab.write(**{"reports/stopper.py": STOPPER, "test_later.py": "def test_later(): pass"})
+    environment = {"RTF_PLUGIN_PATH": str(lab.folder / "reports")}
+    finished = lab.run(lab.suite(FIXTURE + ARMS), "test_later.py", "--rtf-report", "stopper", **environment)
+    assert finished.exit_code == pytest.ExitCode.INTERRUPTED
+    assert "the run of the robot tests was stopped" in finished.out
+    assert verdicts(finished) == {"left": Verdict.FAILED, "right": Verdict.NOT_RUN, "head": Verdict.NOT_RUN}
+    assert lab.log == ["up", "down"]

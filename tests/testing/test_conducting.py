@@ -1,0 +1,116 @@
+"""Somebody else says which test is next: what the runner promises holds in any order."""
+
+from __future__ import annotations
+
+import threading
+
+from harness import run_suite
+from rtf.testing.events import FixtureChanged, SuiteEnded, TestEnded
+from rtf.testing.verdict import FixtureState, Verdict
+
+FINE = "from rtf.testing import TestCase\nclass Fine(TestCase):\n    def run(self): self.check(True, 'fine')\n"
+HANGS = "import threading\n" + FINE.replace("Fine", "Hangs").replace(
+    "self.check(True, 'fine')", "threading.Event().wait()"
+)
+UP = "from rtf.testing import FixtureManager\nclass Up(FixtureManager):\n    pass\n"
+SUITE = "<fixture name='up'> up.py </fixture><test name='a'> fine.py </test><test name='b'> {second} </test>"
+
+
+def conducted(tmp_path, conduct, *, second="fine.py", **options):
+    """Run the suite with somebody who is given the run, the lane and the planned suite."""
+    runs = []
+
+    def told(lane):
+        conduct(runs[0], lane, runs[0].suites[0])
+
+    return run_suite(
+        tmp_path,
+        SUITE.format(second=second),
+        interfere=runs.append,
+        options={"conduct": told, **options},
+        fine__py=FINE,
+        hangs__py=HANGS,
+        up__py=UP,
+    )
+
+
+def test_tests_run_in_the_order_they_are_asked_for(tmp_path):
+    """The order of the plan counts for nothing; the fixture is up for both, and down behind the suite."""
+
+    def backwards(_run, lane, planned):
+        with lane.at_work(), lane.suite(planned):
+            for test in reversed(planned.tests):
+                assert lane.bring_up(test)
+                lane.run_test(test)
+
+    outcome = conducted(tmp_path, backwards)
+    assert [event.test for event in outcome.of(TestEnded)] == ["s/b", "s/a"]
+    states = [event.state for event in outcome.of(FixtureChanged)]
+    assert states == [FixtureState.STARTING, FixtureState.READY, FixtureState.STOPPING, FixtureState.STOPPED]
+    assert outcome.exit_code == 0
+
+
+def test_what_is_not_asked_for_is_not_run(tmp_path):
+    """Every planned test has a last word, also one that nobody wanted in the end."""
+
+    def first_only(_run, lane, planned):
+        with lane.at_work(), lane.suite(planned):
+            lane.run_test(planned.tests[0])
+
+    outcome = conducted(tmp_path, first_only)
+    assert (outcome.verdict("a"), outcome.verdict("b")) == (Verdict.PASSED, Verdict.NOT_RUN)
+
+
+def test_plan_may_be_told_as_it_comes(tmp_path):
+    """Without planning ahead the record speaks of nothing but what was asked for."""
+
+    def first_only(run, lane, planned):
+        from dataclasses import replace
+
+        with lane.at_work():
+            run.plan(replace(planned, tests=planned.tests[:1]))
+            with lane.suite(planned):
+                lane.run_test(planned.tests[0])
+
+    outcome = conducted(tmp_path, first_only, plan_ahead=False)
+    assert [*outcome.results.tests] == ["s/a"]
+    assert outcome.of(SuiteEnded)[0].counts == {"passed": 1}
+
+
+def test_abort_stops_one_test_and_no_other(tmp_path):
+    """The running test is stopped with the reason as its detail; when that is taken back the next one runs."""
+    second = []
+
+    def abort(run, lane, planned):
+        hanging, fine = planned.tests[1], planned.tests[0]
+        with lane.at_work(), lane.suite(planned):
+            assert lane.bring_up(hanging)
+            timer = threading.Timer(0.2, lane.abort, ["it takes too long"])
+            timer.start()
+            lane.run_test(hanging)
+            timer.join()
+            second.append(lane.bring_up(fine))
+            lane.abort("")
+            lane.run_test(fine)
+
+    outcome = conducted(tmp_path, abort, second="hangs.py")
+    assert second == [False]
+    assert (outcome.verdict("b"), outcome.detail("b")) == (Verdict.ERROR, "it takes too long")
+    assert outcome.verdict("a") is Verdict.PASSED
+
+
+def test_waiting_ends_when_somebody_wakes_it(tmp_path):
+    """Whoever waits is woken from another thread."""
+
+    def wait(_run, lane, _planned):
+        done = threading.Event()
+
+        def finish():
+            done.set()
+            lane.wake()
+
+        with lane.at_work():
+            threading.Timer(0.05, finish).start()
+            lane.wait(done.is_set)
+
+    assert conducted(tmp_path, wait).verdict("a") is Verdict.NOT_RUN

@@ -1,0 +1,29 @@
+"""The folders of runs: new each time, named by what is run, and the newest is found as ``latest``."""
+
+from __future__ import annotations
+
+import pytest
+
+from rtf.testing.run_folder import LATEST, make_run_folder
+
+
+def test_runs_of_one_second_have_folders_of_their_own(tmp_path):
+    """However quickly they follow each other, no two share a folder, and ``latest`` is the last."""
+    made = [make_run_folder(tmp_path / "runs", "robot", "suite") for _ in range(20)]
+    assert len({*made}) == 20
+    assert all(folder.is_dir() and "_robot_suite" in folder.name for folder in made)
+    assert (tmp_path / "runs" / LATEST).resolve() == made[-1]
+
+
+def test_name_of_a_robot_does_not_lead_out_of_the_folder(tmp_path):
+    """A word is part of a name, whatever is in it."""
+    folder = make_run_folder(tmp_path, "../../red/robot", "")
+    assert folder.parent == tmp_path
+    assert folder.name.endswith("_..-..-red-robot")
+
+
+def test_folder_that_cannot_be_made_is_an_error(tmp_path):
+    """Who asked for it says how to mend that."""
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match="file"):
+        make_run_folder(tmp_path / "file", "suite")
