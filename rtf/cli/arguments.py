@@ -14,6 +14,8 @@ commands (each has its own --help):
   testrunner describe NAME      what a test or fixture is for, and its parameters
   testrunner validate SUITE...  everything that is wrong in suite files, before anything moves
   testrunner report RUN ...     write reports of a run that is over
+  testrunner page RUN           the page of a run that is over, or still going on
+  testrunner history [NAME...]  what became of tests and measurements over the runs
   testrunner where FILE         where a parameter file is looked for, and which one wins
 
 examples:
@@ -27,6 +29,8 @@ exit codes:
   0 passed   1 failures   2 interrupted   3 internal error   4 usage or suite file   5 nothing ran
   6 a fixture is not usable (the rig is broken, not the robot)
 """
+
+_LAST_PORT = 65535
 
 
 class Parser(argparse.ArgumentParser):
@@ -74,6 +78,14 @@ def count(text: str) -> int:
     return number
 
 
+def port(text: str) -> int:
+    """Read the number of a port; 0 stands for any that is free."""
+    number = count(text)
+    if number > _LAST_PORT:
+        raise argparse.ArgumentTypeError(f"{text} is no port; the last one is {_LAST_PORT}")
+    return number
+
+
 def build_parser() -> Parser:
     """The parser of the run command."""
     parser = Parser(
@@ -88,6 +100,7 @@ def build_parser() -> Parser:
     _which(parser.add_argument_group("which of it"))
     _how(parser.add_argument_group("how"))
     add_report_options(parser.add_argument_group("what is said and written"))
+    add_page_options(parser.add_argument_group("the live page"))
     other = parser.add_argument_group("other")
     other.add_argument("--version", action="version", version=f"testrunner version {rtf.__version__}")
     other.add_argument("-?", "-h", "--help", action="help", help="show this text")
@@ -213,8 +226,17 @@ def add_report_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument("-o", "--output", metavar="FILE", help="result file (default: result.txt in the run's folder)")
     group.add_argument("--output-type", choices=("text", "junit"), default="text", help="what the result file is")
     group.add_argument("--no-output", action="store_true", help="no result file")
-    for name, text in (("junit", "JUnit XML"), ("json", "our JSON record"), ("ctrf", "CTRF JSON")):
+    formats = {"junit": "JUnit XML", "json": "our JSON record", "ctrf": "CTRF JSON", "html": "the page as one file"}
+    for name, text in formats.items():
         group.add_argument(f"--{name}", metavar="FILE", help=f"write {text}")
+    group.add_argument("--compare", metavar="RUN", help="show an earlier run beside this one in the page")
+    group.add_argument(
+        "--history",
+        metavar="FILE",
+        nargs="?",
+        const="",
+        help="put the run into the history of all runs, and show trends in the page (default file: the user's own)",
+    )
     group.add_argument(
         "--junit-family",
         choices=("strict", "rich"),
@@ -224,9 +246,32 @@ def add_report_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--report", metavar="NAME[=FILE]", action="append", default=[], help="any other reporter plug-in"
     )
-    group.add_argument("-w", "--web-reporter", action="store_true", help="live web page")
-    group.add_argument("--web-port", metavar="PORT", type=count, default=8080, help="its port (default 8080)")
     group.add_argument(
         "--runs", metavar="DIR", default="rtf-runs", help="where the folders of runs are made (default: rtf-runs)"
     )
     group.add_argument("--run-folder", metavar="DIR", help="the folder of this run (default: named by time and suite)")
+
+
+def add_page_options(group: argparse._ArgumentGroup) -> None:
+    """Add the options of the page that is live during the run."""
+    group.add_argument(
+        "-w",
+        "--web-reporter",
+        action="store_true",
+        help="serve it; report.html in the run's folder is what stays of it",
+    )
+    add_place_options(group)
+    group.add_argument("--web-keep", action="store_true", help="leave it up when the run is over, until Ctrl-C")
+
+
+def add_place_options(group: argparse._ActionsContainer) -> None:
+    """Add the options that say where a page is served."""
+    group.add_argument(
+        "--web-port", metavar="PORT", type=port, default=8080, help="its port (default 8080; 0: any that is free)"
+    )
+    group.add_argument(
+        "--web-host",
+        metavar="ADDRESS",
+        default="127.0.0.1",
+        help="the address it is served on (default 127.0.0.1: this machine only; 0.0.0.0: every network)",
+    )

@@ -32,9 +32,12 @@ def demo(words: Sequence[str]) -> ExitCode:
     folder = shipped_folder("suites") / "demo"
     runs = Path(options.runs)
     latest = runs / "latest"
-    code = testrunner.main(
-        ["--suite", str(folder / "demo.xml"), "--runs", str(runs), "--answer", "default", *_reports(runs), *rest]
-    )
+    page = ["--web-reporter", "--web-port", "0", "--history", str(runs / "demo-history.sqlite")]
+    before = latest.resolve()
+    if (before / "journal.jsonl").exists():
+        page += ["--compare", str(before)]
+    run = ["--suite", str(folder / "demo.xml"), "--runs", str(runs), "--answer", "default"]
+    code = testrunner.main([*run, *page, *_reports(runs), *rest])
     if code not in (ExitCode.PASSED, ExitCode.FAILURES):
         return ExitCode(code)
     results = RunResult()
@@ -48,7 +51,8 @@ def demo(words: Sequence[str]) -> ExitCode:
     if wrong:
         print(f"DEMO FAILED  {len(wrong)} of {total} expectations were not met")
         return ExitCode.FAILURES
-    print(f"DEMO PASSED  all {total} tests ended as expected: crash, hang, lost fixture and the rest; report: {latest}")
+    print(f"The page of this run, to look at in a browser: {(latest / 'report.html').resolve()}")
+    print(f"DEMO PASSED  all {total} tests ended as expected: crash, hang, lost fixture and the rest")
     return ExitCode.PASSED
 
 

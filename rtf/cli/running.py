@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf import clock
+from rtf.testing import run_folder
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files, plugin_files, suite_files, suite_of_plugins
 from rtf.testing.suite.model import Isolation, SuiteError, TestSuite, Timeouts, number_suites
 from rtf.testing.verdict import ExitCode, Severity
@@ -18,12 +17,11 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
 
+    from rtf.testing.control import Control
     from rtf.testing.events import Diagnosed
     from rtf.testing.isolation.launch import Launched
     from rtf.testing.reporting import Reporter
     from rtf.testing.runner import RunOptions
-
-LATEST = "latest"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +92,7 @@ def _failed_last_time(runs: Path) -> frozenset[str]:
     from rtf.testing import replay
     from rtf.testing.results import RunResult
 
-    folder = runs / LATEST
+    folder = runs / run_folder.LATEST
     if not folder.exists():
         raise SuiteError(f"--last-failed: there is no earlier run in {runs}")
     results = RunResult()
@@ -151,33 +149,20 @@ def make_run_folder(options: argparse.Namespace, plan: Plan) -> Path:
         return folder
     runs = Path(options.runs).absolute()
     name = plan.suites[0].suite.id if len(plan.suites) == 1 else f"{len(plan.suites)}-suites" if plan.suites else ""
-    stem = "_".join(part for part in (clock.local_stamp(clock.now()), options.robot, name[:60]) if part)
-    for count in range(1, 1000):
-        folder = runs / (stem if count == 1 else f"{stem}~{count}")
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise SuiteError(f"--runs {runs}: {error.strerror}; name another folder with --runs") from None
-        _point_to(runs / LATEST, folder.name)
-        return folder
-    raise SuiteError(f"{runs}: there are a thousand runs of this second already")
-
-
-def _point_to(link: Path, name: str) -> None:
-    temporary = link.with_name(f".{LATEST}.{os.getpid()}")
-    with contextlib.suppress(OSError):  # a file system without links has no 'latest', and that is all
-        temporary.symlink_to(name)
-        temporary.replace(link)
+    try:
+        return run_folder.make_run_folder(runs, options.robot, name[:60])
+    except OSError as error:
+        raise SuiteError(f"--runs {runs}: {error.strerror or error}; name another folder with --runs") from None
 
 
 def run_options(options: argparse.Namespace, folder: Path, words: list[str]) -> RunOptions:
     """The options of the runner."""
+    from rtf.testing.control import Control
     from rtf.testing.isolation.attempt import GRACE
     from rtf.testing.operator import make_operator
     from rtf.testing.runner import RunOptions
 
+    control = Control()
     return RunOptions(
         run_folder=folder,
         jobs=max(1, options.jobs),
@@ -196,15 +181,17 @@ def run_options(options: argparse.Namespace, folder: Path, words: list[str]) -> 
         station=options.station,
         seed=options.shuffle,
         command=tuple(words),
-        ask=make_operator(options.answer),
+        ask=make_operator(options.answer, control, page=options.web_reporter),
+        control=control,
     )
 
 
 def _memory(mebibytes: int | None) -> int:
+    from rtf.testing.runner import most_memory
+
     if mebibytes is not None:
         return mebibytes << 20
-    pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    return pages * 3 // 4
+    return most_memory()
 
 
 def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: Launched | None = None) -> ExitCode:
@@ -217,28 +204,45 @@ def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: 
     if path.exists() and not run.resumed:
         raise SuiteError(f"{run.run_folder} holds a run already; go on with it by --resume, or name another folder")
     journal = Journal(path, resume=run.resumed)  # before any report is touched: the run may still be going on
-    broadcast = Broadcast(journal, open_reporters(options, run.run_folder))
+    reporters = open_reporters(options, run.run_folder, run.control)
+    broadcast = Broadcast(journal, [*reporters])
     if run.resumed:
         broadcast.resume(path)
-    return Run(plan.suites, run, broadcast, launched).execute(plan.diagnostics)
+    code = Run(plan.suites, run, broadcast, launched).execute(plan.diagnostics)
+    with contextlib.suppress(KeyboardInterrupt):  # the run is over, and its verdict stands
+        for reporter in reporters:
+            reporter.linger()
+    return code
 
 
-def open_reporters(options: argparse.Namespace, folder: Path) -> list[Reporter]:
-    """Make every reporter that was asked for; raises before anything runs when one could never write."""
+def open_reporters(options: argparse.Namespace, folder: Path, control: Control | None = None) -> list[Reporter]:
+    """Make every reporter that was asked for; raises before anything runs when one could never write.
+
+    ``control`` is given to the reporters of a run that can be stopped.
+    """
     from rtf.testing.reporting import ReportError, ReportOptions, load_reporter
 
     colour = {"auto": None, "always": True, "never": False}[options.color]
     verbosity = -1 if options.quiet else min(2, options.verbose)
     extra = {"junit-family": options.junit_family, "summary": "no" if options.no_summary else "yes"}
-    if options.web_reporter:
-        extra["port"] = str(options.web_port)
+    for name in ("compare", "history"):
+        if getattr(options, name) is not None:
+            extra[name] = getattr(options, name)
+    if getattr(options, "web_reporter", False):
+        extra |= {"port": str(options.web_port), "host": options.web_host, "keep": "yes" if options.web_keep else "no"}
     reporters = []
     wanted = [*_wanted(options, folder)]
     extra["reports"] = ":".join(str(target) for _, target in wanted if target is not None)
     for name, target in wanted:
         made = load_reporter(name)(
             ReportOptions(
-                target=target, run_folder=folder, verbosity=verbosity, detail=options.detail, colour=colour, extra=extra
+                target=target,
+                run_folder=folder,
+                verbosity=verbosity,
+                detail=options.detail,
+                colour=colour,
+                extra=extra,
+                control=control,
             ),
         )
         try:
@@ -251,6 +255,9 @@ def open_reporters(options: argparse.Namespace, folder: Path) -> list[Reporter]:
 
 def _wanted(options: argparse.Namespace, folder: Path) -> Iterator[tuple[str, Path | None]]:
     yield options.style, None
+    served = getattr(options, "web_reporter", False)
+    if served:
+        yield "web", None
     if not options.no_output:
         name = options.output_type
         default = folder / "result.txt" if name == "text" else Path("result.xml")
@@ -258,8 +265,10 @@ def _wanted(options: argparse.Namespace, folder: Path) -> Iterator[tuple[str, Pa
     for name in ("junit", "json", "ctrf"):
         if getattr(options, name):
             yield name, Path(getattr(options, name))
+    if options.html or served:
+        yield "html", Path(options.html) if options.html else folder / "report.html"
     for word in options.report:
         name, _, target = word.partition("=")
         yield name, Path(target) if target else None
-    if options.web_reporter:
-        yield "web", None
+    if options.history is not None:  # closed first, so that the trends in the page have this run in them
+        yield "history", Path(options.history) if options.history else None

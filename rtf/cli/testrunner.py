@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,12 @@ if TYPE_CHECKING:
 
     from rtf.testing.runner import RunOptions
 
-COMMANDS = ("describe", "validate", "report", "where")
+#: The commands beside running, and the module of each.
+COMMANDS = {
+    **dict.fromkeys(("describe", "validate", "report", "where"), "commands"),
+    "history": "history",
+    "page": "page",
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -24,9 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         if words and words[0] in COMMANDS:
-            from rtf.cli import commands
-
-            return int(getattr(commands, words[0])(words[1:]))
+            module = import_module(f"rtf.cli.{COMMANDS[words[0]]}")
+            return int(getattr(module, words[0])(words[1:]))
         return _run(words)
     except RtfError as error:
         print(f"testrunner: {error}", file=sys.stderr)
@@ -90,8 +95,9 @@ def _execute(options: argparse.Namespace, words: list[str]) -> int:
 
 #: What a resumed run takes from the new command line, where it is given there.
 _OF_REPORTING = (
-    *("junit", "json", "ctrf", "report", "quiet", "verbose"),
-    *("style", "color", "output", "output_type", "no_output"),
+    *("junit", "json", "ctrf", "html", "report", "quiet", "verbose"),
+    *("style", "color", "output", "output_type", "no_output", "compare", "history"),
+    *("web_reporter", "web_port", "web_host", "web_keep", "answer"),
 )
 
 
@@ -113,6 +119,9 @@ def _resume(options: argparse.Namespace) -> int:
     if started is None:
         print(f"testrunner: {folder} holds no run that was begun", file=sys.stderr)
         return int(ExitCode.USAGE)
+    if started.command[:1] == ("pytest",):
+        print(f"testrunner: {folder} was made by pytest, which goes on with it by --last-failed", file=sys.stderr)
+        return int(ExitCode.USAGE)
     done = replay.finished_tests(journal.read(folder))
     original = build_parser().parse_args(list(started.command))
     original.planned = replay.planned_tests(journal.read(folder))  # whatever it was that selected them then
@@ -132,7 +141,7 @@ def _resume(options: argparse.Namespace) -> int:
 
 def _absolute_targets(original: argparse.Namespace, here: Path, *, given: argparse.Namespace) -> None:
     """Report files named now are relative to where the user is now, not to where the run was begun."""
-    for name in ("junit", "json", "ctrf", "output"):
+    for name in ("junit", "json", "ctrf", "html", "output", "compare", "history"):
         if getattr(given, name):
             setattr(original, name, str(here / getattr(given, name)))
 

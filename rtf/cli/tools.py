@@ -19,6 +19,8 @@ tools:
   describe   what a test or fixture is for, and its parameters
   validate   everything that is wrong in suite files
   report     write reports of a run that is over
+  page       the page of a run that is over, or still going on
+  history    what became of tests and measurements over the runs
   where      where a parameter file is looked for, and which one wins
   demo       run the demonstration suite and check every verdict
   version    the version of the framework

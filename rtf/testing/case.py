@@ -423,7 +423,7 @@ class TestCase(Declared):
             form=form,
             choices=choices,
             unit=symbol,
-            picture=picture,
+            picture=self._kept_picture(picture) if picture else "",
             timeout=timeout,
             default=default,
         )
@@ -431,6 +431,14 @@ class TestCase(Declared):
         if answer is None:
             raise Inconclusive(f"nobody answered within {timeout:g} s: {text}")
         return answer
+
+    def _kept_picture(self, picture: str) -> str:
+        """The path of a picture inside the run's folder, where it is attached unless it is there already."""
+        folder = self._session.run_folder.resolve()
+        path = Path(picture) if Path(picture).exists() else folder / picture
+        if path.resolve().is_relative_to(folder) and path.is_file():
+            return path.resolve().relative_to(folder).as_posix()
+        return self._relative(self.attach(picture))
 
     # Behind the calls --------------------------------------------------------------------------------------------
 

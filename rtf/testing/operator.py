@@ -1,19 +1,22 @@
-"""The operator: who answers a test's questions. A person at the console, or an answer given beforehand.
+"""The operator: who answers a test's questions. A person at the console or the page, or an answer given beforehand.
 
-The web page answers through the same door. Where nobody is there to answer, a question's default counts at once.
+Where nobody is there to answer, a question's default counts at once.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import sys
 import threading
-from collections import deque
 from typing import TYPE_CHECKING
+
+from rtf.testing.outcome import TestingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rtf.testing.control import Control
     from rtf.testing.events import Asked
 
     Answer = Callable[[str | None, str], None]
@@ -44,19 +47,25 @@ def interpret(question: Asked, text: str) -> str:
     if question.form == "choice":
         return _choice(question, text)
     if question.form == "number":
-        try:
-            return repr(float(text.replace(",", ".")))
-        except ValueError:
-            raise AnswerError(f"a number is wanted{' in ' + question.unit if question.unit else ''}") from None
+        return _number(question, text)
     return text
+
+
+def _number(question: Asked, text: str) -> str:
+    with contextlib.suppress(ValueError):
+        value = float(text.replace(",", "."))
+        if math.isfinite(value):
+            return repr(value)
+    raise AnswerError(f"a number is wanted{' in ' + question.unit if question.unit else ''}")
 
 
 def _choice(question: Asked, text: str) -> str:
     for choice in question.choices:
         if choice.lower() == text.lower():
             return choice
-    if text.isdigit() and 1 <= int(text) <= len(question.choices):
-        return question.choices[int(text) - 1]
+    numbers = {str(number): choice for number, choice in enumerate(question.choices, 1)}
+    if text in numbers:
+        return numbers[text]
     raise AnswerError(f"choose one of {', '.join(question.choices)}")
 
 
@@ -79,38 +88,38 @@ def automatic(answer: str) -> Operator:
 class Console:
     """A person at the terminal. Questions are shown by the console reporter; lines typed answer the oldest open one."""
 
-    def __init__(self) -> None:
-        self._open: deque[tuple[Asked, Answer]] = deque()
+    def __init__(self, control: Control) -> None:
+        self._control = control
         self._lock = threading.Lock()
         self._listener: threading.Thread | None = None
+        control.attend(self._asked)
 
-    def __call__(self, question: Asked, reply: Answer) -> None:
-        """Take on a question."""
+    def _asked(self, _question: Asked) -> None:
+        """Read from now on; what was typed before there was any question is nobody's answer."""
         with self._lock:
-            self._open.append((question, reply))
             if self._listener is None:
                 self._listener = threading.Thread(target=self._listen, name="rtf-operator", daemon=True)
                 self._listener.start()
 
     def _listen(self) -> None:
         for line in sys.stdin:
-            with self._lock:
-                if not self._open:
-                    continue
-                question, reply = self._open[0]
+            for question in self._control.questions()[:1]:
                 try:
-                    answer = interpret(question, line)
+                    self._control.answer(question.test, question.question, line, "console")
                 except AnswerError as error:
                     sys.stderr.write(f"{error}:\n")
-                    continue
-                self._open.popleft()
-            reply(answer, "console")
+                except TestingError as error:  # somebody else was quicker
+                    sys.stderr.write(f"{error}\n")
 
 
-def make_operator(answer: str | None) -> Operator | None:
-    """The operator for a command line: an answer given beforehand, the person at the terminal, or nobody."""
+def make_operator(answer: str | None, control: Control, *, page: bool = False) -> Operator | None:
+    """The operator for a command line: an answer given beforehand, people at terminal and page, or nobody.
+
+    A question goes to all of them, and the first valid answer counts.
+    """
     if answer is not None:
         return automatic(answer)
-    if sys.stdin is not None and sys.stdin.isatty():
-        return Console()
-    return None
+    at_terminal = sys.stdin is not None and sys.stdin.isatty()
+    if at_terminal:
+        Console(control)
+    return control.ask if at_terminal or page else None

@@ -21,12 +21,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
+    from rtf.testing.control import Control
+
 
 @dataclass(frozen=True, slots=True)
 class ReportOptions:
     """What a reporter is given: where its file goes, where the run's folder is, how much it is to say.
 
-    ``verbosity`` is -1 for quiet, 0, 1 or 2. ``extra`` holds options of the reporter's own, by name.
+    ``verbosity`` is -1 for quiet, 0, 1 or 2. ``extra`` holds options of the reporter's own, by name. ``control`` is the
+    way to stop the run and to answer its questions; a run that is over has none.
     """
 
     target: Path | None
@@ -35,6 +38,7 @@ class ReportOptions:
     detail: bool = False
     colour: bool | None = None  # None: decide by the terminal and the environment
     extra: Mapping[str, str] = field(default_factory=dict)
+    control: Control | None = None
 
 
 class Reporter:
@@ -60,6 +64,9 @@ class Reporter:
     def close(self, results: RunResult) -> None:
         """Write what is still to be written; called on every exit path."""
 
+    def linger(self) -> None:
+        """Called last of all, in the main thread, when the journal is closed: what people look at may stay a while."""
+
     def paths(self) -> tuple[Path, ...]:
         """The files that people may want to open when the run is over."""
         return (self.options.target,) if self.options.target is not None else ()
@@ -83,6 +90,7 @@ class Broadcast:
     def __init__(self, to: Journal | None, reporters: list[Reporter], *, results: RunResult | None = None) -> None:
         self.results = results or RunResult()
         self.reporters = reporters
+        self.control: Control | None = None
         self._journal = to
         self._lock = threading.RLock()
         self._seq = 0
@@ -109,6 +117,8 @@ class Broadcast:
 
     def _tell(self, event: Event) -> None:
         self.results.apply(event)
+        if self.control is not None:
+            self.control.note(event)
         for reporter in [*self.reporters]:
             try:
                 reporter.handle(event, self.results)

@@ -22,10 +22,13 @@ def call(*command: str | Path, folder: Path) -> subprocess.CompletedProcess[str]
 
 
 def test_the_demo_sees_what_happens(tmp_path: Path):
-    """Every verdict of the demonstration is the expected one, and the last line says so."""
-    done = call(sys.executable, "-m", "rtf.cli.tools", "demo", folder=tmp_path)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.rstrip().splitlines()[-1].startswith("DEMO PASSED")
+    """Every verdict of the demonstration is the expected one, and the last lines say so and name the archived page."""
+    for _ in range(2):  # the second time there is a run to compare with, and a history
+        done = call(sys.executable, "-m", "rtf.cli.tools", "demo", folder=tmp_path)
+        assert done.returncode == 0, done.stdout + done.stderr
+        page, verdict = done.stdout.rstrip().splitlines()[-2:]
+        assert verdict.startswith("DEMO PASSED")
+        assert Path(page.partition(": ")[2]).read_text(encoding="utf-8").startswith("<!doctype html>")
 
 
 @pytest.fixture(scope="module")

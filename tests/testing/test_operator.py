@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pty
 import select
@@ -13,9 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness import run_suite, write_files
+from harness import read_back, run_suite, write_files
+from live_page import Page
 from rtf import clock
-from rtf.testing.events import Answered, Asked
+from rtf.testing.events import Answered, Asked, Attached
 from rtf.testing.operator import AnswerError, automatic, interpret
 from rtf.testing.verdict import Verdict
 
@@ -59,6 +61,10 @@ def test_what_counts_as_an_answer(question: Asked, typed: str, answer: str):
         (asked("confirm"), "perhaps"),
         (asked("confirm"), ""),
         (asked("choice", choices=("left", "right")), "3"),
+        (asked("choice", choices=("left", "right")), "\u00b2"),
+        (asked("choice", choices=("left", "right")), "1" * 10_000),
+        (asked("number"), "nan"),
+        (asked("number"), "1e999"),
         (asked("number"), "far"),
     ],
 )
@@ -125,31 +131,109 @@ class Away(TestCase):
     assert answered.source == "timeout"
 
 
+class Terminal:
+    """``testrunner`` on a terminal of its own, and the person before it."""
+
+    def __init__(self, folder: Path, *arguments: str) -> None:
+        self._end, there = pty.openpty()
+        self.shown = ""
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "rtf.cli.testrunner", *arguments, "--color", "never"],
+            cwd=folder,
+            stdin=there,
+            stdout=there,
+            stderr=there,
+            close_fds=True,
+        )
+        os.close(there)
+
+    def wait_for(self, text: str) -> str:
+        """Wait until something is shown; returns what was shown up to it."""
+        deadline = clock.Deadline.after(60)
+        while text not in self.shown:
+            assert not deadline.expired, self.shown
+            if select.select([self._end], [], [], 0.2)[0]:
+                self.shown += os.read(self._end, 65536).decode()
+        before, found, self.shown = self.shown.partition(text)
+        return before + found
+
+    def type(self, line: str) -> None:
+        """Type a line."""
+        os.write(self._end, line.encode() + b"\n")
+
+    def close(self) -> int:
+        """Read to the end; returns the exit code."""
+        with contextlib.suppress(OSError):  # nobody holds the other end any more
+            while data := os.read(self._end, 65536):
+                self.shown += data.decode()
+        os.close(self._end)
+        return self.process.wait(timeout=20)
+
+
 def test_a_person_at_the_terminal_answers(tmp_path: Path):
     """On a real terminal the questions are shown and typed lines answer them, a wrong one is asked for again."""
     write_files(tmp_path, {"asking__py": ASKING})
-    here, there = pty.openpty()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "rtf.cli.testrunner", "-t", "asking.py", "--color", "never"],
-        cwd=tmp_path,
-        stdin=there,
-        stdout=there,
-        stderr=there,
-        close_fds=True,
-    )
-    os.close(there)
-    shown = ""
-    replies = [("stand?", "maybe\n"), ("yes or no", "yes\n"), ("arm?", "2\n"), ("far?", "12.5\n")]
-    deadline = clock.Deadline.after(60)
-    while not deadline.expired:
-        if select.select([here], [], [], 0.2)[0]:
-            try:
-                shown += os.read(here, 65536).decode()
-            except OSError:
-                break
-        if replies and replies[0][0] in shown:
-            shown = shown.partition(replies[0][0])[2]
-            os.write(here, replies.pop(0)[1].encode())
-    assert process.wait(timeout=20) == 0, shown
-    assert not replies
-    os.close(here)
+    terminal = Terminal(tmp_path, "-t", "asking.py")
+    for shown, typed in [("stand?", "maybe"), ("yes or no", "yes"), ("arm?", "2"), ("far?", "12.5")]:
+        terminal.wait_for(shown)
+        terminal.type(typed)
+    assert terminal.close() == 0, terminal.shown
+
+
+def test_people_at_the_terminal_and_at_the_page_are_asked_together(tmp_path: Path):
+    """A question goes to all; whoever is first counts, and the record says who it was."""
+    write_files(tmp_path, {"asking__py": ASKING})
+    terminal = Terminal(tmp_path, "-t", "asking.py", "--run-folder", "run", "-w", "--web-port", "0")
+    page = Page.said(terminal.wait_for("#token=") + terminal.wait_for("\n"))
+    with page.follow() as stream:
+        stream.until(event="asked", question="test/asking#1")
+        assert page.control("answer", test="test/asking", question="test/asking#1", answer="yes").status == 202
+        terminal.wait_for("arm?")
+        terminal.type("right")
+        assert stream.until(event="answered", question="test/asking#2")["source"] == "console"
+        late = page.control("answer", test="test/asking", question="test/asking#2", answer="left")
+        assert (late.status, late.json["error"]) == (409, "it is answered already (console)")
+        stream.until(event="asked", question="test/asking#3")
+        assert page.control("answer", test="test/asking", question="test/asking#3", answer="12,5").status == 202
+        stream.until_end()
+    assert terminal.close() == 0, terminal.shown
+    events, _ = read_back(tmp_path / "run")
+    assert [event.source for event in events if isinstance(event, Answered)] == ["web", "console", "web"]
+
+
+PICTURED = """
+from pathlib import Path
+from rtf.testing import TestCase
+class Pictured(TestCase):
+    def run(self):
+        here = Path(__file__).with_name("elbow.png")
+        here.write_bytes(b"PNG")
+        kept = self.attach(here, "kept.png")
+        inside = kept.relative_to(self._session.run_folder)
+        for picture in (str(here), str(kept), str(inside), ""):
+            self.check(self.confirm("like this?", timeout=20, default=True, picture=picture), "yes")
+"""
+
+
+def test_a_picture_is_kept_with_the_run(tmp_path: Path):
+    """Wherever it was, what the question names is a path inside the run's folder; one that is there is not copied."""
+    outcome = run_suite(tmp_path, "<test>pictured.py</test>", pictured__py=PICTURED)
+    assert outcome.verdict("pictured") is Verdict.PASSED
+    pictures = [event.picture for event in outcome.of(Asked)]
+    assert pictures[1:] == ["files/s/pictured/kept.png"] * 2 + [""]
+    assert (outcome.folder / pictures[0]).read_bytes() == b"PNG"
+    assert len(outcome.of(Attached)) == 2
+
+
+def test_a_picture_that_is_not_there_is_an_error_of_the_test(tmp_path: Path):
+    """A question about a picture that nobody sees is not asked."""
+    test = """
+from rtf.testing import TestCase
+class Missing(TestCase):
+    def run(self):
+        self.confirm("like this?", picture="nowhere.png")
+"""
+    outcome = run_suite(tmp_path, "<test>missing.py</test>", missing__py=test)
+    assert outcome.verdict("missing") is Verdict.ERROR
+    assert "nowhere.png" in outcome.detail("missing")
+    assert not outcome.of(Asked)

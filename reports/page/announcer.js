@@ -1,0 +1,52 @@
+// Says aloud, to those who listen instead of looking, what matters: failures, questions, the end. Not each event.
+
+import { h } from "./dom.js";
+import { visible } from "./format.js";
+import { isBad } from "./model.js";
+import { stateWord, t } from "./texts.js";
+
+const PAUSE = 2000; // milliseconds in which failures are gathered into one sentence
+const STALE = 10; // seconds after which something that happened is history, not news
+
+export class Announcer {
+  constructor(page) {
+    this.page = page;
+    this.waiting = [];
+    this.told = new Set(); // attempts
+    this.polite = h("div", { class: "unseen", role: "status" });
+    this.urgent = h("div", { class: "unseen", role: "alert" });
+    this.element = h("div", {}, this.polite, this.urgent);
+  }
+
+  say(text, urgently = false) {
+    (urgently ? this.urgent : this.polite).textContent = visible(text);
+  }
+
+  update(changes) {
+    const { model } = this.page;
+    for (const id of changes.tests) {
+      const test = model.tests.get(id);
+      const ended = test?.ended;
+      if (!ended || !isBad(test.state) || this.told.has(ended)) continue;
+      this.told.add(ended);
+      if (this.page.now() - ended.time < STALE) this.#tell(test);
+    }
+    if (changes.run && model.ended && !this.told.has(model.ended)) {
+      this.told.add(model.ended);
+      if (this.page.now() - model.ended.time > STALE) return;
+      this.say(t("say.end", { state: stateWord(model.ended.verdict) }));
+      this.page.sound.end(!isBad(model.ended.verdict));
+    }
+  }
+
+  #tell(test) {
+    this.waiting.push(t("say.state", { name: test.name, state: stateWord(test.verdict) }));
+    this.timer ??= setTimeout(() => this.#flush(), PAUSE);
+  }
+
+  #flush() {
+    const [first, ...others] = this.waiting.splice(0);
+    this.timer = undefined;
+    this.say(others.length ? `${first}. ${t("say.many", { n: others.length })}` : first);
+  }
+}

@@ -1,0 +1,116 @@
+// Where a value lies between its limits, as a small bar beside it.
+//
+// The track is the allowed range with a tick at each limit that there is, its marginal zones coloured; the mark is the
+// value. Beyond the ends of the bar the mark becomes an arrow that points there.
+
+import { number } from "./model.js";
+import { svg } from "./figures.js";
+
+const WIDTH = 96;
+const HEIGHT = 12;
+/** Where low and high are drawn; outside of them is room for values that miss the limits. */
+const LOW_AT = 14;
+const HIGH_AT = 82;
+const MIDDLE = HEIGHT / 2;
+
+/** The bar as an element, or null where there are no limits or no place for the value. */
+export function marginBar(measurement, format) {
+  const scale = marginScale(measurement);
+  if (!scale) return null;
+  const text = marginText(measurement, format);
+  return svg(
+    "svg",
+    {
+      class: `margin-bar is-${measurement.verdict ?? "recorded"}`,
+      viewBox: `0 0 ${WIDTH} ${HEIGHT}`,
+      width: WIDTH,
+      height: HEIGHT,
+      role: "img",
+      "aria-label": text,
+    },
+    svg("title", { text }),
+    svg("rect", { class: "margin-track", x: scale.from, y: MIDDLE - 2, width: scale.to - scale.from, height: 4 }),
+    scale.zones.map(([from, to]) =>
+      svg("rect", { class: "margin-zone", x: from, y: MIDDLE - 2, width: to - from, height: 4 }),
+    ),
+    scale.limits.map((at) => svg("path", { class: "margin-limit", d: `M${at} 1.5V${HEIGHT - 1.5}` })),
+    svg("path", { class: "margin-mark", d: markShape(scale.mark) }),
+  );
+}
+
+/** A measurement in words: "12.5 deg of 10 to 15 deg, margin 2.5 deg, marginal". */
+export function marginText(measurement, format) {
+  const { value, low, high, margin, unit = "", verdict = "recorded" } = measurement;
+  const quantity = (one) => format.quantity(number(one), unit);
+  const parts = [quantity(value)];
+  if (isGiven(low) && isGiven(high)) parts[0] += ` of ${format.number(number(low))} to ${quantity(high)}`;
+  else if (isGiven(low)) parts[0] += `, at least ${quantity(low)}`;
+  else if (isGiven(high)) parts[0] += `, at most ${quantity(high)}`;
+  if (isGiven(margin)) parts.push(`margin ${quantity(margin)}`);
+  return [...parts, verdict].join(", ");
+}
+
+/** The distance to the nearest limit as a share of the allowed range, or of the one limit; null where there is none. */
+export function relativeMargin(measurement) {
+  if (!isGiven(measurement.margin)) return null;
+  const range = allowedRange(measurement);
+  return range > 0 ? number(measurement.margin) / range : null;
+}
+
+/** What a margin is compared with: high - low, or the size of the only limit; null where there is neither. */
+export function allowedRange({ low, high }) {
+  if (isGiven(low) && isGiven(high)) return number(high) - number(low);
+  if (isGiven(low)) return Math.abs(number(low)) || null;
+  return isGiven(high) ? Math.abs(number(high)) || null : null;
+}
+
+/** Where everything goes, in pixels: {from, to, limits, zones, mark: {at, beyond: -1, 0 or 1}}. */
+export function marginScale(measurement) {
+  const value = number(measurement.value);
+  const low = finiteOrNull(measurement.low);
+  const high = finiteOrNull(measurement.high);
+  if ((low === null && high === null) || Number.isNaN(value)) return null;
+  const [bottom, top] = scaleEnds(value, low, high, number(measurement.marginal ?? 0));
+  const place = (one) => LOW_AT + ((one - bottom) / (top - bottom)) * (HIGH_AT - LOW_AT);
+  const from = low === null ? 0 : LOW_AT;
+  const to = high === null ? WIDTH : HIGH_AT;
+  const at = place(value);
+  return {
+    from,
+    to,
+    limits: [low === null ? null : LOW_AT, high === null ? null : HIGH_AT].filter((one) => one !== null),
+    zones: marginalZones(measurement, low, high, place, from, to),
+    mark: { at: Math.min(WIDTH - 3, Math.max(3, at)), beyond: at < 2 ? -1 : at > WIDTH - 2 ? 1 : 0 },
+  };
+}
+
+/** The values at the two ends of the range. With one limit the other end is as far as keeps the value in sight. */
+function scaleEnds(value, low, high, marginal) {
+  if (low !== null && high !== null) return high > low ? [low, high] : [low - 1, low + 1];
+  const limit = low ?? high;
+  const reach = Math.max(Math.abs(limit), 4 * Math.abs(marginal)) || Math.abs(value) || 1;
+  return low !== null ? [limit, limit + reach] : [limit - reach, limit];
+}
+
+function marginalZones(measurement, low, high, place, from, to) {
+  const marginal = number(measurement.marginal ?? 0);
+  if (!(marginal > 0)) return [];
+  const zones = [];
+  if (low !== null) zones.push([LOW_AT, Math.min(place(low + marginal), to)]);
+  if (high !== null) zones.push([Math.max(place(high - marginal), from), HIGH_AT]);
+  return zones.filter(([start, end]) => end > start);
+}
+
+function markShape({ at, beyond }) {
+  if (beyond) return `M${at + 3 * beyond} ${MIDDLE}L${at - 3 * beyond} 1V${HEIGHT - 1}Z`;
+  return `M${at - 1.5} 0H${at + 1.5}V${HEIGHT}H${at - 1.5}Z`;
+}
+
+function isGiven(value) {
+  return value !== null && value !== undefined;
+}
+
+function finiteOrNull(value) {
+  const one = isGiven(value) ? number(value) : null;
+  return Number.isFinite(one) ? one : null;
+}

@@ -1,0 +1,124 @@
+"""Who may ask the server what: the checks before every answer, and the headers on it.
+
+Everybody who reaches the port may look; stopping the run and answering its questions takes the token. A page of another
+origin gets nothing: the Host header must be ours, which a name that was made to lead here (DNS rebinding) is not, and
+so must the Origin be where there is one.
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import logging
+import platform
+from typing import TYPE_CHECKING
+
+from starlette.datastructures import Headers
+from starlette.responses import PlainTextResponse
+
+from rtf.page.settings import LOG_NAME, WILDCARDS, Settings, bracketed
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+#: What the page may load and do: its own files, its own server, pictures it drew itself.
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+#: What a file of the run may do when it is opened: nothing.
+FILE_POLICY = "default-src 'none'; frame-ancestors 'none'; sandbox"
+
+_HEADERS = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cache-control", b"no-store"),
+)
+_HTTP_PORT = 80
+_log = logging.getLogger("rtf.page")
+
+
+class Access:
+    """What is ours: names, origin and token of one server."""
+
+    def __init__(self, settings: Settings) -> None:
+        names = {"127.0.0.1", "localhost", "::1"}
+        if settings.host not in names:  # elsewhere on purpose
+            node = platform.node().lower()
+            names |= {settings.host.lower(), node, f"{node}.local"} - WILDCARDS
+        ports = {f":{settings.port}", *([""] if settings.port == _HTTP_PORT else [])}
+        self._hosts = frozenset(bracketed(name) + port for name in names for port in ports)
+        self._any_address = settings.host in WILDCARDS
+        self._ports = ports
+        self._token = settings.token.encode()
+
+    def knows_host(self, host: str) -> bool:
+        """Whether a Host header is ours. Where every interface is listened on, any address is: no name leads to it."""
+        if host.lower() in self._hosts:
+            return True
+        if not self._any_address:
+            return False
+        return any(host.endswith(port) and _is_address(host.removesuffix(port)) for port in self._ports)
+
+    def knows_origin(self, origin: str) -> bool:
+        """Whether an Origin header is ours."""
+        scheme, separator, host = origin.partition("://")
+        return scheme == "http" and bool(separator) and self.knows_host(host)
+
+    def may_control(self, authorization: str) -> bool:
+        """Whether an Authorization header carries the token; the time it takes says nothing."""
+        scheme, _, token = authorization.partition(" ")
+        return bool(self._token) and scheme.lower() == "bearer" and hmac.compare_digest(token.encode(), self._token)
+
+
+def _is_address(text: str) -> bool:
+    try:
+        ipaddress.ip_address(text.removeprefix("[").removesuffix("]"))
+    except ValueError:
+        return False
+    return True
+
+
+class Guard:
+    """Stands before the application: refuses strangers, puts the headers on, and keeps errors to the log."""
+
+    def __init__(self, app: ASGIApp, access: Access) -> None:
+        self._app = app
+        self._access = access
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        begun = False
+
+        async def send_guarded(message: Message) -> None:
+            nonlocal begun
+            if message["type"] == "http.response.start":
+                begun = True
+                message["headers"] = _with_ours(message["headers"])
+            await send(message)
+
+        try:
+            app = self._refusal(Headers(scope=scope)) or self._app
+            await app(scope, receive, send_guarded)
+        except Exception:
+            if begun:
+                raise  # it is logged, and the answer cut off
+            _log.exception("%s %r", scope["method"], scope["path"])
+            sorry = PlainTextResponse(f"the server broke on this; {LOG_NAME} in the run's folder says how\n", 500)
+            await sorry(scope, receive, send_guarded)
+
+    def _refusal(self, headers: Headers) -> PlainTextResponse | None:
+        if not self._access.knows_host(headers.get("host", "")):
+            return PlainTextResponse("this server is not reached by that name\n", 403)
+        origin = headers.get("origin")
+        if origin is not None and not self._access.knows_origin(origin):
+            return PlainTextResponse("not from a page of another origin\n", 403)
+        return None
+
+
+def _with_ours(headers: list[tuple[bytes, bytes]]) -> list[tuple[bytes, bytes]]:
+    given = {name for name, _ in headers}
+    policy = [] if b"content-security-policy" in given else [(b"content-security-policy", POLICY.encode())]
+    return [*headers, *policy, *(header for header in _HEADERS if header[0] not in given)]

@@ -1,0 +1,293 @@
+"""What the server answers, request by request: the contract of ``docs/page.md``. Who may ask is settled before."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import anyio
+from starlette.requests import ClientDisconnect
+from starlette.responses import Response, StreamingResponse
+from starlette.routing import Route, Router
+
+from rtf.errors import RtfError
+from rtf.page import compare, files
+from rtf.page.access import FILE_POLICY, Access, Guard
+from rtf.page.assets import INDEX, Asset, read_assets
+from rtf.page.errors import FileRefusedError, SeriesError
+from rtf.page.series import pack_file
+from rtf.page.settings import LOG_NAME, Settings
+from rtf.page.status import Status
+from rtf.testing.journal import FILE_NAME
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Awaitable, Callable
+
+    from starlette.requests import Request
+    from starlette.types import ASGIApp
+
+    from rtf.page.feed import Feed
+
+    #: Passes a wish on to the run; the answer says by ``error`` and ``late`` why it is not granted.
+    Wish = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
+
+#: What a client may send, in bytes, and the seconds it may take for it.
+MAX_BODY = 64 << 10
+BODY_TIME = 10.0
+#: Seconds after which a quiet stream says that it is alive, and milliseconds after which a client comes back.
+KEEP_ALIVE = 10.0
+RETRY = 1000
+_CHUNK = 1 << 16
+#: Files that are unpacked, and runs that are compared, at a time.
+_HEAVY = 2
+_STAGES = (1, 2)
+
+
+def make_application(settings: Settings, feed: Feed, wish: Wish | None) -> ASGIApp:
+    """The application of one page, with the guard before it. Without ``wish`` nothing is controlled."""
+    page = Page(settings, feed, wish)
+    routes = [
+        Route("/", page.index),
+        Route("/facts", page.facts),
+        Route("/events", page.events),
+        Route("/series/{path:path}", page.series),
+        Route("/files/{path:path}", page.file),
+        Route("/compare", page.compared),
+        Route("/history", page.history),
+        Route("/status", page.status),
+        Route("/control/stop", page.stop, methods=["POST"]),
+        Route("/control/answer", page.answer, methods=["POST"]),
+        Route("/{name}", page.asset),
+    ]
+    return Guard(Router(routes, redirect_slashes=False), page.access)
+
+
+class Page:
+    """The answers."""
+
+    def __init__(self, settings: Settings, feed: Feed, wish: Wish | None) -> None:
+        self.access = Access(settings)
+        self._settings = settings
+        self._folder = Path(settings.run_folder)
+        self._feed = feed
+        self._wish = wish
+        self._status = Status(self._folder / FILE_NAME)
+        self._heavy = asyncio.Semaphore(_HEAVY)
+        self._assets = read_assets()
+        self._compared: bytes | None = None
+
+    # The page ----------------------------------------------------------------------------------------------------
+
+    async def index(self, _request: Request) -> Response:
+        """The page itself."""
+        return _asset(self._assets.get(INDEX))
+
+    async def asset(self, request: Request) -> Response:
+        """One of its files."""
+        return _asset(self._assets.get(request.path_params["name"]))
+
+    async def facts(self, _request: Request) -> Response:
+        """What the page must know before it shows anything."""
+        facts = {
+            "mode": "live",
+            "control": self._wish is not None,
+            "compare": self._settings.compare is not None,
+            "history": self._settings.history is not None,
+            "run": self._folder.name,
+        }
+        return _json(200, facts)
+
+    # The run -----------------------------------------------------------------------------------------------------
+
+    async def events(self, request: Request) -> Response:
+        """The journal, from the beginning or from where the client left."""
+        if request.method == "HEAD":
+            return Response(media_type="text/event-stream")
+        after = request.headers.get("last-event-id") or request.query_params.get("after") or "0"
+        if not (after.isascii() and after.isdigit() and len(after) <= len(str(1 << 62))):
+            return _text(400, "Last-Event-ID is a number of lines")
+        return StreamingResponse(self._stream(int(after)), media_type="text/event-stream")
+
+    async def _stream(self, after: int) -> AsyncIterator[bytes]:
+        feed = self._feed
+        run = json.dumps(self._folder.name)
+        yield f"retry: {RETRY}\nevent: run\ndata: {run}\n\n".encode()
+        with feed.followed():
+            position = feed.position(after)
+            ended = False
+            while True:
+                while position.offset < feed.end.offset:
+                    message, position = feed.read(position)
+                    yield message
+                if feed.over and not ended:
+                    ended = True
+                    yield b"event: end\ndata: {}\n\n"
+                if feed.closing:
+                    return
+                try:
+                    async with asyncio.timeout(KEEP_ALIVE):
+                        await feed.change()
+                except TimeoutError:
+                    yield b":\n\n"
+
+    async def status(self, _request: Request) -> Response:
+        """What scripts ask for."""
+        return _json(200, await asyncio.to_thread(self._status.read))
+
+    # Beside the run ----------------------------------------------------------------------------------------------
+
+    async def series(self, request: Request) -> Response:
+        """The columns of a recorded series."""
+        try:
+            path = files.inside(self._folder, request.path_params["path"])
+            async with self._heavy:
+                content = await asyncio.to_thread(pack_file, path)
+        except (FileRefusedError, SeriesError) as error:
+            return _text(404, str(error))
+        return Response(content, media_type=files.OPAQUE)
+
+    async def file(self, request: Request) -> Response:
+        """A file of the run's folder, as something to look at where it can only be that, or else to keep."""
+        name = request.path_params["path"]
+        try:
+            path = files.inside(self._folder, name)
+        except FileRefusedError as error:
+            return _text(404, str(error))
+        if path.name == LOG_NAME:
+            return _text(404, "the server's own log is not shown")
+        media_type = files.media_type(path)
+        size = path.stat().st_size
+        headers = {"content-length": str(size), "content-security-policy": FILE_POLICY}
+        if not files.is_shown(media_type):
+            headers["content-disposition"] = "attachment"
+        if request.method == "HEAD":
+            return Response(headers=headers, media_type=media_type)
+        return StreamingResponse(_content(path, size), headers=headers, media_type=media_type)
+
+    async def compared(self, _request: Request) -> Response:
+        """The records of the run that this one is compared with."""
+        run = self._settings.compare
+        if run is None:
+            return _text(404, "there is no run to compare with")
+        async with self._heavy:
+            if self._compared is None:
+                self._compared = await asyncio.to_thread(_compared, Path(run))
+        return Response(self._compared, media_type="application/json")
+
+    async def history(self, _request: Request) -> Response:
+        """The trends of all runs so far."""
+        path = self._settings.history
+        if path is None:
+            return _text(404, "no history is kept")
+        try:
+            async with self._heavy:
+                content = await asyncio.to_thread(_trends, path, self._status)
+        except RtfError as error:  # the file is gone, or another program's
+            return _text(404, str(error))
+        return Response(content, media_type="application/json")
+
+    # Control -----------------------------------------------------------------------------------------------------
+
+    async def stop(self, request: Request) -> Response:
+        """Stop after the running test, or now."""
+        given = await self._read_wish(request)
+        if isinstance(given, Response):
+            return given
+        if type(given.get("stage")) is not int or given["stage"] not in _STAGES:
+            return _error(400, 'want {"stage": 1} (after this test) or {"stage": 2} (now)')
+        return await self._pass_on({"stop": given["stage"]})
+
+    async def answer(self, request: Request) -> Response:
+        """Answer a question."""
+        given = await self._read_wish(request)
+        if isinstance(given, Response):
+            return given
+        words = [given.get(name) for name in ("test", "question", "answer")]
+        if not all(isinstance(word, str) and _is_text(word) for word in words):
+            return _error(400, 'want {"test": …, "question": …, "answer": …}, all of them text')
+        return await self._pass_on({"answer": words})
+
+    async def _read_wish(self, request: Request) -> dict[str, Any] | Response:
+        if not self.access.may_control(request.headers.get("authorization", "")):
+            refusal = _error(401, "this takes the token that stands in the address testrunner printed")
+            refusal.headers["www-authenticate"] = "Bearer"
+            return refusal
+        if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
+            return _error(415, "want application/json")
+        try:
+            async with asyncio.timeout(BODY_TIME):
+                body = await _body(request)
+            given = json.loads(body)
+        except TimeoutError:
+            return _error(408, "the request did not come whole")
+        except OverflowError:
+            return _error(413, f"more than {MAX_BODY >> 10} KiB")
+        except (ValueError, RecursionError, ClientDisconnect):
+            return _error(400, "this is no JSON")
+        return given if isinstance(given, dict) else _error(400, "want a JSON object")
+
+    async def _pass_on(self, wish: dict[str, Any]) -> Response:
+        if self._wish is None:
+            return _error(409, "the run is over")
+        try:
+            said = await self._wish(wish)
+        except (TimeoutError, ConnectionError):
+            return _error(503, "the runner does not answer")
+        if "error" in said:
+            return _error(409 if said.get("late") else 400, str(said["error"]))
+        return _json(202, {})
+
+
+def _asset(found: Asset | None) -> Response:
+    if found is None:
+        return _text(404, "there is no such page")
+    return Response(found.content, media_type=found.media_type)
+
+
+def _text(status: int, text: str) -> Response:
+    return Response(f"{text}\n".encode(errors="backslashreplace"), status, media_type="text/plain; charset=utf-8")
+
+
+def _json(status: int, value: object) -> Response:
+    return Response(json.dumps(value).encode(), status, media_type="application/json")
+
+
+def _error(status: int, text: str) -> Response:
+    return _json(status, {"error": text})
+
+
+def _is_text(word: str) -> bool:
+    """Whether this can be written: JSON knows halves of characters."""
+    return word.encode(errors="replace").decode() == word
+
+
+async def _body(request: Request) -> bytes:
+    body = b""
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > MAX_BODY:
+            raise OverflowError
+    return body
+
+
+async def _content(path: Path, size: int) -> AsyncIterator[bytes]:
+    """So many bytes of a file, which may be growing."""
+    async with await anyio.open_file(path, "rb") as stream:
+        while size and (chunk := await stream.read(min(_CHUNK, size))):
+            size -= len(chunk)
+            yield chunk
+
+
+def _compared(run: Path) -> bytes:
+    return json.dumps([*compare.records(run)], separators=(",", ":")).encode()
+
+
+def _trends(place: str, status: Status) -> bytes:
+    from rtf.testing.history import History, default_place, trends
+
+    robot, station = status.rig()
+    with History(Path(place) if place else default_place()) as history:
+        found = trends(history, suites=status.suites(), robot=robot, station=station)
+    return json.dumps(found, separators=(",", ":"), allow_nan=False).encode()

@@ -1,0 +1,127 @@
+"""The page as one file: style and scripts inline, allowed by their hashes and nothing else, and a place for the data.
+
+``index.html`` refers to its files by ``<link rel="stylesheet" href="…">``, ``<script src="…" defer></script>`` and
+``<script type="module" src="…"></script>``; exactly these are replaced. A reference of any other form is an error, for
+a page that is opened offline could not follow it.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import re
+import zlib
+from typing import TYPE_CHECKING
+
+from rtf.page.assets import INDEX, read_assets
+from rtf.page.bundle import BundleError, join_modules
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from typing import BinaryIO
+
+_REFERENCE = re.compile(
+    r'<link rel="stylesheet" href="(?P<style>[\w.-]+)">'
+    r'|<script src="(?P<script>[\w.-]+)"(?: defer)?></script>'
+    r'|<script type="module" src="(?P<module>[\w.-]+)"></script>'
+)
+#: What is left of a reference to a file when those that are understood are gone; ``data:`` stays inside the page.
+_LEFT = re.compile(r"<(?:link|script|img|iframe|object|embed|source|base)\b[^>]*\b(?:href|src|data)=(?!\"data:)[^>]*>")
+#: Texts that would end an inline element early, or keep it from ending.
+_HOSTILE = re.compile(r"</(?:script|style)|<script|<!--", re.IGNORECASE)
+_CHARSET = '<meta charset="utf-8">'
+#: Data stand here: the page makes its body anew.
+_END = "</head>"
+
+
+def page_in_pieces(sources: Mapping[str, str] | None = None) -> tuple[bytes, bytes]:
+    """What stands before the data and after it. Raises BundleError.
+
+    ``sources`` are the texts of the page's files by name, those that are shipped where there are none.
+    """
+    if sources is None:
+        sources = {name: asset.text for name, asset in read_assets().items()}
+    return _Page(sources).pieces()
+
+
+class _Page:
+    """The page while its references are replaced; collects the hashes of what is put in."""
+
+    def __init__(self, sources: Mapping[str, str]) -> None:
+        self._sources = sources
+        self._hashes: dict[str, list[str]] = {"script": [], "style": []}
+
+    def pieces(self) -> tuple[bytes, bytes]:
+        index = self._source(INDEX)
+        self._refuse_other_references(index)
+        text = _REFERENCE.sub(self._inline, index)
+        for needed in (_CHARSET, _END):
+            if index.count(needed) != 1:
+                raise BundleError(f"{INDEX} must have {needed} once, for the policy and the data to be put there")
+        # A policy holds for what follows it.
+        text = text.replace(_CHARSET, f"{_CHARSET}\n{self._policy()}", 1)
+        head, _, tail = text.rpartition(_END)
+        return head.encode(), (_END + tail).encode()
+
+    def _source(self, name: str) -> str:
+        if name not in self._sources:
+            raise BundleError(f"{INDEX}: there is no file {name}")
+        return self._sources[name].replace("\r\n", "\n")
+
+    @staticmethod
+    def _refuse_other_references(index: str) -> None:
+        left = _LEFT.search(_REFERENCE.sub("", index))
+        if left is not None:
+            raise BundleError(
+                f"{INDEX}: {left[0]} would be missing in a single file; see {__name__} for what would not"
+            )
+
+    def _inline(self, match: re.Match[str]) -> str:
+        if match["style"]:
+            return self._element("style", "", match["style"], self._source(match["style"]))
+        if match["script"]:
+            return self._element("script", "", match["script"], self._source(match["script"]))
+        joined = join_modules({name: self._source(name) for name in self._sources}, match["module"])
+        return self._element("script", ' type="module"', match["module"], joined)
+
+    def _element(self, tag: str, attributes: str, name: str, text: str) -> str:
+        hostile = _HOSTILE.search(text)
+        if hostile is not None:
+            raise BundleError(f"{name}: {hostile[0]} cannot stand in a page that is one file; write it in two parts")
+        digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+        self._hashes[tag].append(f"'sha256-{digest}'")
+        return f"<{tag}{attributes}>{text}</{tag}>"
+
+    def _policy(self) -> str:
+        rules = {
+            "default-src": "'none'",
+            "script-src": " ".join(self._hashes["script"]) or "'none'",
+            "style-src": " ".join(self._hashes["style"]) or "'none'",
+            "img-src": "data: blob:",
+            "base-uri": "'none'",
+            "form-action": "'none'",
+        }
+        content = "; ".join(f"{name} {value}" for name, value in rules.items())
+        return f'<meta http-equiv="Content-Security-Policy" content="{content}">'
+
+
+def write_block(stream: BinaryIO, attributes: Mapping[str, str], pieces: Iterable[bytes]) -> None:
+    """Write data into the page, as base64 of gzip: whatever it is, it cannot end its element."""
+    named = "".join(f' {name}="{_attribute(value)}"' for name, value in attributes.items())
+    # A lone surrogate, of a file name that is no text, cannot be in a page; nobody will ask for that block.
+    stream.write(f'<script type="application/x-rtf"{named}>'.encode(errors="replace"))
+    packer = zlib.compressobj(wbits=31)  # 31: with the head and the sum of gzip
+    rest = b""
+    for piece in pieces:
+        rest += packer.compress(piece)
+        whole = len(rest) - len(rest) % 3  # base64 takes three bytes at a time
+        if whole:
+            stream.write(base64.b64encode(memoryview(rest)[:whole]))
+            rest = rest[whole:]
+    stream.write(base64.b64encode(rest + packer.flush()))
+    stream.write(b"</script>\n")
+
+
+def _attribute(value: str) -> str:
+    return html.escape(value).replace("\r", "&#13;")  # which a reader would take for a line end otherwise

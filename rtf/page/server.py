@@ -1,0 +1,197 @@
+"""The server's process: it reads the journal as it grows and answers the browsers, until the run, or a person, is done.
+
+It is started by ``rtf.page.process`` with three open files: the socket that is listened on, the channel to the runner,
+and the eventfd by which the runner says that there is something new. When the channel closes, the runner is gone,
+however it went; the server sends what there is and ends. What breaks here is written to its log, and nothing breaks
+the run.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import select
+import signal
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import uvicorn
+
+from rtf.page.application import make_application
+from rtf.page.process import CHANNEL_FD, LISTENER_FD, MAX_LINE, POKE_FD
+from rtf.page.protocol import MAX_CONNECTIONS, MAX_REQUEST_HEAD, BoundedProtocol
+from rtf.page.settings import Settings
+from rtf.page.watch import Watch, is_written
+from rtf.testing.journal import FILE_NAME
+
+if TYPE_CHECKING:
+    from types import FrameType
+
+    from starlette.types import ASGIApp
+
+    from rtf.page.feed import Feed
+
+#: Seconds that those who follow get, when all is over, to take the rest.
+FAREWELL = 2.0
+#: Seconds between two looks at whether everybody has gone; and the turns of the loop that it takes until a connection
+#: that was accepted is among the others.
+_TURN = 0.01
+_ACCEPTING = 5
+#: Seconds between two looks at whether a run that another process carries out is over.
+_LOOK_FOR_END = 0.5
+#: Seconds the runner may take to answer.
+_ANSWER_TIME = 5.0
+
+
+class Runner:
+    """The other end of the channel: wishes go there, and the news that the run is over comes back."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader = reader
+        self._writer = writer
+        self._waiting: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self._count = 0
+
+    async def wish(self, wish: dict[str, Any]) -> dict[str, Any]:
+        """Pass a wish on. Raises TimeoutError when the runner does not answer, ConnectionError when it is gone."""
+        self._count += 1
+        number = self._count
+        answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+        self._waiting[number] = answer
+        try:
+            self.say({"id": number, **wish})
+            async with asyncio.timeout(_ANSWER_TIME):
+                return await answer
+        finally:
+            del self._waiting[number]
+
+    def say(self, record: dict[str, Any]) -> None:
+        """Send one line."""
+        self._writer.write(json.dumps(record).encode() + b"\n")
+
+    async def listen(self, watch: Watch) -> None:
+        """Take what comes, until the runner is gone."""
+        while line := await self._reader.readline():
+            record = json.loads(line)
+            if "over" in record:
+                watch.finish()
+            elif (answer := self._waiting.get(record["id"])) is not None:
+                answer.set_result(record)
+
+
+class Server(uvicorn.Server):
+    """uvicorn's server, for a socket that is listened on already, until ``stopping`` is set."""
+
+    def __init__(self, application: ASGIApp, feed: Feed) -> None:
+        super().__init__(
+            uvicorn.Config(
+                application,
+                loop="asyncio",
+                http=BoundedProtocol,
+                ws="none",
+                lifespan="off",
+                interface="asgi3",
+                log_config=None,
+                log_level="error",
+                access_log=False,
+                proxy_headers=False,
+                server_header=False,
+                date_header=False,
+                limit_concurrency=MAX_CONNECTIONS,
+                h11_max_incomplete_event_size=MAX_REQUEST_HEAD,
+            )
+        )
+        self._loop = asyncio.get_running_loop()
+        self._feed = feed
+        self.stopping = asyncio.Event()
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:  # noqa: ARG002 - uvicorn's signature
+        """Take a signal."""
+        self._loop.call_soon_threadsafe(self.stopping.set)
+
+    async def main_loop(self) -> None:
+        """Wait for the end, without waking up to look for it. Then those who follow leave when they have everything."""
+        await self.stopping.wait()
+        self._feed.leave()
+
+    async def take_who_waits(self, listener: socket.socket) -> None:
+        """Accept those who connected before, perhaps before the server was up."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(FAREWELL):
+                while not self.started or select.select([listener], [], [], 0)[0]:  # noqa: ASYNC110 - as below
+                    await asyncio.sleep(_TURN)
+                for _ in range(_ACCEPTING):
+                    await asyncio.sleep(0)
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Answer those who are there, and let them have the rest of what was sent to them, for a moment."""
+        connections: set[BoundedProtocol] = self.server_state.connections  # type: ignore[assignment]  # as configured
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(FAREWELL):
+                while not all(connection.at_rest for connection in connections):  # noqa: ASYNC110
+                    await asyncio.sleep(_TURN)
+                for server in self.servers:
+                    server.close()
+                for connection in [*connections]:
+                    connection.shutdown()
+                while connections:  # noqa: ASYNC110 - uvicorn has no event for it
+                    await asyncio.sleep(_TURN)
+        for listener in sockets or []:
+            listener.close()
+        for connection in [*connections]:  # one that stalls has had its time
+            connection.transport.abort()
+        await asyncio.gather(*self.server_state.tasks, return_exceptions=True)
+
+
+async def serve_run(settings: Settings, listener: socket.socket, channel: socket.socket, poke: int) -> None:
+    """Serve the page of a run that goes on, as long as its runner is there."""
+    watch = Watch(Path(settings.run_folder) / FILE_NAME, poke)
+    watch.feed.grow()
+    runner = Runner(*await asyncio.open_connection(sock=channel, limit=MAX_LINE))
+    server = Server(make_application(settings, watch.feed, runner.wish), watch.feed)
+    serving = asyncio.ensure_future(server.serve(sockets=[listener]))
+    runner.say({"ready": True})
+    listening = asyncio.ensure_future(runner.listen(watch))
+    await asyncio.wait([serving, listening], return_when=asyncio.FIRST_COMPLETED)
+    if not serving.done():
+        watch.finish()
+        await server.take_who_waits(listener)
+        if server.server_state.connections:
+            server.stopping.set()
+            await serving
+    os._exit(0)  # the run waits for this, and there is nothing left to tidy up
+
+
+async def serve_folder(settings: Settings, listener: socket.socket) -> None:
+    """Serve the page of a run from its folder, until a signal comes. A run that still goes on is followed."""
+    path = Path(settings.run_folder) / FILE_NAME
+    watch = Watch(path, None)
+    watch.feed.grow()
+    server = Server(make_application(settings, watch.feed, None), watch.feed)
+    serving = asyncio.ensure_future(server.serve(sockets=[listener]))
+    while not serving.done():
+        if not watch.feed.over and not is_written(path):
+            watch.finish()
+        await asyncio.wait([serving], timeout=_LOOK_FOR_END)
+    serving.result()
+
+
+def main() -> None:
+    """Be the server of a run, with the open files that the runner gave."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    channel = socket.socket(fileno=CHANNEL_FD)
+    settings = Settings.from_line(_first_line(channel))
+    asyncio.run(serve_run(settings, socket.socket(fileno=LISTENER_FD), channel, POKE_FD))
+
+
+def _first_line(channel: socket.socket) -> bytes:
+    line = b""
+    while not line.endswith(b"\n"):
+        byte = channel.recv(1)
+        if not byte:
+            raise SystemExit(0)  # the runner has thought better of it
+        line += byte
+    return line

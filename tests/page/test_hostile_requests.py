@@ -1,0 +1,228 @@
+"""Malformed and hostile requests while a run goes on: the server answers everybody else, and the run notices nothing.
+
+The run is the one of ``conftest.py``, which must pass when these tests are through with its server.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import socket
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rtf import clock
+
+if TYPE_CHECKING:
+    from live_page import LiveRun
+
+#: Words of which an answer must hold none: they would tell of the inside.
+TELLTALE = (b"Traceback", b'File "', b"site-packages", b".py", b"Error:")
+
+
+def calm(run: LiveRun, said: bytes = b"") -> bool:
+    """Whether nothing was given away, and the server still serves."""
+    assert not any(word in said for word in TELLTALE), said
+    assert run.page.get("/facts").status == 200
+    return True
+
+
+def head(run: LiveRun, line: str, *headers: str) -> bytes:
+    """A request of this line."""
+    return "\r\n".join([line, f"Host: {run.page.host}:{run.page.port}", *headers, "", ""]).encode("latin-1")
+
+
+LINES = [
+    "",
+    "GET",
+    "GET /",
+    "GET / HTTP/1.1 more",
+    "GET / HTTP/9.9",
+    "GET / HTTP/0.9",
+    "get / http/1.1",
+    "G\0T / HTTP/1.1",
+    "GET  / HTTP/1.1",
+    "GET /\0 HTTP/1.1",
+    "GET /\x7f HTTP/1.1",
+    "GET /\xff HTTP/1.1",
+    "GET http://evil.example/ HTTP/1.1",
+    "GET //evil.example/ HTTP/1.1",
+    "GET evil HTTP/1.1",
+    "GET * HTTP/1.1",
+    "CONNECT evil.example:443 HTTP/1.1",
+    "OPTIONS * HTTP/1.1",
+    "TRACE / HTTP/1.1",
+    "PRI * HTTP/2.0",
+    "FROBNICATE / HTTP/1.1",
+    "GET /%zz HTTP/1.1",
+    "GET /files/..%2f..%2f..%2fetc%2fpasswd HTTP/1.1",
+    "GET /files/../../../etc/passwd HTTP/1.1",
+    "GET /files/%2e%2e/%2e%2e/etc/passwd HTTP/1.1",
+    "GET /series/..%00 HTTP/1.1",
+    "GET /files/" + "a/" * 4000 + " HTTP/1.1",
+    "GET /" + "x" * 70_000 + " HTTP/1.1",
+    "GET /events?after=" + "9" * 5000 + " HTTP/1.1",
+    "GET /events?" + "after=1&" * 1500 + " HTTP/1.1",
+    "\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
+    "SSH-2.0-OpenSSH_9.2",
+]
+
+
+@pytest.mark.parametrize("line", LINES, ids=range(len(LINES)))
+def test_request_lines(waiting: LiveRun, line: str):
+    """Refused or answered; never with what the server keeps for itself."""
+    said = waiting.page.say(head(waiting, line), close=True)
+    assert b"root:" not in said
+    assert calm(waiting, said)
+
+
+HEADERS = [
+    ["Host: evil.example"],
+    ["X: " + "y" * 100_000],
+    [f"X{number}: y" for number in range(20_000)],
+    [" folded"],
+    ["X : y"],
+    [": y"],
+    ["X: a\0b"],
+    ["X: a\rb"],
+    ["X\nY: z"],
+    ["Content-Length: 5", "Content-Length: 6"],
+    ["Content-Length: -1"],
+    ["Content-Length: 99999999999999999999999"],
+    ["Content-Length: x"],
+    ["Content-Length: 5", "Transfer-Encoding: chunked"],
+    ["Transfer-Encoding: gzip"],
+    ["Transfer-Encoding: chunked, chunked"],
+    ["Expect: 100-continue"],
+    ["Expect: the impossible"],
+    ["Connection: Upgrade", "Upgrade: websocket", "Sec-WebSocket-Key: x", "Sec-WebSocket-Version: 13"],
+    ["Connection: Upgrade, HTTP2-Settings", "Upgrade: h2c", "HTTP2-Settings: AAMAAABkAAQAoAAAAAIAAAAA"],
+    ["Last-Event-ID: \xff"],
+    ["Last-Event-ID: 18446744073709551616"],
+    ["Range: bytes=0-,1-,2-"],
+    ["Authorization: Bearer \xff\xfe"],
+    ["Origin: \xff"],
+    ["Content-Type: application/json; charset=\xff"],
+]
+
+
+@pytest.mark.parametrize("headers", HEADERS, ids=range(len(HEADERS)))
+def test_headers(waiting: LiveRun, headers: list[str]):
+    """Each of them to a place that looks at headers."""
+    for line in ("GET /events?after=x HTTP/1.1", "POST /control/stop HTTP/1.1", "GET /files/journal.jsonl HTTP/1.0"):
+        assert calm(waiting, waiting.page.say(head(waiting, line, *headers), close=True))
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"5\r\n{}\r\n",
+        b"zz\r\n{}\r\n0\r\n\r\n",
+        b"ffffffffffffffff\r\n{}",
+        b"-1\r\n{}\r\n",
+        b"2;ext=" + b"x" * 50_000 + b"\r\n{}\r\n0\r\n\r\n",
+        b"2\r\n{}\r\n0\r\nTrailer: x\r\n\r\nGET /facts HTTP/1.1\r\n\r\n",
+        b"",
+    ],
+)
+def test_chunked_nonsense(waiting: LiveRun, body: bytes):
+    """Bodies that do not end where they say."""
+    request = head(
+        waiting,
+        "POST /control/stop HTTP/1.1",
+        "Transfer-Encoding: chunked",
+        "Content-Type: application/json",
+        f"Authorization: Bearer {waiting.page.token}",
+    )
+    assert calm(waiting, waiting.page.say(request + body, close=True))
+
+
+def test_pipelined_requests_are_answered_in_order(waiting: LiveRun):
+    """Also when nonsense follows, and when somebody goes on talking while a stream is sent."""
+    said = waiting.page.say(head(waiting, "GET /facts HTTP/1.1") * 50 + b"nonsense\r\n\r\n", close=True)
+    assert said.count(b"HTTP/1.1 200 OK") == 50
+    assert calm(waiting, said)
+    said = waiting.page.say(head(waiting, "GET /events?after=99 HTTP/1.1") + b"nonsense\r\n\r\n" * 100, patience=0.3)
+    assert calm(waiting, said)
+    assert calm(waiting, waiting.page.say(head(waiting, "GET /events?after=99 HTTP/1.1") * 100, patience=0.3))
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.binary(max_size=400))
+def test_random_bytes(waiting: LiveRun, data: bytes):
+    """Alone, and after a beginning that looks right."""
+    assert calm(waiting, waiting.page.say(data, close=True))
+    assert calm(waiting, waiting.page.say(b"POST /control/answer HTTP/1.1\r\nHost: " + data, close=True))
+
+
+def test_flipped_bytes_of_a_right_request(waiting: LiveRun):
+    """Requests that are almost good, without the right to control."""
+    luck = random.Random(7)
+    right = (
+        head(waiting, "POST /control/stop HTTP/1.1", "Content-Type: application/json", "Content-Length: 12")
+        + b'{"stage": 2}'
+    )
+    for _ in range(80):
+        data = bytearray(right)
+        for _ in range(luck.randrange(1, 4)):
+            data[luck.randrange(len(data))] = luck.randrange(256)
+        assert calm(waiting, waiting.page.say(bytes(data), close=True))
+
+
+def test_connections_that_say_nothing_are_cut(waiting: LiveRun):
+    """Three hundred of them, and as many that say a byte now and then, keep nobody else out, and not for long."""
+    silent = [socket.create_connection((waiting.page.host, waiting.page.port), timeout=30) for _ in range(300)]
+    half = head(waiting, "GET /facts HTTP/1.1")[:-2]
+    for client in silent[::2]:
+        client.sendall(half[: len(half) // 2])
+    assert calm(waiting)
+    deadline = clock.Deadline.after(30)
+    for client in silent:
+        client.settimeout(max(0.1, deadline.remaining()))
+        with contextlib.suppress(ConnectionResetError):
+            assert client.recv(1) == b""
+        client.close()
+    assert calm(waiting)
+
+
+def test_a_flood_of_connections_is_bounded(waiting: LiveRun):
+    """Beyond its limit the server turns connections away, and serves again when they are gone."""
+    clients = []
+    for _ in range(1200):
+        try:
+            clients.append(socket.create_connection((waiting.page.host, waiting.page.port), timeout=5))
+        except OSError:
+            break
+    for client in clients:
+        client.close()
+    deadline = clock.Deadline.after(20)
+    while not serves(waiting):
+        assert not deadline.expired
+    assert calm(waiting)
+
+
+def serves(run: LiveRun) -> bool:
+    """Whether a request is answered as it should be."""
+    try:
+        return run.page.get("/facts").status == 200
+    except ConnectionError:
+        return False
+
+
+def test_half_open_connections_and_resets(waiting: LiveRun):
+    """Gone without a word, in the middle of a request or of an answer."""
+    for data in (
+        b"",
+        b"GET /",
+        head(waiting, "GET /events HTTP/1.1"),
+        head(waiting, "GET /files/journal.jsonl HTTP/1.1"),
+    ):
+        for _ in range(20):
+            client = socket.create_connection((waiting.page.host, waiting.page.port))
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
+            client.sendall(data)
+            client.close()
+    assert calm(waiting)

@@ -1,0 +1,135 @@
+"""What a browser asks while a run goes on, request by request."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+import numpy as np
+import pytest
+
+from rtf.page.assets import page_folder
+
+if TYPE_CHECKING:
+    from live_page import LiveRun
+
+
+def test_the_page_and_its_files_are_served_as_they_are(waiting: LiveRun):
+    """With the type browsers insist on; nothing beside the page's own files."""
+    assert waiting.page.get("/").headers["content-type"] == "text/html; charset=utf-8"
+    for path in page_folder().glob("*.js"):
+        answer = waiting.page.get(f"/{path.name}")
+        assert (answer.status, answer.body) == (200, path.read_bytes())
+        assert answer.headers["content-type"] == "text/javascript; charset=utf-8"
+    assert waiting.page.get("/page.css").headers["content-type"] == "text/css; charset=utf-8"
+    for path in ("/favicon.ico", "/../web.py", "/..%2fweb.py", "/%2e%2e/web.py", "/web.py", "/page.css/"):
+        assert waiting.page.get(path).status == 404
+
+
+def test_the_facts(waiting: LiveRun):
+    """What the page must know first."""
+    facts = waiting.page.get("/facts").json
+    assert facts == {
+        "mode": "live",
+        "control": True,
+        "compare": False,
+        "history": False,
+        "run": waiting.run_folder.name,
+    }
+
+
+def test_status_has_the_ancestors_two_keys(waiting: LiveRun):
+    """Scripts that ask for it keep working."""
+    assert waiting.page.get("/status").json == {"name": "waiting", "testStatus": [1, 0]}
+
+
+def test_a_latecomer_gets_everything_and_who_comes_back_the_rest(waiting: LiveRun):
+    """By the header browsers send, and by the query for everybody else."""
+    journal = [json.loads(line) for line in (waiting.run_folder / "journal.jsonl").read_text().splitlines()]
+    assert journal[-1]["event"] == "asked"
+
+    def first(path: str, **headers: str) -> tuple[str, str]:
+        connection = waiting.page.connect()
+        connection.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
+        response = connection.getresponse()
+        assert response.headers["content-type"] == "text/event-stream; charset=utf-8"
+        lines = [response.readline().decode() for _ in range(6)]
+        connection.close()
+        assert lines[:4] == ["retry: 1000\n", "event: run\n", f'data: "{waiting.run_folder.name}"\n', "\n"]
+        return lines[4], lines[5]
+
+    number = f"id: {len(journal)}\n"
+    for path, headers, after in [
+        ("/events", {}, 0),
+        ("/events?after=3", {}, 3),
+        ("/events", {"Last_Event_ID": "4"}, 4),
+        ("/events?after=3", {"Last_Event_ID": "4"}, 4),
+    ]:
+        head, data = first(path, **headers)
+        assert head == number
+        assert json.loads(data.removeprefix("data: ")) == journal[after:]
+
+
+@pytest.mark.parametrize("after", ["-1", "x", "1.5", "٣", "1" * 400, " ", "0x1"])
+def test_a_place_that_is_none_is_refused(waiting: LiveRun, after: str):
+    """No guess is made about where a client left."""
+    assert waiting.page.get(f"/events?after={quote(after)}").status == 400
+
+
+def test_events_have_a_head(waiting: LiveRun):
+    """HEAD does not wait for the end of the run."""
+    assert waiting.page.ask("HEAD", "/events").headers["content-type"].startswith("text/event-stream")
+
+
+def test_files_of_the_run_are_shown_or_kept(waiting: LiveRun):
+    """Pictures and text to look at, everything else to download, and none of it as a page."""
+    folder = waiting.run_folder / "files"
+    folder.mkdir(exist_ok=True)
+    (folder / "a b.png").write_bytes(b"\x89PNG")
+    (folder / "evil.html").write_bytes(b"<script>alert(1)</script>")
+    picture = waiting.page.get("/files/files/a%20b.png")
+    assert (picture.status, picture.body, picture.headers["content-type"]) == (200, b"\x89PNG", "image/png")
+    assert "sandbox" in picture.headers["content-security-policy"]
+    assert "content-disposition" not in picture.headers
+    evil = waiting.page.get("/files/files/evil.html")
+    assert evil.headers["content-type"] == "application/octet-stream"
+    assert evil.headers["content-disposition"] == "attachment"
+    assert "sandbox" in evil.headers["content-security-policy"]
+    head = waiting.page.ask("HEAD", "/files/files/evil.html")
+    assert (head.body, head.headers["content-length"]) == (b"", str(len(evil.body)))
+    journal = waiting.page.get("/files/journal.jsonl")
+    assert journal.body == (waiting.run_folder / "journal.jsonl").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("../suite.xml", "..%2fsuite.xml", "%2e%2e/suite.xml", "%2e%2e%2fsuite.xml", "files/..%2f..%2fsuite.xml"),
+        *("/etc/passwd", "%2fetc%2fpasswd", "..%5csuite.xml", "%00", "journal.jsonl%00.png", "", ".", "files"),
+        *("web-server.log", "%ff%fe", "x" * 5000),
+    ],
+)
+def test_no_path_leads_out_of_the_run(waiting: LiveRun, path: str):
+    """However it is written; nor to the server's own log."""
+    for place in ("files", "series"):
+        answer = waiting.page.get(f"/{place}/{path}")
+        assert answer.status == 404
+        assert b"suite" not in answer.body.replace(b"suite.xml", b"")
+
+
+def test_a_series_is_sent_packed(waiting: LiveRun):
+    """As ``docs/page.md`` has it; what is no series is told of."""
+    folder = waiting.run_folder / "files"
+    folder.mkdir(exist_ok=True)
+    np.savez(folder / "elbow.npz", t=np.arange(3.0), position=np.array([1.0, np.nan, 3.0]))
+    answer = waiting.page.get("/series/files/elbow.npz")
+    assert answer.headers["content-type"] == "application/octet-stream"
+    head, values = np.frombuffer(answer.body[:12], "<u4"), np.frombuffer(answer.body[12:], "<f8")
+    assert [*head] == [2, 3, 0]
+    np.testing.assert_array_equal(values, [0, 1, 2, 1, np.nan, 3])
+    (folder / "broken.npz").write_bytes(b"PK\3\4 cut off")
+    broken = waiting.page.get("/series/files/broken.npz")
+    assert broken.status == 404
+    assert b"holds no series" in broken.body
+    assert b"Traceback" not in broken.body

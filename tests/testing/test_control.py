@@ -1,0 +1,217 @@
+"""The one door through which people stop a run and answer its questions, whoever they are."""
+
+from __future__ import annotations
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from harness import run_suite
+from rtf.testing.control import Control, TooLateError
+from rtf.testing.events import Answered, Asked, Interrupted, RunEnded, TestEnded
+from rtf.testing.interrupts import Interrupts
+from rtf.testing.operator import AnswerError
+from rtf.testing.verdict import ExitCode, Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rtf.testing.runner import Run
+
+ASKING = """
+from rtf.testing import TestCase
+class Asking(TestCase):
+    def run(self):
+        self.check(self.confirm("is it well?", timeout=20), "it is")
+"""
+FINE = "from rtf.testing import TestCase\nclass Fine(TestCase):\n    def run(self):\n        self.check(True, 'fine')\n"
+
+
+def question(test: str = "s/t", number: int = 1, **members: Any) -> Asked:
+    """A question."""
+    return Asked(test=test, question=f"{test}#{number}", text="?", **members)
+
+
+def ended(test: str) -> TestEnded:
+    """The end of a test."""
+    return TestEnded(test=test, verdict=Verdict.PASSED, outcome=Verdict.PASSED)
+
+
+@pytest.fixture
+def control() -> Control:
+    """A door with one open question."""
+    made = Control()
+    made.ask(question(), lambda *_: None)
+    return made
+
+
+def test_a_stop_before_the_run_is_remembered():
+    """Who is quicker than the run is heard all the same."""
+    control, interrupts = Control(), Interrupts()
+    control.stop("a button", 1)
+    control.bind(interrupts)
+    heard: list[Any] = []
+    interrupts.announce(heard.append)
+    assert [(event.source, event.stage) for event in heard] == [("a button", 1)]
+
+
+def test_a_stage_is_what_was_asked_for_and_never_less():
+    """Pressing the same button twice is not pressing the next one."""
+    control, interrupts = Control(), Interrupts()
+    control.bind(interrupts)
+    stages = []
+    for stage in (1, 1, 2, 1):
+        control.stop("a button", stage)
+        stages.append(interrupts.stage)
+    assert stages == [1, 1, 2, 2]
+
+
+def test_a_run_that_is_over_is_not_stopped(control: Control):
+    """Its verdict stands."""
+    control.note(RunEnded(verdict=Verdict.PASSED, exit_code=0, duration=1.0))
+    with pytest.raises(TooLateError, match="the run is over"):
+        control.stop("a button", 1)
+
+
+def test_an_answer_is_understood_and_given_once(control: Control):
+    """The first valid one counts; the next is told who was quicker."""
+    given: list[tuple[str | None, str]] = []
+    control.ask(question(number=2), lambda answer, source: given.append((answer, source)))
+    with pytest.raises(AnswerError, match="yes or no"):
+        control.answer("s/t", "s/t#2", "perhaps", "a button")
+    assert control.answer("s/t", "s/t#2", "Ja", "a button") == "yes"
+    with pytest.raises(TooLateError, match=r"answered already \(a button\)"):
+        control.answer("s/t", "s/t#2", "no", "console")
+    assert given == [("yes", "a button")]
+
+
+def test_many_answer_at_once_and_one_is_taken(control: Control):
+    """From any thread."""
+    given: list[str | None] = []
+    control.ask(question(number=2), lambda answer, _source: given.append(answer))
+    together = threading.Barrier(8)
+
+    def answer(number: int) -> bool:
+        together.wait()
+        try:
+            control.answer("s/t", "s/t#2", "yes" if number % 2 else "no", f"person {number}")
+        except TooLateError:
+            return False
+        return True
+
+    with ThreadPoolExecutor(8) as pool:
+        assert sum(pool.map(answer, range(8))) == 1
+    assert len(given) == 1
+
+
+def test_open_questions_are_listed_oldest_first(control: Control):
+    """What a box with buttons shows."""
+    control.ask(question("s/u"), lambda *_: None)
+    assert [asked.test for asked in control.questions()] == ["s/t", "s/u"]
+
+
+@pytest.mark.parametrize(
+    "event",
+    [Answered(test="s/t", question="s/t#1", answer="yes", source="timeout"), ended("s/t")],
+    ids=["its time is up", "its test is over"],
+)
+def test_a_question_that_nobody_waits_for_is_closed(control: Control, event: Any):
+    """An answer to it would otherwise be taken for that of the next one."""
+    control.note(event)
+    assert control.questions() == ()
+    with pytest.raises(TooLateError):
+        control.answer("s/t", "s/t#1", "yes", "console")
+
+
+def test_other_tests_do_not_close_it(control: Control):
+    """Tests run side by side."""
+    control.note(ended("s/u"))
+    control.note(Answered(test="s/t", question="s/t#2"))
+    assert len(control.questions()) == 1
+
+
+def test_the_next_attempt_asks_anew(control: Control):
+    """Its question has the same name."""
+    control.answer("s/t", "s/t#1", "yes", "web")
+    given: list[str | None] = []
+    control.ask(question(), lambda answer, _source: given.append(answer))
+    control.answer("s/t", "s/t#1", "no", "web")
+    assert given == ["no"]
+
+
+def test_listeners_hear_of_each_question():
+    """So that a console can begin to read, and a button to blink."""
+    control, heard = Control(), []
+    control.attend(heard.append)
+    control.ask(question(), lambda *_: None)
+    assert [asked.question for asked in heard] == ["s/t#1"]
+
+
+# In a run ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_button_answers_a_real_test(tmp_path: Path):
+    """What any program does with the control it is given."""
+    control = Control()
+    control.attend(lambda asked: control.answer(asked.test, asked.question, "yes", "a button"))
+    options = {"ask": control.ask, "control": control}
+    outcome = run_suite(tmp_path, "<test>asking.py</test>", options=options, asking__py=ASKING)
+    assert outcome.verdict("asking") is Verdict.PASSED
+    assert [event.source for event in outcome.of(Answered)] == ["a button"]
+
+
+def test_a_button_stops_a_real_run(tmp_path: Path):
+    """The running test ends, and nothing else begins."""
+    control = Control()
+
+    def stop_and_answer(asked: Asked) -> None:
+        control.stop("a button", 1)
+        control.answer(asked.test, asked.question, "yes", "a button")
+
+    control.attend(stop_and_answer)
+    options = {"ask": control.ask, "control": control}
+    xml = "<test>asking.py</test><test>fine.py</test>"
+    outcome = run_suite(tmp_path, xml, options=options, asking__py=ASKING, fine__py=FINE)
+    assert outcome.exit_code == ExitCode.INTERRUPTED
+    assert [(event.source, event.stage) for event in outcome.of(Interrupted)] == [("a button", 1)]
+    assert (outcome.verdict("asking"), outcome.verdict("fine")) == (Verdict.PASSED, Verdict.NOT_RUN)
+
+
+def test_a_stop_before_the_first_test_runs_nothing(tmp_path: Path):
+    """Through the options of a run, before it exists."""
+    control = Control()
+    control.stop("a button", 1)
+
+    def interfere(run: Run) -> None:
+        assert run.interrupts.stage == 1
+
+    outcome = run_suite(
+        tmp_path, "<test>fine.py</test>", options={"control": control}, interfere=interfere, fine__py=FINE
+    )
+    assert outcome.exit_code == ExitCode.INTERRUPTED
+    assert outcome.verdict("fine") is Verdict.NOT_RUN
+
+
+def test_reporters_are_given_the_control(tmp_path: Path):
+    """The page has no privilege: a reporter in a file of the user's stops the run just so."""
+    from harness import run_command, write_files
+
+    reporter = """
+from rtf.testing import Reporter
+from rtf.testing.events import TestEnded
+
+class Button(Reporter):
+    plugin_name = "button"
+    def handle(self, event, results):
+        if isinstance(event, TestEnded):
+            self.options.control.stop("a button", 1)
+"""
+    tests = "".join(f'<test name="{name}">fine.py</test>' for name in "abc")
+    xml = f'<suite name="s">{tests}</suite>'
+    write_files(tmp_path, {"button__py": reporter, "fine__py": FINE, "s__xml": xml})
+    outcome = run_command(tmp_path, "-s", "s.xml", "--report", "button", RTF_PLUGIN_PATH=str(tmp_path))
+    assert outcome.exit_code == ExitCode.INTERRUPTED
+    assert (outcome.verdict("a"), outcome.verdict("c")) == (Verdict.PASSED, Verdict.NOT_RUN)
+    assert outcome.of(Interrupted, source="a button")
