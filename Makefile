@@ -27,6 +27,8 @@ test: .venv/installed-for-tests
 
 benchmark: .venv/installed-for-tests
 	$(BIN)/python tests/benchmarks/run_benchmarks.py
+	$(BIN)/python tests/benchmarks/run_page_benchmarks.py
+	$(BIN)/python tests/benchmarks/run_browser_benchmarks.py
 
 wheel: .venv/installed-for-tests
 	$(BIN)/python -m build --wheel --outdir dist

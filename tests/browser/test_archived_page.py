@@ -1,0 +1,207 @@
+"""The archived page: one file, opened without a network, with everything in it."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from playwright.sync_api import expect
+
+from archives import archive_of, numbered, put
+from rtf.testing.events import Attached, RunStarted, SuitePlanned, TestPlanned, TestStarted
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from playwright.sync_api import Page
+
+VERDICTS = {"crash": "error", "hang": "error", "measure": "failed", "flaky": "flaky", "skip": "skipped"}
+
+
+def state_of(page: Page, test: str) -> Any:
+    """The row of a test in the list."""
+    return list_of_tests(page).get_by_role("option", name=re.compile(rf"^{test} "))
+
+
+def list_of_tests(page: Page) -> Any:
+    """The list of tests."""
+    return page.get_by_role("listbox", name="Tests")
+
+
+def test_it_opens_without_a_network(finished: Any, visit: Any, shoot: Callable[..., None]):
+    """The verdict is there, every test with its own, and nothing was asked of any server."""
+    page = visit(finished.address, offline=True)
+    expect(page.get_by_role("heading", level=1)).to_have_text("failed")
+    for test, verdict in VERDICTS.items():
+        expect(state_of(page, test)).to_contain_text(verdict)
+    expect(state_of(page, "collapse")).to_contain_text("passed")
+    shoot(page, "archive-tests")
+
+
+def test_failures_stand_first(finished: Any, visit: Any):
+    """What needs eyes is on top."""
+    page = visit(finished.address, offline=True)
+    rows = list_of_tests(page).get_by_role("option")
+    expect(rows).to_have_count(7)
+    states = [
+        re.findall("failed|error|flaky|skipped|passed", text.replace("\n", " "))[0] for text in rows.all_inner_texts()
+    ]
+    assert states == ["failed", "error", "error", "flaky", "skipped", "passed", "passed"]
+
+
+def test_a_test_is_shown_in_depth(finished: Any, visit: Any, shoot: Callable[..., None]):
+    """Parts, measurements with unit and limits, plots, attachments that can be seen and saved."""
+    page = visit(f"{finished.address}#bench/measure", offline=True)
+    detail = page.get_by_role("region", name="Details")
+    expect(detail.get_by_role("heading", name="measure", exact=True)).to_be_visible()
+    expect(detail).to_contain_text("joint 3")
+    row = detail.get_by_role("row").filter(has_text="joint 3").first
+    expect(row).to_contain_text("1.7")
+    expect(row).to_contain_text("deg")
+    expect(detail.locator("canvas").first).to_be_visible()
+    picture = detail.locator("img").first
+    picture.scroll_into_view_if_needed()
+    expect(picture).to_have_js_property("naturalWidth", 48)
+    with page.expect_download() as download:
+        detail.get_by_role("link", name="words.txt").click()
+    assert download.value.path().read_bytes() == b"the last words of the arm\n"
+    shoot(page, "archive-test")
+
+
+def test_plots_show_something(finished: Any, visit: Any, shoot: Callable[..., None]):
+    """A plot has more colours than its background: its data came along."""
+    page = visit(f"{finished.address}#bench/measure", offline=True)
+    canvas = page.locator("canvas").first
+    canvas.scroll_into_view_if_needed()
+    expect(canvas).to_be_visible()
+    page.wait_for_function(
+        """() => [...document.querySelectorAll("canvas")].some((canvas) => {
+          const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+          const colours = new Set();
+          for (let at = 0; at < data.length; at += 4) colours.add(data.slice(at, at + 4).join());
+          return colours.size > 20;
+        })"""
+    )
+    shoot(page, "archive-plot")
+
+
+def test_links_lead_to_the_same_place_for_ever(finished: Any, visit: Any):
+    """A part of a test has an address that can be sent to somebody, and reloading stays there."""
+    page = visit(f"{finished.address}#bench/measure/joint%203", offline=True)
+    detail = page.get_by_role("region", name="Details")
+    expect(detail).to_contain_text("show the whole test")
+    expect(detail).not_to_contain_text("joint 1")
+    page.reload()
+    expect(detail).to_contain_text("show the whole test")
+    page.go_back()
+    page.go_forward()
+    expect(detail).to_contain_text("joint 3")
+
+
+def test_the_fixture_is_shown_with_its_incident(finished: Any, visit: Any, shoot: Callable[..., None]):
+    """Both incarnations, what was the matter with the first, and its last words."""
+    page = visit(f"{finished.address}#~fixtures", offline=True)
+    view = page.get_by_role("region", name="Fixtures", exact=True)
+    expect(view).to_contain_text("server")
+    expect(view).to_contain_text("collapse")
+    expect(view.get_by_text("cannot bear it")).to_be_visible()
+    shoot(page, "archive-fixtures")
+
+
+def test_measurements_are_compared_across_tests(finished: Any, visit: Any, shoot: Callable[..., None]):
+    """One table, which can be sorted by a click and filtered by words."""
+    page = visit(f"{finished.address}#~measurements", offline=True)
+    rows = page.get_by_role("row").filter(has_text="tracking error")
+    expect(rows).to_have_count(3)
+    page.get_by_role("button", name=re.compile("^Value")).click()
+    expect(rows.first).to_contain_text("joint 1")
+    page.get_by_role("button", name=re.compile("^Value")).click()
+    expect(rows.first).to_contain_text("joint 3")
+    page.get_by_role("searchbox").first.fill("joint 2")
+    expect(rows).to_have_count(1)
+    shoot(page, "archive-measurements")
+
+
+def test_the_log_is_filtered(finished: Any, visit: Any, shoot: Callable[..., None]):
+    """By words, severity and source."""
+    page = visit(f"{finished.address}#~log", offline=True)
+    log = page.get_by_role("listbox", name="Log")
+    log.press("End")
+    expect(log.get_by_text("the run has ended: failed")).to_be_visible()
+    page.get_by_role("searchbox", name="Filter log").fill("three joints")
+    expect(log.get_by_role("option")).to_have_count(1)
+    page.get_by_role("searchbox", name="Filter log").fill("")
+    page.get_by_label("Source").select_option(label="fixtures")
+    expect(log.get_by_text("three joints")).to_have_count(0)
+    expect(log.get_by_text("ready").first).to_be_visible()
+    shoot(page, "archive-log")
+
+
+def test_the_environment_is_in_it(finished: Any, visit: Any, shoot: Callable[..., None]):
+    """Robot, station and versions: without them a record is worth nothing years later."""
+    page = visit(f"{finished.address}#~environment", offline=True)
+    view = page.get_by_role("region", name="Environment", exact=True)
+    for fact in ("icubSim", "bench", "python"):
+        expect(view).to_contain_text(re.compile(fact, re.IGNORECASE))
+    shoot(page, "archive-environment")
+
+
+def test_it_is_compared_with_an_earlier_run(finished: Any, visit: Any, shoot: Callable[..., None]):
+    """The measurement that became worse is on top, with both values."""
+    page = visit(f"{finished.address}#~compare", offline=True)
+    view = page.get_by_role("region", name="Comparison", exact=True)
+    expect(view).to_contain_text("joint 3")
+    expect(view).to_contain_text("1.4")
+    expect(view).to_contain_text("1.7")
+    shoot(page, "archive-compare")
+
+
+def test_trends_of_all_runs_are_in_it(finished: Any, visit: Any, shoot: Callable[..., None]):
+    """Each measurement over the runs of the history."""
+    page = visit(f"{finished.address}#~trends", offline=True)
+    view = page.get_by_role("region", name="Trends", exact=True)
+    expect(view).to_contain_text("tracking error")
+    expect(view).to_contain_text("joint 3")
+    shoot(page, "archive-trends")
+
+
+@pytest.mark.parametrize(("locale", "word"), [("de-DE", "Messwerte"), ("it-IT", "Misure"), ("fr-FR", "Measurements")])
+def test_it_speaks_the_language_of_its_reader(finished: Any, visit: Any, locale: str, word: str):
+    """German, Italian, and English to everybody else."""
+    page = visit(finished.address, offline=True, locale=locale)
+    expect(page.get_by_role("link", name=word)).to_be_visible()
+
+
+def test_a_run_that_was_killed_is_shown_as_such(tmp_path: Path, visit: Any, shoot: Callable[..., None]):
+    """No verdict is made up: the run did not end, and the test under which it was killed was interrupted."""
+    events = [
+        RunStarted(run="r", version="1"),
+        SuitePlanned(suite="s", name="s"),
+        TestPlanned(test="s/one", suite="s", name="one"),
+        TestPlanned(test="s/two", suite="s", name="two"),
+        TestStarted(test="s/one"),
+    ]
+    page = visit(archive_of(put(tmp_path / "run", *numbered(events))).as_uri(), offline=True)
+    expect(page.get_by_role("heading", level=1)).to_have_text("did not end")
+    expect(page.get_by_text("is being stopped")).to_have_count(0)
+    expect(state_of(page, "one")).to_contain_text("interrupted")
+    shoot(page, "archive-killed")
+
+
+def test_what_was_too_large_is_said(tmp_path: Path, visit: Any):
+    """The attachment is named, and that it is not here."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "large.bin").write_bytes(bytes(3 << 20))
+    events = [
+        RunStarted(run="r", version="1"),
+        SuitePlanned(suite="s", name="s"),
+        TestPlanned(test="s/one", suite="s", name="one"),
+        TestStarted(test="s/one"),
+        Attached(test="s/one", name="large.bin", path="large.bin", size=3 << 20),
+    ]
+    page = visit(f"{archive_of(put(folder, *numbered(events))).as_uri()}#s/one", offline=True)
+    item = page.get_by_role("region", name="Details").get_by_role("listitem").filter(has_text="large.bin")
+    expect(item).to_contain_text("not in this page: larger than 2 MiB")
