@@ -79,7 +79,7 @@ function measurementRow(record, before, test, page) {
   const again = before && (before.subject ?? "") === subject;
   return h("tr", { data: { measurement: name } },
     h("th", { scope: "row", class: "part" }, again ? null : h("a", { href: linkTo(test.id, subject) }, free(subject))),
-    h("td", { title: file ? `${file}:${line ?? ""}` : null }, h("a", { href: linkTo(test.id, subject, name) }, free(name))),
+    h("td", { class: "quantity", title: file ? `${file}:${line ?? ""}` : null }, h("a", { href: linkTo(test.id, subject, name) }, free(name))),
     h("td", { class: "number" }, alignedNumber(formatNumber(value))), h("td", { class: "unit", text: unit }),
     h("td", { class: "limits", text: formatLimits(low, high) }), h("td", {}, marginBar(record, page.format)), h("td", {}, badge(verdict)));
 }
