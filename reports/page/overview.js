@@ -121,7 +121,7 @@ export class Overview {
     let problems = 0;
     for (const [one, count] of model.counts) if (isBad(one)) problems += count;
     const asked = model.interrupted && state === "running" ? t(model.interrupted.stage > 1 ? "run.stopping2" : "run.stopping1") : "";
-    const sum = problems ? t("run.problems", { n: problems, all: model.tests.size }) : state === "running" ? "" : t("run.tests", { n: model.tests.size });
+    const sum = problems ? t("run.problems", { n: problems, all: model.tests.size }) : state === "running" ? "" : model.tests.size === 1 ? t("run.test") : t("run.tests", { n: model.tests.size });
     return [asked, sum].filter(Boolean).join(" · ");
   }
 

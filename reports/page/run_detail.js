@@ -1,11 +1,14 @@
-// Beside the list when no test is chosen: what of the whole run needs a look, worst first.
+// Beside the list when no test is chosen: what runs, and what of the whole run needs a look, worst first.
 
 import { free, h, section } from "./dom.js";
 import { formatPlace, linkTo, linkToFixture } from "./format.js";
 import { folded, GrowingList } from "./long_text.js";
 import { problemItem, problemsOf } from "./messages.js";
 import { sign } from "./signs.js";
+import { TestDetail } from "./test_detail.js";
 import { t } from "./texts.js";
+
+const SETTLED = 0.4; // seconds that a test runs before it is shown: quicker ones would only flicker
 
 export class RunDetail {
   constructor(page) {
@@ -20,18 +23,46 @@ export class RunDetail {
     this.tests = list("Problems", problemItem, 50);
     this.incidents = list("Incidents of fixtures", incidentItem, 20);
     this.diagnoses = list("Said of files and command line", diagnosisItem, 50);
+    this.running = h("div", { class: "following" });
+    this.followed = null; // the detail of the test that runs
     this.nothing = h("p", { class: "empty", text: t("list.select") });
-    this.element = h("div", { class: "test" }, h("h2", { class: "unseen", text: "What needs a look" }), this.broken.element, this.tests.element, this.incidents.element, this.diagnoses.element, this.nothing);
+    this.element = h("div", { class: "test" }, h("h2", { class: "unseen", text: "What needs a look" }), this.running, this.broken.element, this.tests.element, this.incidents.element, this.diagnoses.element, this.nothing);
     this.update();
   }
 
-  update() {
+  update(changes = { every: true }) {
     const { model } = this.page;
+    this.#follow(changes);
     this.broken.update(model.internalErrors);
     this.tests.update(problemsOf(model.tests.values()));
     this.incidents.update([...model.fixtures()].flatMap((fixture) => fixture.incidents));
     this.diagnoses.update(model.diagnostics);
-    this.nothing.hidden = [this.broken, this.tests, this.incidents, this.diagnoses].some((list) => !list.element.hidden);
+    this.nothing.hidden = [this.broken, this.tests, this.incidents, this.diagnoses].some((list) => !list.element.hidden) || Boolean(this.followed);
+  }
+
+  tick() {
+    this.#follow({ tests: new Set() });
+    this.followed?.tick();
+  }
+
+  destroy() {
+    this.followed?.destroy();
+    this.followed = null;
+  }
+
+  /** Show the test that runs, until another one does or the run is over. */
+  #follow(changes) {
+    const { model } = this.page;
+    const id = [...model.running].find((one) => this.page.now() - model.tests.get(one).attempt.started.time > SETTLED);
+    if (id && id !== this.followed?.test.id) {
+      this.destroy();
+      this.followed = new TestDetail(this.page, model.tests.get(id));
+      this.running.replaceChildren(this.followed.element);
+      this.followed.show();
+    } else if (model.ended && this.followed) {
+      this.destroy();
+      this.running.replaceChildren();
+    } else this.followed?.update(changes);
   }
 }
 

@@ -133,7 +133,7 @@ class FactsPart {
     const facts = [
       ["duration", this.duration],
       ["plug-in", free(planned.type && planned.type !== planned.plugin ? `${planned.plugin} (${planned.type})` : planned.plugin)],
-      ["defined in", free(formatPlace(planned.file, planned.line), "span", { title: planned.file })],
+      ["defined in", planned.file && free(formatPlace(planned.file, planned.line), "span", { title: planned.file })],
       ["parameters", planned.param && free(planned.param, "span", { class: "mono" })],
       ["stood on", this.#fixtures()],
       ["processor", ended.cpu_time && formatSeconds(ended.cpu_time)],

@@ -27,6 +27,7 @@ const WORDS = {
   "run.unreadable": ["{n} lines of the journal could not be read", "{n} Zeilen des Journals sind unlesbar", "{n} righe del giornale sono illeggibili"],
   "run.stopping1": ["stops after this test", "endet nach diesem Test", "si ferma dopo questa prova"],
   "run.stopping2": ["is being stopped", "wird angehalten", "si sta fermando"],
+  "run.test": ["1 test", "1 Test", "1 prova"],
   "run.tests": ["{n} tests", "{n} Tests", "{n} prove"],
   "run.problems": ["{n} of {all} tests with problems", "{n} von {all} Tests mit Problemen", "{n} di {all} prove con problemi"],
   // connection
