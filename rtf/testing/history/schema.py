@@ -75,9 +75,16 @@ class ForeignFileError(Exception):
 
 def version_of(connection: sqlite3.Connection, newest: int) -> int:
     """The version of an open file; 0 when there is nothing in it. Raises ForeignFileError for what is not ours."""
-    (application,) = connection.execute("PRAGMA application_id").fetchone()
-    (version,) = connection.execute("PRAGMA user_version").fetchone()
-    (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    looks_alone = not connection.in_transaction
+    if looks_alone:
+        connection.execute("BEGIN")  # one look at all three: somebody else may be making the file right now
+    try:
+        (application,) = connection.execute("PRAGMA application_id").fetchone()
+        (version,) = connection.execute("PRAGMA user_version").fetchone()
+        (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    finally:
+        if looks_alone and connection.in_transaction:
+            connection.execute("ROLLBACK")
     if application != APPLICATION and (application or version or tables):
         raise ForeignFileError("it is a database of something else; name another file")
     if version > newest:
