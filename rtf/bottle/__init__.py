@@ -8,21 +8,20 @@ a user meets here is a scalar type that Python does not have. This package knows
 from rtf.bottle.access import (
     as_bool,
     as_bytes,
-    as_dict,
     as_float,
     as_float32,
     as_int,
-    as_list,
     as_string,
     as_vocab,
     is_bool,
 )
 from rtf.bottle.balance import Balance, is_complete
-from rtf.bottle.bottle import MAX_DEPTH, Bottle, coerce, kind_of, same
+from rtf.bottle.bottle import Bottle, as_list, coerce, same
+from rtf.bottle.containers import MAX_DEPTH, Value, kind_of
 from rtf.bottle.errors import BottleError, BottleLimitError, BottleSyntaxError, BottleTypeError
-from rtf.bottle.property import Property
+from rtf.bottle.property import Property, as_dict
 from rtf.bottle.reading import MAX_TEXT
-from rtf.bottle.values import FALSE, TRUE, Dialect, Float32, Int8, Int16, Int64, Kind, Value, Vocab, Vocab64
+from rtf.bottle.values import FALSE, TRUE, Dialect, Float32, Int8, Int16, Int64, Kind, Vocab, Vocab64
 from rtf.bottle.writing import to_string, to_text
 
 __all__ = [

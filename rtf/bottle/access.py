@@ -1,7 +1,8 @@
 """What a value is when it is asked for as something else; every question has an answer, for a missing value too.
 
 These are YARP's conversions. They never raise: what has no sensible answer gives 0, the empty string, false or
-``None``. Strings are not parsed: ``as_int("5")`` is 0.
+``None``. Strings are not parsed: ``as_int("5")`` is 0. The questions for a list and a property stand beside those
+classes.
 """
 
 from __future__ import annotations
@@ -9,12 +10,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from rtf.bottle.bottle import Bottle
-from rtf.bottle.property import Property
 from rtf.bottle.values import INT64_MAX, INT64_MIN, Vocab, to_single
 
 if TYPE_CHECKING:
-    from rtf.bottle.values import Value
+    from rtf.bottle.containers import Value
 
 _TRUTHS = (0, ord("1"))
 
@@ -86,13 +85,3 @@ def as_vocab(value: Value | None) -> Vocab:
 def as_bytes(value: Value | None) -> bytes | None:
     """The bytes of a blob, ``None`` for anything else."""
     return value if isinstance(value, bytes) else None
-
-
-def as_list(value: Value | None) -> Bottle | None:
-    """The list, ``None`` for anything else, a property included."""
-    return value if isinstance(value, Bottle) else None
-
-
-def as_dict(value: Value | None) -> Property | None:
-    """The property, ``None`` for anything else, a list included."""
-    return value if isinstance(value, Property) else None

@@ -3,34 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, MutableSequence
-from typing import TYPE_CHECKING, Any, SupportsIndex, overload
+from typing import Any, ClassVar, SupportsIndex, overload
 
+from rtf.bottle.containers import MAX_DEPTH, Container, Value, is_value, kind_of
 from rtf.bottle.errors import BottleError, BottleLimitError, BottleTypeError
-from rtf.bottle.values import (
-    FALSE,
-    INT32_MAX,
-    INT32_MIN,
-    INT64_MAX,
-    INT64_MIN,
-    TRUE,
-    Dialect,
-    Float32,
-    Int8,
-    Int16,
-    Int64,
-    Kind,
-    Vocab,
-    Vocab64,
-)
-
-if TYPE_CHECKING:
-    from rtf.bottle.values import Value
-
-MAX_DEPTH = 100
-"""How deep lists may be nested, in text, on the wire and in memory; YARP has no bound, robots use three levels."""
+from rtf.bottle.reading import read_items
+from rtf.bottle.values import FALSE, INT64_MAX, INT64_MIN, TRUE, Dialect, Kind
+from rtf.bottle.writing import items_text, to_string
 
 
-class Bottle(MutableSequence["Value"]):
+class Bottle(MutableSequence[Value], Container):
     """A list of values. What is put in is checked and made a value at once; a bottle inside a bottle is a list value.
 
     ``bool`` becomes a vocab, lists, tuples and arrays become bottles, enumerations their plain value. Two bottles are
@@ -39,6 +21,7 @@ class Bottle(MutableSequence["Value"]):
     """
 
     __slots__ = ("_items",)
+    kind: ClassVar[Kind] = Kind.LIST
     __hash__ = None  # type: ignore[assignment]  # the protocol for "not hashable"
 
     def __init__(self, values: Iterable[object] = ()) -> None:
@@ -51,6 +34,15 @@ class Bottle(MutableSequence["Value"]):
         bottle._items = items
         return bottle
 
+    @classmethod
+    def of_elements(cls, items: list[Value]) -> Bottle:
+        """See :meth:`adopt`."""
+        return cls.adopt(items)
+
+    def elements(self) -> list[Value]:
+        """The list that the bottle keeps its elements in; not to be changed."""
+        return self._items
+
     @staticmethod
     def parse(text: str, *, strict: bool = False, dialect: Dialect = Dialect.YARP3) -> Bottle:
         """Read the text form. As in YARP an element that is not closed is dropped; ``strict`` raises an error for it.
@@ -58,14 +50,10 @@ class Bottle(MutableSequence["Value"]):
         Raises :class:`BottleLimitError` for text that is too long or too deeply nested, :class:`BottleSyntaxError`
         when strict, :class:`BottleError` for a vocab that cannot be written as UTF-8, and nothing else.
         """
-        from rtf.bottle.reading import read_items
-
         return Bottle.adopt(read_items(text, strict=strict, dialect=dialect))
 
     def to_text(self) -> str:
         """Write the text form: elements separated by one blank, without parentheses around the whole."""
-        from rtf.bottle.writing import items_text
-
         return items_text(self._items)
 
     def get(self, index: int, default: Value | None = None) -> Value | None:
@@ -100,8 +88,6 @@ class Bottle(MutableSequence["Value"]):
         return found if isinstance(found, Bottle) else Bottle.adopt(self._items[index : index + 2])
 
     def _position(self, key: str) -> int:
-        from rtf.bottle.writing import to_string
-
         for index, item in enumerate(self._items):
             head = item.get(0) if isinstance(item, Bottle) else item
             if (head if isinstance(head, str) else to_string(head)) == key:
@@ -152,42 +138,13 @@ class Bottle(MutableSequence["Value"]):
         return self.adopt(self._items.copy())
 
 
-_KINDS: dict[type, Kind] = {
-    float: Kind.FLOAT64,
-    str: Kind.STRING,
-    bytes: Kind.BLOB,
-    Bottle: Kind.LIST,
-    Vocab: Kind.VOCAB32,
-    Vocab64: Kind.VOCAB64,
-    Int8: Kind.INT8,
-    Int16: Kind.INT16,
-    Int64: Kind.INT64,
-    Float32: Kind.FLOAT32,
-}
-
-
-def register(container: type, kind: Kind) -> None:
-    """Let a further class be a value; :class:`Property` does so for itself, because it is built upon bottles."""
-    _KINDS[container] = kind
-
-
-def kind_of(value: Value) -> Kind:
-    """The type of a value; raises :class:`BottleTypeError` for an object that is none."""
-    if type(value) is int:
-        return Kind.INT32 if INT32_MIN <= value <= INT32_MAX else Kind.INT64
-    try:
-        return _KINDS[type(value)]
-    except KeyError:
-        raise BottleTypeError(f"a {type(value).__name__} is not a value of a bottle: {value!r}") from None
-
-
 def coerce(value: object) -> Value:
     """Make a value of a Python object.
 
     Raises :class:`BottleTypeError` for an object that is none and :class:`BottleError` for a number beyond 64 bits.
     """
-    if type(value) in _KINDS:
-        return value  # type: ignore[return-value]  # the table holds exactly the types of Value
+    if is_value(value):
+        return value  # type: ignore[return-value]  # which is what was asked
     for types, convert in _CONVERSIONS:
         if isinstance(value, types):
             return convert(value)
@@ -221,3 +178,8 @@ def same(one: Value, other: Value, depth: int = 0) -> bool:
     if isinstance(one, Bottle) and isinstance(other, Bottle):
         return len(one) == len(other) and all(same(a, b, depth + 1) for a, b in zip(one, other, strict=True))
     return one == other
+
+
+def as_list(value: Value | None) -> Bottle | None:
+    """The list, ``None`` for anything else, a property included."""
+    return value if isinstance(value, Bottle) else None

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
-from rtf.bottle.bottle import Bottle, register, same
+from rtf.bottle.bottle import Bottle, same
+from rtf.bottle.containers import Container
 from rtf.bottle.values import Kind
+from rtf.bottle.writing import to_string
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from rtf.bottle.values import Value
+    from rtf.bottle.containers import Value
     from rtf.errors import Location
 
 
-class Property:
+class Property(Container):
     """Groups by key, in the order in which the keys were first given; the last of two equal keys wins.
 
     The group of ``key`` is the bottle ``key value…``; the value of ``key`` is the group's second element. A key may
@@ -23,6 +25,7 @@ class Property:
     """
 
     __slots__ = ("_groups", "_places")
+    kind: ClassVar[Kind] = Kind.DICT
     __hash__ = None  # type: ignore[assignment]  # the protocol for "not hashable"
 
     def __init__(self, values: Mapping[str, object] | None = None) -> None:
@@ -45,10 +48,19 @@ class Property:
                 made.put_group(item)
         return made
 
+    @classmethod
+    def of_elements(cls, items: list[Value]) -> Self:
+        """As :meth:`from_bottle`, of the elements of one."""
+        return cls.from_bottle(Bottle.adopt(items))
+
+    def elements(self) -> list[Value]:
+        """The groups as :meth:`to_bottle` has them."""
+        keys = sorted(self._groups, key=lambda key: key.encode("utf-8", "surrogatepass"))
+        return [self._groups[key] for key in keys]
+
     def to_bottle(self) -> Bottle:
         """A bottle of the groups in ascending byte order of their keys: what YARP sends for a property."""
-        keys = sorted(self._groups, key=lambda key: key.encode("utf-8", "surrogatepass"))
-        return Bottle.adopt([self._groups[key] for key in keys])
+        return Bottle.adopt(self.elements())
 
     def to_text(self) -> str:
         """Write the text form, keys in ascending byte order; a key without a value is written ``(key)``."""
@@ -83,8 +95,6 @@ class Property:
     def put_group(self, group: Bottle, *, key: str | None = None, location: Location | None = None) -> None:
         """Set a group that already begins with its key; ``key`` spares working it out."""
         if key is None:
-            from rtf.bottle.writing import to_string
-
             key = to_string(group.get(0))
         self._groups[key] = group
         if location is None:
@@ -147,4 +157,6 @@ class Property:
         return f"Property.parse({self.to_text()!r})"
 
 
-register(Property, Kind.DICT)
+def as_dict(value: Value | None) -> Property | None:
+    """The property, ``None`` for anything else, a list included."""
+    return value if isinstance(value, Property) else None

@@ -15,16 +15,17 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from rtf.bottle.access import as_int
 from rtf.bottle.balance import Balance
-from rtf.bottle.bottle import MAX_DEPTH, Bottle
+from rtf.bottle.containers import CONTAINERS, MAX_DEPTH
 from rtf.bottle.errors import BottleLimitError, BottleSyntaxError
 from rtf.bottle.numbers import read_number
-from rtf.bottle.values import FALSE, TRUE, Dialect, Vocab, Vocab64
+from rtf.bottle.values import FALSE, TRUE, Dialect, Kind, Vocab, Vocab64
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from rtf.bottle.values import Value
+    from rtf.bottle.containers import Value
 
 MAX_TEXT = 4 << 20
 """How many characters a text may have. YARP has no bound; the longest text a robot sends is some kilobytes."""
@@ -56,7 +57,7 @@ _WORDS: dict[str, Value] = {"true": TRUE, "false": FALSE, "null": Vocab("null")}
 
 
 def read_items(text: str, *, strict: bool = False, dialect: Dialect = Dialect.YARP3) -> list[Value]:
-    """Read the elements of a bottle; errors as for :meth:`Bottle.parse`."""
+    """Read the elements of a bottle; errors as for ``Bottle.parse``."""
     if len(text) > MAX_TEXT:
         raise BottleLimitError(f"the text has {len(text)} characters, more than {MAX_TEXT}")
     items = read_quickly(text, dialect)
@@ -76,6 +77,7 @@ def _require_balance(text: str) -> None:
 
 def read_quickly(text: str, dialect: Dialect) -> list[Value] | None:
     """Read well-formed text in one pass; ``None`` when the text is not quite that."""
+    new_list = CONTAINERS[Kind.LIST].of_elements
     items: list[Value] = []
     stack: list[list[Value]] = []
     for token in _TOKEN.finditer(text):
@@ -90,7 +92,7 @@ def read_quickly(text: str, dialect: Dialect) -> list[Value] | None:
         elif kind == _CLOSE:
             if not stack:
                 return None
-            closed = Bottle.adopt(items)
+            closed = new_list(items)
             items = stack.pop()
             items.append(closed)
         elif kind == _VOCAB:
@@ -125,11 +127,11 @@ class _ExactReader:
     def _item(self, token: str, offset: int, depth: int) -> Value:
         first = token[0]
         if first == "(":
-            return Bottle.adopt(self.items(token[1:-1], offset + 1, depth + 1))
+            return CONTAINERS[Kind.LIST].of_elements(self.items(token[1:-1], offset + 1, depth + 1))
         if first == "[":
             return _vocab(token[1:-1], self._dialect)
         if first == "{":
-            return bytes([_byte(value) for value in self.items(token[1:-1], offset + 1, depth + 1)])
+            return bytes([as_int(value) & 0xFF for value in self.items(token[1:-1], offset + 1, depth + 1)])
         if first == '"':
             return _unescape(token[1:-1])
         return _word(token)
@@ -177,12 +179,6 @@ def _vocab(text: str, dialect: Dialect) -> Vocab:
     if dialect is Dialect.YARP4 and len(text.encode("utf-8", "surrogateescape")) > Vocab.WIDTH:
         vocab = Vocab64.truncated(text)
     return vocab
-
-
-def _byte(value: Value) -> int:
-    from rtf.bottle.access import as_int
-
-    return as_int(value) & 0xFF
 
 
 def _unescape(text: str) -> str:

@@ -9,16 +9,9 @@ from __future__ import annotations
 
 import enum
 import struct
-from typing import TYPE_CHECKING, ClassVar, Self, TypeAlias
+from typing import ClassVar, Self
 
 from rtf.bottle.errors import BottleError
-
-if TYPE_CHECKING:
-    from rtf.bottle.bottle import Bottle
-    from rtf.bottle.property import Property
-
-Value: TypeAlias = "int | float | str | bytes | Vocab | Bottle | Property"
-"""What a bottle holds. A missing value (YARP's null value) is ``None`` and is never inside a bottle."""
 
 INT32_MIN, INT32_MAX = -(2**31), 2**31 - 1
 INT64_MIN, INT64_MAX = -(2**63), 2**63 - 1

@@ -11,15 +11,14 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
-from rtf.bottle.bottle import MAX_DEPTH, Bottle
+from rtf.bottle.containers import MAX_DEPTH, Container
 from rtf.bottle.errors import BottleLimitError, BottleTypeError
-from rtf.bottle.property import Property
 from rtf.bottle.values import Float32, Int8, Int16, Int64, Vocab, Vocab64
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from rtf.bottle.values import Value
+    from rtf.bottle.containers import Value
 
 _BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 _BOOLEANS = ("true", "false")
@@ -37,19 +36,19 @@ def to_text(value: Value, depth: int = 0) -> str:
     writer = _WRITERS.get(type(value))
     if writer is not None:
         return writer(value)
-    if not isinstance(value, Bottle | Property):
+    if not isinstance(value, Container):
         raise BottleTypeError(f"a {type(value).__name__} is not a value of a bottle: {value!r}")
     if depth >= MAX_DEPTH:
         raise BottleLimitError(f"a bottle is nested more than {MAX_DEPTH} levels deep, or inside itself")
-    return f"({items_text(value if isinstance(value, Bottle) else value.to_bottle(), depth + 1)})"
+    return f"({items_text(value.elements(), depth + 1)})"
 
 
 def to_string(value: Value | None) -> str:
     """Write one value as it stands alone: nothing quoted, no brackets around it, and nothing at all for ``None``."""
     if isinstance(value, str):
         return value
-    if isinstance(value, Bottle | Property):
-        return value.to_text()
+    if isinstance(value, Container):
+        return items_text(value.elements())
     if value is None or isinstance(value, Vocab):
         return "" if value is None else str(value)
     return to_text(value).strip("{}")

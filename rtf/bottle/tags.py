@@ -1,0 +1,93 @@
+"""How the two dialects number the types of values on the wire, and how scalars of fixed size are packed and made."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from rtf.bottle.errors import BottleSyntaxError
+from rtf.bottle.values import Dialect, Float32, Int8, Int16, Int64, Kind, Vocab, Vocab64
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.bottle.containers import Value
+
+LIST = 256
+DICT = 512
+GROUP = LIST | DICT
+#: Values that one bottle may hold: each costs up to sixty times its smallest size on the wire.
+MAX_ELEMENTS = 1_000_000
+_VOCABS_KEPT = 4096
+_UNIT = {Dialect.YARP3: 255, Dialect.YARP4: 127}
+_FLOATS = {Dialect.YARP3: (128, 10), Dialect.YARP4: (10, 20)}
+
+int32 = struct.Struct("<i")
+#: A code and what follows it: a small number, a length or a count.
+pair = struct.Struct("<ii")
+
+
+class TruncatedBottleError(BottleSyntaxError):
+    """The bytes end before the bottle does; at least ``needed`` bytes, counted from its beginning, are wanted."""
+
+    def __init__(self, needed: int) -> None:
+        super().__init__(f"the bottle is cut off: at least {needed} bytes are wanted")
+        self.needed = needed
+
+
+class Scalar(NamedTuple):
+    """A type of values that all have the same size: its code, its letter in the struct module, and what makes one."""
+
+    code: int
+    letter: str
+    make: Callable[[Any], Value] | None  # None: what is unpacked is the value
+    one: struct.Struct
+    with_code: struct.Struct
+
+
+def _scalar(code: int, letter: str, make: Callable[[Any], Value] | None) -> Scalar:
+    return Scalar(code, letter, make, struct.Struct(f"<{letter}"), struct.Struct(f"<i{letter}"))
+
+
+class Tags:
+    """One dialect: ``fixed`` are the types of fixed size by their codes, ``classes`` by the class of a value."""
+
+    def __init__(self, dialect: Dialect) -> None:
+        single, double = _FLOATS[dialect]
+        self.float64_code = double
+        self.unit = _UNIT[dialect]
+        self.not_list = ~(GROUP | self.unit)
+        self.int32 = _scalar(Kind.INT32.value, "i", None)
+        self.int64 = _scalar(Kind.INT64.value, "q", Int64)
+        self.classes: dict[type, Scalar] = {
+            Int8: _scalar(Kind.INT8.value, "b", Int8),
+            Int16: _scalar(Kind.INT16.value, "h", Int16),
+            Int64: self.int64,
+            Vocab: _scalar(Kind.VOCAB32.value, "i", vocab),
+            Float32: _scalar(single, "f", _single),
+            float: _scalar(double, "d", None),
+        }
+        if dialect is Dialect.YARP4:
+            self.classes[Vocab64] = _scalar(Kind.VOCAB64.value, "q", Vocab64)
+        self.fixed = {scalar.code: scalar for scalar in (self.int32, *self.classes.values())}
+        self.sizes = {code: scalar.one.size for code, scalar in self.fixed.items()}
+
+
+def _single(value: float) -> Value:
+    return float.__new__(Float32, value)  # it has single precision already
+
+
+vocabs: dict[int, Vocab] = {}
+
+
+def vocab(value: int) -> Vocab:
+    """The vocab of a number. The words of a robot's vocabulary are few and never change, so they are kept."""
+    found = vocabs.get(value)
+    if found is None:
+        found = Vocab(value)
+        if len(vocabs) < _VOCABS_KEPT:
+            vocabs[value] = found
+    return found
+
+
+TAGS = {dialect: Tags(dialect) for dialect in Dialect}
