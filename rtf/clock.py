@@ -1,13 +1,20 @@
 """The one door to time: what the hour is, how long something took, when it must end.
 
-Nobody else imports :mod:`time`. Today the door opens on the system clock; network time and lockstep with a simulator
-enter here too.
+Nobody else imports :mod:`time`. The functions go by the machine's own clock: what supervises, waits for peers and keeps
+records does. What moves and measures a robot goes by :func:`current`, which may be the network's clock or a simulator's
+(:mod:`rtf.middleware.time`).
 """
 
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 #: What must be added to the monotonic clock to get seconds since 1970, read once. Wall time therefore never jumps
 #: within a process, and children forked from it agree with it to the last bit.
@@ -70,3 +77,52 @@ class Deadline:
     def earliest(self, other: Deadline) -> Deadline:
         """The one of two deadlines that comes first."""
         return self if self.at <= other.at else other
+
+
+class Clock(ABC):
+    """The time that a robot lives in: the machine's, or that of a simulator.
+
+    All may be called from any thread.
+    """
+
+    @abstractmethod
+    def now(self) -> float:
+        """Seconds since this clock's beginning, which for the machine's own is 1970."""
+
+    @abstractmethod
+    def sleep(self, seconds: float) -> None:
+        """Wait until the clock is so much later; nothing happens for zero or less."""
+
+    def close(self) -> None:  # noqa: B027 - a clock that needs nothing gives nothing back
+        """Give back what the clock needed. Doing so again changes nothing."""
+
+
+class SystemClock(Clock):
+    """The machine's own time."""
+
+    def now(self) -> float:
+        """See Clock."""
+        return now()
+
+    def sleep(self, seconds: float) -> None:
+        """See Clock."""
+        sleep(seconds)
+
+
+_current: list[Clock] = [SystemClock()]
+
+
+def current() -> Clock:
+    """The clock of the robot that this process works with; the machine's own until :func:`use` says otherwise."""
+    return _current[-1]
+
+
+@contextmanager
+def use(chosen: Clock) -> Iterator[Clock]:
+    """Make a clock the robot's within the block; it is closed at its end."""
+    _current.append(chosen)
+    try:
+        yield chosen
+    finally:
+        _current.remove(chosen)
+        chosen.close()

@@ -103,6 +103,17 @@ class FixtureManager(Declared):
         """
         self._host.announce_collapse(reason, exit_status=exit_status, signal_name=signal_name, output=output)
 
+    def provide(self, **variables: str) -> None:
+        """Set environment variables for the tests that stand on this fixture, and for the fixtures that depend on it.
+
+        To be called in ``setup``; what an incarnation provides is forgotten with it. Raises ValueError for what no
+        environment can hold.
+        """
+        for name, value in variables.items():
+            if not name.isidentifier() or not name.isascii() or "\0" in value:
+                raise ValueError(f"the environment cannot hold {name}={value!r}")
+        self._host.say(host="provides", variables=variables)
+
     def report(self, text: str) -> None:
         """Say something."""
         self._host.message(Severity.INFO, "reports", text, _place())

@@ -287,7 +287,7 @@ class Lane:
         entry = test.entry
         self._test = entry.id
         isolation = self._run.options.isolation or entry.isolation
-        job = self._test_job(test, count, last=isolation is not Isolation.SUITE)
+        job = self._test_job(test, count, names, last=isolation is not Isolation.SUITE)
         if isolation is Isolation.NONE:
             from rtf.testing.isolation.in_process import run_in_process
 
@@ -407,7 +407,7 @@ class Lane:
 
     # Jobs --------------------------------------------------------------------------------------------------------
 
-    def _test_job(self, test: PlannedTest, attempt: int, *, last: bool) -> Job:
+    def _test_job(self, test: PlannedTest, attempt: int, names: list[str], *, last: bool) -> Job:
         entry = test.entry
         options = self._run.options
         if test.plugin is None:
@@ -431,6 +431,7 @@ class Lane:
             memory=options.memory,
             can_ask=options.ask is not None,
             last=last,
+            variables=self._supervisor.variables(names),
         )
 
     def _fixture_job(self, fixture: Fixture) -> Job:
@@ -452,6 +453,7 @@ class Lane:
             environment=entry.environment or self._suite.suite.environment,
             attempt=fixture.incarnation,
             check_period=entry.check_period,
+            variables=self._supervisor.variables(entry.depends),
         )
 
 

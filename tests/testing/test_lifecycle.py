@@ -422,14 +422,14 @@ def test_time_out_of_the_run(tmp_path: Path):
     outcome = run_suite(
         tmp_path,
         '<fixture>rig.py</fixture><test name="a">t.py</test><test name="b">t.py</test>',
-        options={"run_timeout": 1.0},
+        options={"run_timeout": 3.0},
         t__py=plugin(Row(Verdict.ERROR, run="time.sleep(60)")),
         rig__py=rig(),
     )
     assert verdicts(outcome) == [Verdict.INTERRUPTED, Verdict.NOT_RUN]
     assert log_of(tmp_path) == ["up", "setup", "run", "teardown", "clean", "down"]
     assert outcome.results.interrupted is not None
-    assert outcome.results.interrupted.source == "time-out of the run after 1 s"
+    assert outcome.results.interrupted.source == "time-out of the run after 3 s"
     assert outcome.results.interrupted.stage == 2
     assert outcome.exit_code == ExitCode.INTERRUPTED
 

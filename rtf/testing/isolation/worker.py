@@ -226,6 +226,8 @@ def _work(job: Job, wire: Wire) -> None:
     )
     _session = session
     os.environ["RTF_RUN_FOLDER"] = job.run_folder  # for what a test and its fixtures leave for one another
+    if job.variables:
+        os.environ.update(job.variables)
     outcome = run_test(job, session)
     _session = None
     wire.send_record({"finished": outcome})

@@ -329,6 +329,7 @@ def _named(error: BaseException) -> str:
 def host(job: Job, wire: Wire) -> int:
     """Be the host of one incarnation of a fixture. Returns the exit status of the process."""
     os.environ["RTF_RUN_FOLDER"] = job.run_folder
+    os.environ.update(job.variables)
     keeper = Host(job, wire)
     wire.on_lost = keeper.lost_runner
     signal.signal(signal.SIGTERM, keeper.on_signal)

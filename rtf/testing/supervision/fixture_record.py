@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from rtf.testing.events import FixtureChanged, FixtureIncident, Message, OutputCaptured, StackDumped
@@ -35,6 +35,8 @@ class Fixture:
     failure: str = ""
     last_cause: str = ""
     process: Incarnation | None = None
+    #: Environment variables that this incarnation provides for those who stand on it.
+    variables: dict[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

@@ -281,8 +281,14 @@ class Incarnation:
             self._going_down(str(message["what"]))
         elif kind == "done":
             self._done = True
+        elif kind == "provides":
+            self._provides(message["variables"])
         else:
             self._hear_of_life(kind)
+
+    def _provides(self, variables: dict[str, str]) -> None:
+        if all(type(name) is str and type(value) is str for name, value in variables.items()):
+            self._fixture.variables |= variables
 
     def _hear_of_life(self, kind: object) -> None:
         fixture = self._fixture

@@ -96,6 +96,13 @@ class Supervisor:
         """The incarnation of each of these fixtures."""
         return {name: self._fixtures[name].incarnation for name in names}
 
+    def variables(self, names: Iterable[str]) -> tuple[tuple[str, str], ...]:
+        """What these fixtures, and those they depend on, provide for who stands on them; the last one has its way."""
+        found: dict[str, str] = {}
+        for fixture in self._with_dependencies(names):
+            found |= fixture.variables
+        return tuple(found.items())
+
     def lost(self, names: Iterable[str]) -> str:
         """What happened to the first of these fixtures that is not up, or an empty text when all are."""
         for name in names:
@@ -222,6 +229,7 @@ class Supervisor:
     def _start_once(self, fixture: Fixture) -> None:
         fixture.incarnation += 1
         fixture.last_cause = ""
+        fixture.variables.clear()
         try:
             process = Incarnation(fixture, self._notes, self._nursery, self._wait, self._kill_now)
         except NurseryLostError as error:
