@@ -1,0 +1,200 @@
+"""The admin protocol, by which tools connect, disconnect and question any port: bottles in, bottles out."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import threading
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Bottle, Property, Vocab, as_string
+from rtf.middleware import describe, qos
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from rtf.bottle import Value
+    from rtf.middleware.port import Port
+
+_OK, _FAIL = Vocab("ok"), Vocab("fail")
+_COMMANDS = (
+    ("[help]", "this list"),
+    ("[ver]", "the version of this protocol"),
+    ("[add] $port [$carrier]", "send output to a port"),
+    ("[del] $port", "end the connection to or from a port"),
+    ("[list] [in|out] [$port]", "the connections, or how one of them is made"),
+    ("[set] [in|out] $port ($key $value)...", "change a connection's carrier"),
+    ("[get] [in|out] $port", "how a connection's carrier is set"),
+    (
+        "[prop] [get] [$key]",
+        "properties of the port; with its own name: process and threads; with another: the connection",
+    ),
+    ("[prop] [set] $key $value", "set a property; with a port's name: priority and quality of service"),
+)
+
+
+def answer(port: Port, request: Bottle) -> Bottle:
+    """Do what is asked for, in the caller's thread."""
+    handler = _HANDLERS.get(_word(request.get(0)))
+    if handler is None:
+        return Bottle([_FAIL, "send [help] for list of valid commands"])
+    return handler(port, request)
+
+
+def _word(value: Value | None) -> str:
+    """A command: a vocab, or the first four characters of a string."""
+    return value.text if isinstance(value, Vocab) else as_string(value)[:4]
+
+
+def _help(_port: Port, _request: Bottle) -> Bottle:
+    return Bottle([Vocab("many"), *(f"{command}  {text}" for command, text in _COMMANDS)])
+
+
+def _version(_port: Port, _request: Bottle) -> Bottle:
+    return Bottle([Vocab("ver"), 1, 2, 3])
+
+
+def _add(port: Port, request: Bottle) -> Bottle:
+    text = describe.add(port, as_string(request.get(1)), as_string(request.get(2)))
+    return Bottle([0 if text.startswith("A") else -1, f"{text}\r\n"])
+
+
+def _del(port: Port, request: Bottle) -> Bottle:
+    name = as_string(request.get(1))
+    removed = describe.remove_output(port, name)
+    if removed.startswith("R"):
+        return Bottle([0, f"{removed}\r\n"])
+    other = describe.remove_input(port, name)
+    if other.startswith("R"):
+        return Bottle([0, f"Removed connection from {name} to {port.name}\r\n"])
+    return Bottle([-1, f"{removed}\r\n{other}\r\n"])
+
+
+def _list(port: Port, request: Bottle) -> Bottle:
+    inward = _word(request.get(1)) == "in"
+    connections: Sequence[qos.Connection] = port.inputs if inward else port.outputs
+    name = as_string(request.get(2))
+    if not name:
+        return Bottle([connection.peer for connection in connections])
+    for connection in connections:
+        if connection.peer == name:
+            ends = (connection.peer, port.name) if inward else (port.name, connection.peer)
+            about = [["from", ends[0]], ["to", ends[1]], ["carrier", connection.carrier]]
+            return Bottle([*about, ["connectionless", 1]] if connection.connectionless else about)
+    return Bottle()
+
+
+def _modify(port: Port, request: Bottle) -> Bottle:
+    """Carriers of ours have nothing to set, so asking for a connection's settings only tells whether there is one."""
+    inward = _word(request.get(1)) == "in"
+    name = as_string(request.get(2))
+    if not name:
+        return Bottle([-1, "target port is not specified.\r\n"])
+    if name == port.name:
+        return Bottle([_FAIL, f"No port modifier is attached to the {'input' if inward else 'output'}"])
+    known: Sequence[qos.Connection] = port.inputs if inward else port.outputs
+    way = "from" if inward else "to"
+    if all(connection.peer != name for connection in known):
+        # YARP calls them incoming both ways, and programs may look for that.
+        return Bottle([-1, f"Could not find an incoming connection {way} {name}\r\n"])
+    if _word(request.get(0)) == "get":
+        return Bottle([Property()])
+    return Bottle([0, f"Configured connection {way} {name}\r\n"])
+
+
+def _attach(_port: Port, request: Bottle) -> Bottle:
+    if _word(request.get(1)) not in ("in", "out"):
+        return Bottle([_FAIL, "attach command must be followed by [out] or [in]"])
+    return Bottle([_FAIL, "this port takes no monitors"])
+
+
+def _detach(_port: Port, request: Bottle) -> Bottle:
+    """There is never a monitor to take away."""
+    if _word(request.get(1)) not in ("in", "out"):
+        return Bottle([_FAIL, "detach command must be followed by [out] or [in]"])
+    return Bottle([_FAIL])
+
+
+def _property(port: Port, request: Bottle) -> Bottle:
+    action = _word(request.get(1))
+    key = as_string(request.get(2))
+    if action == "get":
+        return _get_property(port, key)
+    if action == "set":
+        return _set_property(port, key, request)
+    return Bottle([_FAIL, "property action not known"])
+
+
+def _get_property(port: Port, key: str) -> Bottle:
+    if key == port.name:
+        return _about(port)
+    if key.startswith("/"):
+        connections = _connections(port, key)
+        if not connections:
+            return Bottle([_FAIL, f"cannot find any connection to/from {key}"])
+        return Bottle([group for connection in connections for group in connection.describe()])
+    if not key:
+        return Bottle([group for group in port.properties.to_bottle() if isinstance(group, Bottle)])
+    group = port.properties.find_group(key)
+    return Bottle() if group is None else group.tail()
+
+
+def _set_property(port: Port, key: str, request: Bottle) -> Bottle:
+    """Whatever the key is, it becomes a property; with the name of a port it is a wish as well."""
+    value = request.get(3)
+    port.properties.put(key, *([] if value is None else [value]))
+    if not key.startswith("/"):
+        return Bottle([_OK])
+    wishes = Property.from_bottle(Bottle([item for item in request if isinstance(item, Bottle)]))
+    if key in (port.name, "/"):
+        return Bottle([_OK if qos.set_process(wishes, port.network.report) else _FAIL])
+    if not wishes.check("sched") and not wishes.check("qos"):
+        return Bottle([_OK])
+    connections = _connections(port, key)
+    done = [connection.configure(wishes, port.network.report) for connection in connections]
+    return Bottle([_OK if done and all(done) else _FAIL])
+
+
+def _connections(port: Port, name: str) -> list[qos.Connection]:
+    """Both ways: two ports may send to each other."""
+    everything: list[qos.Connection] = [*port.outputs, *port.inputs]
+    return [connection for connection in everything if connection.peer == name]
+
+
+def _about(port: Port) -> Bottle:
+    thread = qos.thread_facts(threading.get_native_id())
+    process = {
+        "arguments": " ".join(sys.argv[1:]),
+        "name": sys.argv[0] if sys.argv else "",
+        "pid": os.getpid(),
+        **{key: value for key, value in qos.thread_facts(os.getpid()).items() if key != "tid"},
+    }
+    flags = {
+        "is_input": int(port.allows_inputs),
+        "is_output": int(port.allows_outputs),
+        "is_rpc": int(port.rpc),
+        "type": port.promise,
+    }
+    return Bottle(
+        [
+            ["sched", Property(thread)],
+            ["process", Property(process)],
+            ["platform", Property({"hostname": port.contact.host, "os": platform.system()})],
+            ["port", Property(flags)],
+        ]
+    )
+
+
+_HANDLERS: dict[str, Callable[[Port, Bottle], Bottle]] = {
+    "help": _help,
+    "ver": _version,
+    "add": _add,
+    "del": _del,
+    "list": _list,
+    "set": _modify,
+    "get": _modify,
+    "atch": _attach,
+    "dtch": _detach,
+    "prop": _property,
+}

@@ -1,0 +1,188 @@
+"""The buffered port: a queue between the network and its readers, and threads between its writers and the network."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections import deque
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
+
+from rtf import clock
+from rtf.middleware.codecs import BOTTLE
+from rtf.middleware.errors import PortClosedError, WaitTimeoutError
+from rtf.middleware.outgoing import Outgoing
+from rtf.middleware.port import Port
+from rtf.middleware.sender import Sender
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.middleware.codecs import Codec
+    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.network import Network
+    from rtf.middleware.outputs import Output
+
+T = TypeVar("T")
+_CLOSING = 5.0
+
+
+class Received(NamedTuple, Generic[T]):
+    """An object that has arrived, the port it is from, and the envelope that came with it."""
+
+    value: T
+    sender: str
+    envelope: str
+
+
+class BufferedPort(Port, Generic[T]):
+    """A port of objects of one type, which neither readers nor writers wait for.
+
+    What arrives is kept until it is read: only the newest object, or, when ``strict``, all of them in order. A
+    ``callback`` is called with each in a thread of its own instead. ``replier`` answers messages that want a reply.
+    A message that is no such object costs its sender the connection.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        codec: Codec[T] = BOTTLE,  # type: ignore[assignment]  # T is Bottle then
+        *,
+        strict: bool = False,
+        callback: Callable[[Received[T]], None] | None = None,
+        replier: Callable[[Delivery], None] | None = None,
+        network: Network | None = None,
+        inputs: bool = True,
+        outputs: bool = True,
+    ) -> None:
+        self.codec = codec
+        self.strict = strict
+        self.dropped = 0
+        self._queue: deque[Received[T]] = deque()
+        self._arrived = threading.Condition()
+        self._replier = replier
+        self._senders: dict[Output, Sender] = {}
+        self._callback = callback
+        self._caller: threading.Thread | None = None
+        self._ended = False
+        super().__init__(name, network=network, inputs=inputs, outputs=outputs, promise=codec.promise)
+        if callback is not None:
+            self._caller = threading.Thread(target=self._call_back, name=f"rtf-callback {self.name}", daemon=True)
+            self._caller.start()
+
+    # Reading -----------------------------------------------------------------------------------------------------
+
+    @property
+    def pending(self) -> int:
+        """How many objects wait to be read."""
+        return len(self._queue)
+
+    def read(self, timeout: float | None = None) -> T:  # type: ignore[override]  # its objects are of one type
+        """The next object. Raises WaitTimeoutError, and PortClosedError when the port is interrupted or closed."""
+        return self.receive(timeout).value
+
+    def poll(self) -> T | None:
+        """The next object if one is there."""
+        with contextlib.suppress(IndexError):
+            return self._queue.popleft().value
+        return None
+
+    def receive(self, timeout: float | None = None) -> Received[T]:
+        """The next object with its sender and envelope; errors as for ``read``."""
+        deadline = clock.Deadline.after(timeout)
+        with self._arrived:
+            while not self._queue:
+                if self.interrupted:
+                    raise PortClosedError(f"{self.name} was interrupted while it was read")
+                if not self._arrived.wait(None if timeout is None else deadline.remaining()) and deadline.expired:
+                    raise WaitTimeoutError(f"nothing came to {self.name} within {timeout:g} s")
+            return self._queue.popleft()
+
+    def deliver(self, delivery: Delivery) -> None:
+        """Keep what has arrived; the sender does not wait for it to be read. In the thread of the input."""
+        if self.interrupted:
+            return
+        if delivery.wants_reply and self._replier is not None:
+            self._replier(delivery)
+            return
+        received = Received(delivery.read(self.codec), delivery.sender, delivery.envelope)
+        with self._arrived:
+            if self._queue and not self.strict:
+                self._queue.clear()
+                self.dropped += 1
+            self._queue.append(received)
+            self._arrived.notify()
+
+    def _call_back(self) -> None:
+        assert self._callback is not None
+        while not self._ended:
+            with contextlib.suppress(PortClosedError):
+                self._callback(self.receive())
+            with self._arrived:
+                self._arrived.wait_for(lambda: self._ended or not self.interrupted)
+
+    def interrupt(self) -> None:
+        """See Port."""
+        super().interrupt()
+        with self._arrived:
+            self._arrived.notify_all()
+
+    def resume(self) -> None:
+        """See Port."""
+        super().resume()
+        with self._arrived:
+            self._arrived.notify_all()
+
+    # Writing -----------------------------------------------------------------------------------------------------
+
+    def write(  # type: ignore[override]  # the type of its objects is settled
+        self, value: T, *, envelope: str | None = None, strict: bool = False
+    ) -> int:
+        """Send an object in the background; returns how many outputs take it.
+
+        An output that is still busy with the one before is skipped, unless ``strict``: then all of them are waited for
+        first. The object may be changed afterwards, except by readers of this process that share it.
+        """
+        self._check_open()
+        if envelope is not None:
+            self.envelope = envelope
+        with self._lock:
+            senders = [*self._senders.values()]
+        if not senders:
+            return 0
+        message = Outgoing("D", value, self.codec, self.network.dialect, self.envelope)
+        message.freeze()
+        if strict:
+            for sender in senders:
+                sender.wait()
+        return sum([sender.offer(message) for sender in senders])
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait until everything that was written is sent; False when that takes too long."""
+        deadline = clock.Deadline.after(timeout)
+        with self._lock:
+            senders = [*self._senders.values()]
+        return all(sender.wait(None if timeout is None else deadline.remaining()) for sender in senders)
+
+    def connected(self, output: Output) -> None:
+        """See Port: each output gets a thread."""
+        with self._lock:
+            self._senders[output] = Sender(output, self._lost)
+
+    def disconnected(self, output: Output) -> None:
+        """See Port."""
+        with self._lock:
+            sender = self._senders.pop(output, None)
+        if sender is not None:
+            sender.close()
+
+    def close(self) -> None:
+        """See Port."""
+        with self._lock:
+            senders = [*self._senders.values()]
+        self._ended = True
+        super().close()
+        for sender in senders:
+            sender.close()
+            sender.join(_CLOSING)
+        if self._caller is not None and self._caller is not threading.current_thread():
+            self._caller.join(_CLOSING)

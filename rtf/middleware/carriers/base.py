@@ -1,0 +1,107 @@
+"""What a carrier is: a handshake, and the two ends of a connection that come of it.
+
+An *input link* is the end that receives messages and answers them, an *output link* the end that sends. Each is used by
+one thread at a time; ``close`` may come from any. All of them raise MiddlewareError and its leaves, and nothing else,
+for whatever a peer does.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
+
+if TYPE_CHECKING:
+    import socket as sockets
+
+    from rtf.bottle import Dialect
+    from rtf.middleware.codecs import Codec
+    from rtf.middleware.names import Contact
+    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.port import Port
+    from rtf.middleware.stream import Stream
+
+Buffer: TypeAlias = "bytes | bytearray | memoryview"
+#: A message as it arrives: the letter of its command, the text that came with it (an envelope, a name), and the data.
+Message: TypeAlias = "tuple[str, str, Buffer]"
+
+
+class InputLink(ABC):
+    """The receiving end. ``sender`` is the port at the other end, ``modifiers`` what stood in lists behind its name."""
+
+    carrier: Carrier
+    sender: str
+    modifiers: str = ""
+    #: Messages up to this many bytes lie in memory that is used again; larger ones are whoever's they are given to.
+    reuses: float = float("inf")
+    endpoint: sockets.socket | None = None
+
+    @abstractmethod
+    def receive(self) -> Message:
+        """Wait for the next message. Its data may lie in a buffer that is used again for the next one.
+
+        Raises StreamClosedError at the end of the connection.
+        """
+
+    @abstractmethod
+    def answer(self, *reply: Buffer) -> None:
+        """Be done with the message that was received last: send the reply, and the acknowledgement if one is due."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End the connection, and any wait in it. Doing so again changes nothing."""
+
+    def release(self) -> None:  # noqa: B027 - most have nothing to do
+        """Give back what could not be while a thread was waiting in it. Called once, by that thread, at its end."""
+
+
+class OutputLink(ABC):
+    """The sending end."""
+
+    carrier: Carrier
+    endpoint: sockets.socket | None = None
+
+    @abstractmethod
+    def send(self, message: Outgoing) -> None:
+        """Send one message. It may not have arrived yet."""
+
+    @abstractmethod
+    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
+        """The reply to the message that was sent last; None when the peer had none to give."""
+
+    @abstractmethod
+    def finish(self) -> None:
+        """Wait until the message that was sent last has been dealt with, if the carrier tells."""
+
+    @abstractmethod
+    def limit_waiting(self, seconds: float | None) -> None:
+        """Let waiting for the peer raise WaitTimeoutError after so many seconds; None: wait for ever."""
+
+    @abstractmethod
+    def close(self, *, politely: bool = True) -> None:
+        """End the connection; ``politely`` says so to the peer first. Doing so again changes nothing."""
+
+
+class Carrier(ABC):
+    """A kind of connection. One object serves all of a process; it keeps nothing."""
+
+    name: ClassVar[str]
+    #: The eight bytes by which a connection of this kind begins.
+    header: ClassVar[bytes]
+    acknowledged: ClassVar[bool] = False
+    can_reply: ClassVar[bool] = True
+    #: Messages are datagrams: nobody hears when the other end is gone, and it has to be told by another way.
+    connectionless: ClassVar[bool] = False
+    #: Data are text, a line each.
+    text: ClassVar[bool] = False
+
+    def matches(self, header: bytes) -> bool:
+        """Whether a connection that begins with these eight bytes is of this kind."""
+        return header == self.header
+
+    @abstractmethod
+    def accept(self, stream: Stream, port: Port) -> InputLink:
+        """Answer the handshake of a peer whose eight bytes have been read; ``port`` is the one that was called."""
+
+    @abstractmethod
+    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
+        """Make the handshake with a port that has been reached, in the name of one of ours."""

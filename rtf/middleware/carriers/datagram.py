@@ -1,0 +1,347 @@
+"""``udp`` and ``mcast``: messages cut into datagrams. They may be lost, never mixed up, and nobody is told of either.
+
+A datagram is a checksum (CRC-32) of what follows its first eight bytes, a counter that begins at 0 with each message,
+and a piece of the same bytes that would travel over TCP. When a piece is missing or damaged the rest of its message is
+thrown away. Who stops sending or receiving says so over a short text connection.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import struct
+import zlib
+from abc import abstractmethod
+from typing import TYPE_CHECKING
+
+from rtf.middleware import wire
+from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.tcp import read_sender
+from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError, WaitTimeoutError
+from rtf.middleware.stream import Stream, StreamClosedError
+
+if TYPE_CHECKING:
+    from rtf.bottle import Dialect
+    from rtf.middleware.codecs import Codec
+    from rtf.middleware.names import Contact
+    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.port import Port
+
+#: The largest datagram, its first eight bytes included.
+MAX_DATAGRAM = 65_499
+_head = struct.Struct("<Ii")
+_UNCHECKED = -1
+_GROUP_PORT = 10_001
+#: Seconds that a receiver may take to join a group.
+_JOINING = 0.5
+#: What the kernel is asked to keep of messages that are not read yet; it gives what it allows.
+_RECEIVE_BUFFER = 4 << 20
+
+
+def cut(data: bytes, size: int = MAX_DATAGRAM) -> list[bytes]:
+    """The datagrams of a message."""
+    piece = size - _head.size
+    datagrams = []
+    for number, start in enumerate(range(0, len(data), piece)):
+        payload = data[start : start + piece]
+        datagrams.append(_head.pack(zlib.crc32(payload), number) + payload)
+    return datagrams
+
+
+class Assembler:
+    """Makes messages of datagrams as they come."""
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self._data = bytearray()
+        self._next = 0  # the counter that is expected; -1: none, until the next message begins
+        self._size = 0  # of the whole message, 0 while its index is not there
+        self._begin = 0  # where its port command begins
+
+    def feed(self, datagram: bytes | memoryview) -> bytes | None:
+        """Take a datagram; returns the message that it completes, from its port command on."""
+        if len(datagram) < _head.size:
+            self._give_up()
+            return None
+        checksum, number = _head.unpack_from(datagram)
+        payload = datagram[_head.size :]
+        if zlib.crc32(payload) != checksum:
+            self._give_up()
+            return None
+        if number == 0:
+            if self._data:
+                self.lost += 1
+            self._data.clear()
+            self._next, self._size = 0, 0
+        if number not in (self._next, _UNCHECKED) or self._next < 0:
+            self._give_up()
+            return None
+        self._next += 1
+        self._data += payload
+        return self._complete()
+
+    def _complete(self) -> bytes | None:
+        if not self._size:
+            try:
+                self._size = self._measure()
+            except ProtocolError:
+                self._give_up()
+                return None
+        if not self._size or len(self._data) < self._size:
+            return None
+        message = bytes(self._data[self._begin : self._size])
+        self._data.clear()
+        self._next = -1
+        return message
+
+    def _measure(self) -> int:
+        """The bytes of the whole message, 0 while its index is not there."""
+        if len(self._data) < wire.INDEX_SIZE:
+            return 0
+        blocks, rest = wire.index_rest(self._data)
+        self._begin = wire.INDEX_SIZE + rest
+        if len(self._data) < self._begin:
+            return 0
+        return self._begin + wire.message_size(self._data, wire.INDEX_SIZE, blocks)
+
+    def _give_up(self) -> None:
+        if self._next > 0 or self._data:
+            self.lost += 1
+        self._data.clear()
+        self._next = -1
+
+
+class DatagramInput(InputLink):
+    """The receiving end."""
+
+    endpoint: socket.socket
+    reuses = 0
+
+    def __init__(self, carrier: Carrier, receiving: socket.socket, sender: str, modifiers: str) -> None:
+        self.carrier = carrier
+        self.sender = sender
+        self.modifiers = modifiers
+        self.endpoint = receiving
+        self.assembler = Assembler()
+        self._buffer = memoryview(bytearray(1 << 16))
+        self._bell = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
+        self._poll = select.poll()
+        self._poll.register(receiving, select.POLLIN)
+        self._poll.register(self._bell, select.POLLIN)
+        self._closed = False
+
+    def receive(self) -> Message:
+        """See the base."""
+        while True:
+            self._poll.poll()
+            if self._closed:
+                raise StreamClosedError(f"{self.sender} stopped sending")
+            try:
+                size = self.endpoint.recv_into(self._buffer)
+            except OSError as error:
+                raise StreamClosedError(f"cannot receive from {self.sender}: {error.strerror}") from None
+            message = self.assembler.feed(self._buffer[:size])
+            if message is not None:
+                with contextlib.suppress(ProtocolError):  # a datagram that makes no sense is as good as lost
+                    command = wire.read_command(message)
+                    return command.key, command.text, memoryview(message)[command.data :]
+
+    def answer(self, *reply: Buffer) -> None:
+        """Nobody listens."""
+
+    def close(self) -> None:
+        """See the base."""
+        self._closed = True
+        with contextlib.suppress(OSError):  # it has been released a moment ago
+            os.eventfd_write(self._bell, 1)
+
+    def release(self) -> None:
+        """See the base."""
+        self.endpoint.close()
+        os.close(self._bell)
+
+
+class DatagramOutput(OutputLink):
+    """The sending end."""
+
+    endpoint: socket.socket
+
+    def __init__(self, carrier: Carrier, sending: socket.socket, port: Port, target: Contact) -> None:
+        self.carrier = carrier
+        self.endpoint = sending
+        self._sender = port.name
+        self._network = port.network
+        self._target = target
+        self._size = int(os.environ.get(f"YARP_{carrier.name.upper()}_SIZE") or os.environ.get("YARP_DGRAM_SIZE") or 0)
+
+    def send(self, message: Outgoing) -> None:
+        """See the base."""
+        command = wire.command(message.key, message.envelope)
+        data = b"".join([wire.index_of_two(len(command), message.size), command, *message.blocks])
+        try:
+            for datagram in cut(data, self._size or MAX_DATAGRAM):
+                self.endpoint.send(datagram)
+        except ConnectionRefusedError:
+            return  # the other end is not there now; datagrams are lost in silence
+        except OSError as error:
+            raise StreamClosedError(f"cannot send to {self._target.name}: {error.strerror}") from None
+
+    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
+        """There is none."""
+
+    def finish(self) -> None:
+        """Nobody says when it has arrived."""
+
+    def limit_waiting(self, seconds: float | None) -> None:
+        """Nothing is waited for."""
+
+    def close(self, *, politely: bool = True) -> None:
+        """See the base: the other port is told by a connection of its own."""
+        self.endpoint.close()
+        if politely:
+            with contextlib.suppress(OSError, MiddlewareError):  # it is gone itself, then
+                self._tell()
+
+    def _tell(self) -> None:
+        stream = self._network.reach(self._target)
+        with contextlib.closing(stream):
+            stream.send(f"CONNECT admin\r\n~{self._sender}\r\nq\r\n".encode("utf-8", "surrogateescape"))
+            while True:  # until it has hung up: what is said here must not be taken for one that comes later
+                stream.take_line()
+
+
+class Datagrams(Carrier):
+    """What udp and mcast have in common."""
+
+    can_reply = False
+    connectionless = True
+
+    def matches(self, header: bytes) -> bool:
+        """By the lowest four bits."""
+        number = wire.specifier(header)
+        return number >= 0 and number % 16 == wire.specifier(self.header)
+
+    @abstractmethod
+    def accept(self, stream: Stream, port: Port) -> InputLink:
+        """See the base."""
+
+
+class Udp(Datagrams):
+    """One sender, one receiver. The receiver takes datagrams only from the address that made the handshake."""
+
+    name = "udp"
+    header = wire.header(0)
+
+    def accept(self, stream: Stream, port: Port) -> InputLink:
+        """Say which number to send to."""
+        sender, modifiers = read_sender(stream)
+        receiving = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        receiving.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+        receiving.bind((stream.socket.getsockname()[0] or port.contact.host, 0))
+        receiving.connect(stream.socket.getpeername()[:2])
+        stream.send(wire.yarp_number(receiving.getsockname()[1]))
+        stream.close()
+        return DatagramInput(self, receiving, sender, modifiers)
+
+    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
+        """Send from the address of the handshake."""
+        stream.send(self.header + wire.sender(port.name))
+        number = wire.read_number(stream.take(8))
+        if not 0 < number < 1 << 16:
+            raise ConnectError(f"{target.name} answered with the impossible UDP port {number}")
+        own, peer = stream.socket.getsockname(), stream.socket.getpeername()
+        sending = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            sending.bind(own[:2])
+            sending.connect((peer[0], number))
+        except OSError:
+            sending.close()
+            raise
+        stream.close()
+        return DatagramOutput(self, sending, port, target)
+
+
+class Group:
+    """A multicast group that a port sends to, once for all who have joined it."""
+
+    def __init__(self, port: Port, interface: str) -> None:
+        names = port.network.names
+        name = f"{port.name}/net={interface}"
+        self.contact = names.register(name, carrier="mcast")
+        if not self.contact.port:  # numbers are left to ports where nobody keeps a pool of them
+            host = self.contact.host
+            self.contact = names.register(name, carrier="mcast", host=host, port=_GROUP_PORT)
+        names.set_property(port.name, "owns", [self.contact.name])
+        self.members: list[McastOutput] = []
+
+
+class McastOutput(DatagramOutput):
+    """The sending end of a group. Of all members the first sends."""
+
+    def __init__(self, carrier: Carrier, sending: socket.socket, port: Port, target: Contact, group: Group) -> None:
+        super().__init__(carrier, sending, port, target)
+        self._group = group
+        group.members.append(self)
+
+    def send(self, message: Outgoing) -> None:
+        """See the base."""
+        members = self._group.members
+        if members and members[0] is self:
+            super().send(message)
+
+    def close(self, *, politely: bool = True) -> None:
+        """See the base."""
+        with contextlib.suppress(ValueError):
+            self._group.members.remove(self)
+        super().close(politely=politely)
+
+
+def _wait_until_joined(stream: Stream) -> None:
+    """The receiver says nothing, but it hangs up when it is ready: what is sent before that, it would miss."""
+    stream.limit_waiting(_JOINING)
+    with contextlib.closing(stream), contextlib.suppress(StreamClosedError, WaitTimeoutError):
+        stream.more()
+
+
+class Mcast(Datagrams):
+    """One sender, any number of receivers, each datagram sent once."""
+
+    name = "mcast"
+    header = wire.header(1)
+
+    def accept(self, stream: Stream, port: Port) -> InputLink:
+        """Join the group that the caller names."""
+        sender, modifiers = read_sender(stream)
+        group, number = struct.unpack(">4sH", stream.take(6))
+        interface = socket.inet_aton(stream.socket.getsockname()[0] or port.contact.host)
+        if not 224 <= group[0] <= 239:  # noqa: PLR2004 - the addresses of groups (RFC 5771)
+            raise ProtocolError(f"{sender} named {socket.inet_ntoa(group)}, which is no multicast group")
+        receiving = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            receiving.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            receiving.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+            receiving.bind((socket.inet_ntoa(group), number))
+            receiving.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group + interface)
+        except OSError as error:
+            receiving.close()
+            raise ConnectError(f"cannot join {socket.inet_ntoa(group)}:{number}: {error.strerror}") from None
+        stream.close()
+        return DatagramInput(self, receiving, sender, modifiers)
+
+    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
+        """Name the group; nothing is answered."""
+        interface = stream.socket.getsockname()[0]
+        group = port.multicast_group(interface)
+        address = socket.inet_aton(group.contact.host)
+        stream.send(self.header + wire.sender(port.name) + address + struct.pack(">H", group.contact.port))
+        sending = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(interface))
+            sending.connect((group.contact.host, group.contact.port))
+        except OSError:
+            sending.close()
+            raise
+        _wait_until_joined(stream)
+        return McastOutput(self, sending, port, target, group)

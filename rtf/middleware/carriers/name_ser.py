@@ -1,0 +1,79 @@
+"""``name_ser``: commands for a name server, a line each, every line with ``NAME_SERVER`` in front of it.
+
+It is how everybody asks a name server. Its asking side is in :mod:`rtf.middleware.naming.client`: no port sends
+through it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
+from rtf.middleware.errors import ConnectError, ProtocolError
+
+if TYPE_CHECKING:
+    from rtf.middleware.names import Contact
+    from rtf.middleware.port import Port
+    from rtf.middleware.stream import Stream
+
+_PREFIX = b"NAME_SERVER"
+#: Bytes of a command; the longest that is of use has every carrier and address of a machine in it.
+MAX_COMMAND = 1 << 14
+#: Seconds that a caller may keep a connection without saying anything.
+_PATIENCE = 30.0
+
+
+class NameSerInput(InputLink):
+    """The receiving end."""
+
+    sender = "anon"
+
+    def __init__(self, carrier: Carrier, stream: Stream) -> None:
+        self.carrier = carrier
+        self.endpoint = stream.socket
+        self._stream = stream
+        self._before = _PREFIX[:8]  # by which the carrier was known
+
+    def receive(self) -> Message:
+        """See the base. A line without the prefix is a command that says nothing."""
+        self._stream.limit_waiting(_PATIENCE)
+        line = self._before + self._take_line()
+        self._before = b""
+        prefix, _, command = line.partition(b" ")
+        return "d", "", command if prefix == _PREFIX else b""
+
+    def _take_line(self) -> bytes:
+        stream = self._stream
+        while (end := bytes(stream.window()).find(b"\n")) < 0:
+            if stream.buffered > MAX_COMMAND:
+                raise ProtocolError(f"a command of more than {MAX_COMMAND} bytes")
+            stream.more()
+        line = bytes(stream.take(end + 1)[:-1])
+        if len(line) > MAX_COMMAND:
+            raise ProtocolError(f"a command of {len(line)} bytes; at most {MAX_COMMAND} are taken")
+        return line.removesuffix(b"\r")
+
+    def answer(self, *reply: Buffer) -> None:
+        """See the base."""
+        if reply:
+            self._stream.send(*reply)
+
+    def close(self) -> None:
+        """See the base."""
+        self._stream.close()
+
+
+class NameSer(Carrier):
+    """Text, not acknowledged, every line is answered."""
+
+    name = "name_ser"
+    header = b"NAME_SER"
+    text = True
+
+    def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002 - there is no greeting
+        """Nothing is said before the first command."""
+        return NameSerInput(self, stream)
+
+    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
+        """Refused: ports have nothing to send to a name server."""
+        raise ConnectError(f"{target.name} cannot be connected by name_ser, which is for asking name servers; use tcp")

@@ -1,0 +1,48 @@
+"""The carriers of this process, by name and by the eight bytes that a connection begins with."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from rtf.middleware.errors import ConnectError
+
+if TYPE_CHECKING:
+    from rtf.middleware.carriers.base import Carrier
+
+#: Where each carrier is; a module is loaded when its carrier is asked for. The order is that in which callers are
+#: tried.
+_HOMES = {
+    "name_ser": "name_ser:NameSer",
+    "tcp": "tcp:Tcp",
+    "fast_tcp": "tcp:FastTcp",
+    "udp": "datagram:Udp",
+    "mcast": "datagram:Mcast",
+    "local": "local:Local",
+    "text": "text:Text",
+    "text_ack": "text:TextAck",
+    "unix_stream": "unix_stream:UnixStream",
+    "unix_stream+ack": "unix_stream:UnixStreamAck",
+}
+
+
+@cache
+def by_name(name: str) -> Carrier:
+    """The carrier of this name; ConnectError when there is none."""
+    home = _HOMES.get(name)
+    if home is None:
+        raise ConnectError(f"there is no carrier {name!r}; there are {', '.join(_HOMES)}")
+    module, _, cls = home.partition(":")
+    made: Carrier = getattr(import_module(f"rtf.middleware.carriers.{module}"), cls)()
+    return made
+
+
+def for_header(header: bytes) -> Carrier | None:
+    """The carrier of a connection that begins like this."""
+    return next((carrier for carrier in map(by_name, _HOMES) if carrier.matches(header)), None)
+
+
+def names() -> list[str]:
+    """The names of all carriers."""
+    return [*_HOMES]

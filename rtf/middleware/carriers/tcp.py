@@ -1,0 +1,216 @@
+"""``tcp`` and ``fast_tcp``: binary messages over one TCP connection, with and without acknowledgement."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+from rtf.bottle.binary import TruncatedBottleError
+from rtf.middleware import wire
+from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
+from rtf.middleware.codecs import Arriving
+from rtf.middleware.errors import MiddlewareError, ProtocolError
+from rtf.middleware.stream import CHUNK, JOINED
+
+if TYPE_CHECKING:
+    from rtf.bottle import Dialect
+    from rtf.middleware.codecs import Codec
+    from rtf.middleware.names import Contact
+    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.port import Port
+    from rtf.middleware.stream import Stream
+
+_ACK = wire.ACK
+#: The first bytes of an acknowledgement are no bottle's: a peer that begins with them has no reply.
+_NO_REPLY = wire.ACK[:4]
+#: Index and command of a message of two blocks, which is what nearly all are. What stands between is not looked at.
+_USUAL = struct.Struct("<10s8xii4x8s")
+_USUAL_SIZE = _USUAL.size
+_USUAL_HEAD = wire.front("D", "", 0)[:10]
+_KEYS = {wire.command(letter): letter for letter in "dDaq"}
+_read_usual = _USUAL.unpack_from
+
+
+class TcpInput(InputLink):
+    """The receiving end of tcp and fast_tcp."""
+
+    reuses = CHUNK
+
+    def __init__(self, carrier: Carrier, stream: Stream, sender: str, modifiers: str) -> None:
+        self.carrier = carrier
+        self.sender = sender
+        self.modifiers = modifiers
+        self._stream = stream
+        self.endpoint = stream.socket
+        self._acknowledged = carrier.acknowledged
+
+    def receive(self) -> Message:
+        """See the base.
+
+        The usual message is read with one call of the kernel and one of the struct module. Flat, as here each call of a
+        function of ours is a hundredth of the whole round trip.
+        """
+        stream = self._stream
+        stream.await_size(wire.INDEX_SIZE)
+        start, end = stream.start, stream.end
+        if end - start < _USUAL_SIZE:
+            return self._receive_any()
+        head, first, size, command = _read_usual(stream.memory, start)
+        if head != _USUAL_HEAD or first != wire.COMMAND_SIZE or command not in _KEYS:
+            return self._receive_any()
+        if not 0 <= size <= wire.MAX_MESSAGE:
+            raise ProtocolError(f"a message of {size} bytes; at most {wire.MAX_MESSAGE} are taken")
+        start += _USUAL_SIZE
+        if start + size > end:
+            stream.start = start
+            return _KEYS[command], "", stream.take(size)
+        stream.start = start + size
+        return _KEYS[command], "", stream.view[start : start + size]
+
+    def _receive_any(self) -> Message:
+        stream = self._stream
+        blocks, rest = wire.index_rest(stream.peek(wire.INDEX_SIZE))
+        stream.skip(wire.INDEX_SIZE)
+        size = wire.message_size(stream.take(rest), 0, blocks)
+        data = stream.take(size)
+        command = wire.read_command(data)
+        return command.key, command.text, data[command.data :]
+
+    def answer(self, *reply: Buffer) -> None:
+        """See the base."""
+        if self._acknowledged:
+            if reply:
+                self._stream.send(*reply, _ACK)
+            else:
+                self._stream.send_bytes(_ACK)
+        elif reply:
+            self._stream.send(*reply)
+
+    def close(self) -> None:
+        """See the base."""
+        self._stream.close()
+
+
+class TcpOutput(OutputLink):
+    """The sending end of tcp and fast_tcp."""
+
+    def __init__(self, carrier: Carrier, stream: Stream) -> None:
+        self.carrier = carrier
+        self._stream = stream
+        self.endpoint = stream.socket
+        self._acknowledged = carrier.acknowledged
+        self._due = False
+
+    def send(self, message: Outgoing) -> None:
+        """See the base."""
+        blocks = message.blocks
+        size = message.size
+        front = wire.front(message.key, message.envelope, size)
+        self._due = self._acknowledged
+        if size <= JOINED and len(blocks) == 1:
+            self._stream.send_bytes(front + blocks[0])
+        else:
+            self._stream.send(front, *blocks)
+
+    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
+        """See the base. A reply has no frame: it is read until it is whole."""
+        stream = self._stream
+        if not stream.buffered:
+            stream.more()
+        arriving: Arriving[object] | None = None
+        while True:
+            window = stream.window()
+            if stream.memory.startswith(_NO_REPLY, stream.start, stream.end):
+                return None
+            try:
+                # Nearly always all of it is there, and nothing has to be remembered of what was read already.
+                reply, size = arriving.read(window) if arriving else codec.decode_from(window, dialect)
+            except TruncatedBottleError as error:
+                arriving = arriving or Arriving(codec, dialect)
+                stream.more_towards(error.needed)
+                continue
+            stream.start += size
+            return reply
+
+    def finish(self) -> None:
+        """See the base."""
+        if not self._due:
+            return
+        stream = self._stream
+        stream.await_size(len(_ACK))
+        if stream.memory.startswith(_ACK, stream.start):  # as nearly always
+            stream.start += len(_ACK)
+            self._due = False
+            return
+        extra = wire.read_number(stream.take(len(_ACK)))
+        if not 0 <= extra <= _MOST_EXTRA:
+            raise ProtocolError(f"an acknowledgement with {extra} bytes")
+        if extra:
+            stream.take(extra)
+        self._due = False
+
+    def limit_waiting(self, seconds: float | None) -> None:
+        """See the base."""
+        self._stream.limit_waiting(seconds)
+
+    def close(self, *, politely: bool = True) -> None:
+        """See the base."""
+        if politely:
+            try:
+                command = wire.command_text("q")
+                self._stream.limit_waiting(_PATIENCE)
+                self._stream.send(wire.index(len(command)) + command)
+                self._due = self._acknowledged
+                self.finish()
+            except (MiddlewareError, OSError):
+                pass  # it is gone already, which is what was wanted
+        self._stream.close()
+
+
+_MOST_EXTRA = 10_000
+#: Seconds that a peer has to take its leave.
+_PATIENCE = 1.0
+
+
+class Tcp(Carrier):
+    """Every message is acknowledged when it has been dealt with."""
+
+    name = "tcp"
+    header = wire.header(131)
+    acknowledged = True
+    _bits = (3, 128)
+
+    def matches(self, header: bytes) -> bool:
+        """By the lowest four bits, and the one that asks for acknowledgements."""
+        number = wire.specifier(header)
+        code, flag = self._bits
+        return number >= 0 and number % 16 == code and number & 128 == flag
+
+    def accept(self, stream: Stream, port: Port) -> InputLink:
+        """Take the sender's name, and answer with the number of the own port."""
+        sender, modifiers = read_sender(stream)
+        stream.send(wire.yarp_number(port.contact.port))
+        return TcpInput(self, stream, sender, modifiers)
+
+    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
+        """Say who calls; what the peer answers means nothing."""
+        stream.send(self.header + wire.sender(port.name))
+        wire.read_number(stream.take(8))
+        return TcpOutput(self, stream)
+
+
+class FastTcp(Tcp):
+    """Messages are not acknowledged; a sender is held up only when the network is full."""
+
+    name = "fast_tcp"
+    header = wire.header(3)
+    acknowledged = False
+    _bits = (3, 0)
+
+
+def read_sender(stream: Stream) -> tuple[str, str]:
+    """The name of a binary carrier's sender, and the modifiers behind it."""
+    (size,) = struct.unpack("<i", stream.take(4))
+    raw = bytes(stream.take(min(max(size, 1), wire.MAX_NAME)))
+    name, _, modifiers = raw.split(b"\0", 1)[0].decode("utf-8", "surrogateescape").partition(" ")
+    return name, modifiers

@@ -1,0 +1,156 @@
+"""``text`` and ``text_ack``: commands and data as lines, which people can type and tools send for administration."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Balance, Bottle
+from rtf.bottle.binary import encode
+from rtf.middleware import wire
+from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
+from rtf.middleware.errors import MiddlewareError, ProtocolError
+from rtf.middleware.stream import MAX_LINE
+
+if TYPE_CHECKING:
+    from rtf.bottle import Dialect
+    from rtf.middleware.codecs import Codec
+    from rtf.middleware.names import Contact
+    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.port import Port
+    from rtf.middleware.stream import Stream
+
+_ACK = b"<ACK>\r\n"
+_WITH_DATA = ("d", "D", "a")
+
+
+class TextInput(InputLink):
+    """The receiving end: a line with the command, and for some a line with data."""
+
+    def __init__(self, carrier: Carrier, stream: Stream, sender: str, modifiers: str) -> None:
+        self.carrier = carrier
+        self.sender = sender
+        self.modifiers = modifiers
+        self._stream = stream
+        self.endpoint = stream.socket
+
+    def receive(self) -> Message:
+        """See the base. Lines are joined while a parenthesis or quote is open."""
+        line = _text(self._stream.take_line())
+        command = wire.text_command(line)
+        if command.key not in _WITH_DATA:
+            return command.key, command.text, b""
+        return command.key, command.text if command.key != "a" else "", self._data()
+
+    def _data(self) -> bytes:
+        balance = Balance()
+        lines = [self._stream.take_line()]
+        size = len(lines[0])
+        # A backslash at the end joins lines, too: what it protects is the end of the line.
+        while not balance.feed(_text(lines[-1]) + "\n") or lines[-1].endswith(b"\\"):
+            lines.append(self._stream.take_line())
+            size += len(lines[-1])
+            if size > MAX_LINE:
+                raise ProtocolError(f"data of more than {MAX_LINE} bytes in text")
+        return b"\n".join(lines)
+
+    def answer(self, *reply: Buffer) -> None:
+        """See the base."""
+        if self.carrier.acknowledged:
+            self._stream.send(*reply, _ACK)
+        elif reply:
+            self._stream.send(*reply)
+
+    def close(self) -> None:
+        """See the base."""
+        self._stream.close()
+
+
+class TextOutput(OutputLink):
+    """The sending end."""
+
+    def __init__(self, carrier: Carrier, stream: Stream) -> None:
+        self.carrier = carrier
+        self._stream = stream
+        self.endpoint = stream.socket
+        self._due = False
+
+    def send(self, message: Outgoing) -> None:
+        """See the base."""
+        command = f"{message.key} {message.envelope}" if message.envelope else message.key
+        self.send_lines(command, message.text)
+
+    def send_lines(self, *lines: str) -> None:
+        """Send a command, and data if it has some, as they are."""
+        self._due = self.carrier.acknowledged
+        self._stream.send("".join(f"{line}\r\n" for line in lines).encode("utf-8", "surrogateescape"))
+
+    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
+        """See the base. Without acknowledgements nobody could say that there is none, so none is waited for."""
+        lines = self.receive_lines()
+        return codec.decode(encode(Bottle.parse(" ".join(lines)), dialect), dialect) if lines else None
+
+    def receive_lines(self) -> list[str]:
+        """The lines of the reply, up to the acknowledgement."""
+        lines: list[str] = []
+        size = 0
+        while self._due:
+            line = self._stream.take_line()
+            size += len(line)
+            if line + b"\r\n" == _ACK:
+                self._due = False
+            elif size > MAX_LINE:
+                raise ProtocolError(f"a reply of more than {MAX_LINE} bytes in text")
+            else:
+                lines.append(_text(line))
+        return lines
+
+    def finish(self) -> None:
+        """See the base."""
+        self.receive_lines()
+
+    def limit_waiting(self, seconds: float | None) -> None:
+        """See the base."""
+        self._stream.limit_waiting(seconds)
+
+    def close(self, *, politely: bool = True) -> None:
+        """See the base."""
+        if politely:
+            try:
+                self._stream.limit_waiting(1.0)
+                self.send_lines("q")
+                self.finish()
+            except (MiddlewareError, OSError):
+                pass  # it is gone already, which is what was wanted
+        self._stream.close()
+
+
+class Text(Carrier):
+    """Not acknowledged; replies are sent, and a sender does not wait for them."""
+
+    name = "text"
+    header = b"CONNECT "
+    text = True
+
+    def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002 - it answers with the caller's name
+        """Take the caller's name from the rest of the line, and say welcome."""
+        name, _, modifiers = _text(stream.take_line())[: wire.MAX_NAME].strip().partition(" ")
+        stream.send(f"Welcome {name}\r\n".encode("utf-8", "surrogateescape"))
+        return TextInput(self, stream, name, modifiers)
+
+    def connect(self, stream: Stream, port: Port, target: Contact) -> TextOutput:  # noqa: ARG002
+        """Say who calls, and be welcomed."""
+        stream.send(self.header + f"{port.name}\r\n".encode("utf-8", "surrogateescape"))
+        stream.take_line()
+        return TextOutput(self, stream)
+
+
+class TextAck(Text):
+    """Every command is acknowledged."""
+
+    name = "text_ack"
+    header = b"CONNACK "
+    acknowledged = True
+
+
+def _text(line: bytes) -> str:
+    return line.decode("utf-8", "surrogateescape")

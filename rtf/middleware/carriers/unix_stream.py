@@ -1,0 +1,210 @@
+"""``unix_stream``: a Unix socket between two programs of one machine, the fastest way for images.
+
+Messages have no index: a port command and the data follow each other, and the data, being a bottle byte for byte, says
+where it ends. The ports meet at a socket in the user's runtime folder that the receiver makes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf import clock
+from rtf.bottle.binary import TruncatedBottleError
+from rtf.bottle.extent import Scanner
+from rtf.middleware import wire
+from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.tcp import read_sender
+from rtf.middleware.codecs import Arriving
+from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError
+from rtf.middleware.stream import CHUNK, Stream
+
+if TYPE_CHECKING:
+    from rtf.bottle import Dialect
+    from rtf.middleware.codecs import Codec
+    from rtf.middleware.names import Contact
+    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.port import Port
+
+_ACK = b"ACK\0"
+#: Seconds that the two may take to meet, and between two looks for the other's socket.
+_MEETING = 5.0
+_LOOK_AGAIN = 0.001
+
+
+class UnixInput(InputLink):
+    """The receiving end."""
+
+    reuses = CHUNK
+
+    def __init__(self, carrier: Carrier, stream: Stream, sender: str, modifiers: str, dialect: Dialect) -> None:
+        self._dialect = dialect
+        self.carrier = carrier
+        self.sender = sender
+        self.modifiers = modifiers
+        self.endpoint = stream.socket
+        self._stream = stream
+        self._read = 0
+        self._lent = 0
+
+    def receive(self) -> Message:
+        """See the base."""
+        stream = self._stream
+        stream.skip(self._read)
+        self._read = 0
+        if self._lent:
+            stream.pass_lent(self._lent)
+            self._lent = 0
+        head = stream.peek(wire.COMMAND_SIZE)
+        size = wire.COMMAND_SIZE + wire.command_text_size(head)
+        command = wire.read_command(bytes(stream.peek(size)))
+        if command.key not in ("d", "D", "a"):
+            self._read = size
+            return command.key, command.text, b""
+        end = self._whole_bottle(size)
+        if end - size > CHUNK:
+            self._lent = end
+            return command.key, command.text, stream.lend(end)[size:]
+        self._read = end
+        return command.key, command.text, stream.peek(end)[size:]
+
+    def _whole_bottle(self, start: int) -> int:
+        """Wait until the bottle at ``start`` of the window is all there; returns where it ends."""
+        scanner = Scanner(self._dialect, start)
+        while True:
+            try:
+                return scanner.end(self._stream.window())
+            except TruncatedBottleError as error:
+                self._stream.more_towards(start + error.needed)
+
+    def answer(self, *reply: Buffer) -> None:
+        """See the base."""
+        if self.carrier.acknowledged:
+            self._stream.send(*reply, _ACK)
+        elif reply:
+            self._stream.send(*reply)
+
+    def close(self) -> None:
+        """See the base."""
+        self._stream.close()
+
+
+class UnixOutput(OutputLink):
+    """The sending end."""
+
+    def __init__(self, carrier: Carrier, stream: Stream) -> None:
+        self.carrier = carrier
+        self.endpoint = stream.socket
+        self._stream = stream
+        self._due = False
+
+    def send(self, message: Outgoing) -> None:
+        """See the base."""
+        self._due = self.carrier.acknowledged
+        self._stream.send(wire.command(message.key, message.envelope), *message.blocks)
+
+    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
+        """See the base."""
+        stream = self._stream
+        if stream.peek(len(_ACK)) == _ACK and self._due:
+            return None
+        arriving: Arriving[object] | None = None
+        while True:
+            window = stream.window()
+            try:
+                reply, size = arriving.read(window) if arriving else codec.decode_from(window, dialect)
+            except TruncatedBottleError as error:
+                arriving = arriving or Arriving(codec, dialect)
+                stream.more_towards(error.needed)
+                continue
+            stream.skip(size)
+            return reply
+
+    def finish(self) -> None:
+        """See the base."""
+        if self._due:
+            if self._stream.take(len(_ACK)) != _ACK:
+                raise ProtocolError("something else than an acknowledgement came")
+            self._due = False
+
+    def limit_waiting(self, seconds: float | None) -> None:
+        """See the base."""
+        self._stream.limit_waiting(seconds)
+
+    def close(self, *, politely: bool = True) -> None:
+        """See the base."""
+        if politely:
+            with contextlib.suppress(MiddlewareError, OSError):
+                self._stream.limit_waiting(1.0)
+                self._stream.send(wire.command_text("q"))
+        self._stream.close()
+
+
+class UnixStream(Carrier):
+    """Not acknowledged; :class:`UnixStreamAck` is."""
+
+    name = "unix_stream"
+    header = b"UNIX_STR"
+
+    def accept(self, stream: Stream, port: Port) -> InputLink:
+        """Make the socket where the caller is expected, and wait for it there."""
+        sender, modifiers = read_sender(stream)
+        path = _meeting_place(port.contact.port, stream.socket.getpeername()[1])
+        with socket.socket(socket.AF_UNIX) as listening:
+            path.unlink(missing_ok=True)
+            listening.bind(str(path))
+            try:
+                listening.listen(1)
+                listening.settimeout(_MEETING)
+                connection, _ = listening.accept()
+            except OSError as error:
+                raise ConnectError(f"{sender} did not come to {path}: {error.strerror or error}") from None
+            finally:
+                path.unlink(missing_ok=True)
+        connection.settimeout(None)
+        return UnixInput(self, Stream(connection), sender, modifiers, port.network.dialect)
+
+    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
+        """Say who calls, and go to the socket that the other makes."""
+        stream.send(self.header + wire.sender(port.name))
+        path = _meeting_place(target.port, stream.socket.getsockname()[1])
+        deadline = clock.Deadline.after(_MEETING)
+        connection = socket.socket(socket.AF_UNIX)
+        while True:
+            try:
+                connection.connect(str(path))
+                break
+            except (FileNotFoundError, ConnectionRefusedError):
+                if deadline.expired:
+                    connection.close()
+                    raise ConnectError(f"{target.name} did not open {path}: is it on this machine?") from None
+                clock.sleep(_LOOK_AGAIN)  # nobody tells when a file appears
+        stream.close()
+        return UnixOutput(self, Stream(connection))
+
+
+class UnixStreamAck(UnixStream):
+    """Every message is acknowledged; asked for as ``unix_stream+ack``."""
+
+    name = "unix_stream+ack"
+    header = b"UNIX_ACK"
+    acknowledged = True
+
+
+def _meeting_place(acceptor: int, initiator: int) -> Path:
+    """The socket for a connection, in a folder that is this user's alone."""
+    runtime = os.environ.get("YARP_RUNTIME_DIR")
+    if runtime is None:
+        base = os.environ.get("XDG_RUNTIME_DIR") or f"/tmp/runtime-{os.environ.get('USER', os.getuid())}"  # noqa: S108
+        runtime = f"{base}/yarp"
+    folder = Path(runtime)
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if folder.stat().st_uid != os.getuid():
+            raise ConnectError(f"{folder} belongs to another user; set YARP_RUNTIME_DIR to a folder of your own")
+    except OSError as error:
+        raise ConnectError(f"cannot meet in {folder}: {error.strerror}; set YARP_RUNTIME_DIR") from None
+    return folder / f"{acceptor}_{initiator}.sock"

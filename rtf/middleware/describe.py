@@ -1,0 +1,87 @@
+"""What a port says of itself to people who typed ``*`` or ``?``, and the commands that only change connections."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.errors import RtfError
+from rtf.middleware.names import Contact
+
+if TYPE_CHECKING:
+    from rtf.middleware.port import Port
+
+_HELP = (
+    "This port can be talked to with these commands, one a line:",
+    "  d            data for its owner follow on the next line; a reply may come",
+    "  D            the same, without a reply",
+    "  a            a question of administration follows on the next line, such as [help]",
+    "  /name        send output to a port, also as carrier:/name",
+    "  !/name       send no more output to a port",
+    "  ~/name       take no more input from a port",
+    "  r            turn this connection round: the port sends to it from now on",
+    "  *            what this port is connected to",
+    "  q            end this connection",
+    "  ?            this text",
+)
+_UNKNOWN = ("Port command not understood.", "Type d to send data to the port's owner.", "Type ? for help.")
+
+_UNREACHABLE = "Cannot connect to "
+
+
+def answer(port: Port, key: str, text: str) -> str:
+    """Obey a command that is neither data nor administration; returns lines for whoever typed it."""
+    if key == "*":
+        lines: tuple[str, ...] = tuple(connections(port))
+    elif key in ("?", "h"):
+        lines = _HELP
+    elif key == "/" or ":/" in text:
+        lines = (add(port, text),)
+    elif key == "!":
+        lines = (remove_output(port, text[1:]),)
+    elif key == "~":
+        lines = (remove_input(port, text[1:]),)
+    else:
+        lines = _UNKNOWN
+    return "".join(f"{line}\r\n" for line in lines)
+
+
+def connections(port: Port) -> list[str]:
+    """The port's address and connections, a line each."""
+    lines = [f"This is {port.name} at {port.contact.by('tcp')}"]
+    outputs, inputs = port.outputs, port.inputs
+    lines += [
+        f"There is an output connection from {port.name} to {output.peer} using {output.carrier}" for output in outputs
+    ] or ["There are no outgoing connections"]
+    lines += [
+        f"There is an input connection from {caller.peer} to {port.name} using {caller.carrier}" for caller in inputs
+    ] or ["There are no incoming connections"]
+    return lines
+
+
+def add(port: Port, target: str, carrier: str = "") -> str:
+    """Connect an output, and say in YARP's words what came of it."""
+    try:
+        contact = Contact.parse(target)
+        wanted = contact.by(carrier or contact.carrier)
+        port.add_output(wanted)
+    except RtfError as error:
+        text = str(error)
+        if not text.startswith(_UNREACHABLE):
+            return text
+        port.network.report(text)  # YARP's programs know these words without a reason, so that is told here
+        return text.partition(": ")[0]
+    return f"Added connection from {port.name} to {target if not carrier else f'{carrier}:/{contact.name}'}"
+
+
+def remove_output(port: Port, name: str) -> str:
+    """Disconnect an output, likewise."""
+    if port.remove_output(name):
+        return f"Removed connection from {port.name} to {name}"
+    return f"Could not find an outgoing connection to {name}"
+
+
+def remove_input(port: Port, name: str) -> str:
+    """Hang up on an input, likewise."""
+    if port.remove_input(name):
+        return f"Removing connection from {name} to {port.name}"
+    return f"Could not find an incoming connection from {name}"

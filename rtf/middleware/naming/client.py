@@ -1,0 +1,180 @@
+"""Asks a name server somewhere else, ours or YARP's, as every YARP program does: a connection for each question.
+
+Names survive a restart of the server: while ports are open a thread looks now and then whether they are still known,
+see :mod:`rtf.middleware.naming.keeping`.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from typing import TYPE_CHECKING, TypeAlias
+
+from rtf import clock
+from rtf.bottle import Bottle, to_string
+from rtf.middleware.carriers import registry
+from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError, ProtocolError
+from rtf.middleware.naming import authentication
+from rtf.middleware.naming.book import Names
+from rtf.middleware.naming.interfaces import own_addresses
+from rtf.middleware.naming.keeping import Keeper, Record
+from rtf.middleware.naming.lines import PREFIX, command, read_registration, register_command
+from rtf.middleware.stream import Stream
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.middleware.names import Contact
+
+#: In a class that has a method called list, the type is not called so.
+Lines: TypeAlias = list[str]
+
+#: Bytes of an answer; a network of ten thousand ports is listed in a tenth of it.
+_MOST = 1 << 24
+#: Real servers answer these in one line that nothing follows, as they do everything in ``bot`` form.
+_ONE_LINE = ("bot", "subscribe", "unsubscribe", "topic", "untopic", "type", "announce")
+#: How commands about ports end that YARP's library gives; those of its tools end with a bare line feed.
+_LIBRARY = "\r\n"
+
+
+class RemoteNames(Names):
+    """The names that the server at ``contact`` keeps.
+
+    ``patience`` is how many seconds it may take for an answer, ``address`` what others shall reach our ports by when
+    it is not for the server to say, ``watch`` every how many seconds is looked whether it still knows them, and
+    ``key`` what both sides must know, if anything.
+    """
+
+    def __init__(
+        self, contact: Contact, *, patience: float = 5.0, address: str = "", watch: float = 2.0, key: bytes = b""
+    ) -> None:
+        self.contact = contact
+        self._patience = patience
+        self._address = address
+        self._key = key
+        self._keeper = Keeper(self._find, self._restore, watch)
+
+    def register(self, name: str, *, carrier: str = "", host: str = "", port: int = 0, promise: str = "") -> Contact:
+        """See Names. Beside the name the server is told by which carriers and addresses the port can be reached."""
+        if carrier != "mcast" and not host and self._address:
+            carrier, host = carrier or "tcp", self._address
+        lines = self._ask(register_command(name, carrier, host, port, promise), _LIBRARY)
+        contact = next(filter(None, map(read_registration, lines)), None)
+        if contact is None:
+            raise AddressError(
+                f"the name server at {self._place} did not register {name or 'a port without a name'}, it said"
+                f" {' / '.join(lines)!r}: a name has no blanks, and 'rtf clean' frees those that are gone"
+            )
+        record = Record(contact, promise, self._facts())
+        self._note(record)
+        self._keeper.keep(record)
+        return contact
+
+    @staticmethod
+    def _facts() -> dict[str, Sequence[str]]:
+        carriers = [name for name in registry.names() if "+" not in name]  # the others are variants of these
+        return {"offers": carriers, "accepts": carriers, "ips": own_addresses(), "process": [str(os.getpid())]}
+
+    def _note(self, record: Record) -> None:
+        for key, values in record.properties.items():
+            self._ask(command("set", record.contact.name, key, *values), _LIBRARY)
+
+    def unregister(self, name: str) -> None:
+        """See Names."""
+        with self._keeper.forgetting(name):
+            self._ask(command("unregister", name))
+
+    def query(self, name: str) -> Contact | None:
+        """See Names."""
+        return next(filter(None, map(read_registration, self._ask(command("query", name)))), None)
+
+    def list(self, prefix: str = "") -> Sequence[Contact]:
+        """See Names."""
+        lines = self._ask(command("list", prefix) if prefix else "list")
+        return [*filter(None, map(read_registration, lines))]
+
+    def set_property(self, name: str, key: str, values: Sequence[str]) -> None:
+        """See Names."""
+        self._ask(command("bot", "set", name, key, *values), _LIBRARY)
+        self._keeper.note(name, key, values)
+
+    def get_property(self, name: str, key: str) -> Sequence[str]:
+        """See Names."""
+        return [to_string(value) for value in Bottle.parse(self._ask(command("bot", "get", name, key), _LIBRARY)[0])]
+
+    def announce(self, name: str, *, active: bool = True) -> None:
+        """See Names. A port of ours that the server cannot be told of now is announced when it is back."""
+        try:
+            self._ask(command("announce", name) if active else command("announce", name, "0"))
+        except ConnectError:
+            if not active or not self._keeper.announced(name, heard=False):
+                raise
+        else:
+            if active:
+                self._keeper.announced(name, heard=True)
+
+    def command(self, line: str) -> Sequence[str]:
+        """See Names."""
+        if "\n" in line or "\r" in line:
+            raise AddressError(f"{line!r} is more than one command")
+        return self._ask(line)
+
+    def close(self) -> None:
+        """See Names."""
+        self._keeper.close()
+
+    # What the keeper does ----------------------------------------------------------------------------------------
+
+    def _find(self, name: str) -> Contact | None:
+        return self.query(name)
+
+    def _restore(self, record: Record) -> None:
+        contact = record.contact
+        again = register_command(contact.name, contact.carrier, contact.host, contact.port, record.promise)
+        self._ask(again, _LIBRARY)
+        self._note(record)
+        if record.announced:
+            self._ask(command("announce", contact.name))
+
+    # One conversation --------------------------------------------------------------------------------------------
+
+    @property
+    def _place(self) -> str:
+        return f"{self.contact.host}:{self.contact.port}"
+
+    def _ask(self, line: str, ending: str = "\n") -> Lines:
+        """Give one command; returns the lines of the answer, the last one included."""
+        try:
+            with socket.create_connection((self.contact.host, self.contact.port), self._patience) as connection:
+                connection.settimeout(None)
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                stream = Stream(connection)
+                stream.limit_waiting(self._patience)
+                if self._key:
+                    authentication.connect(stream, self._key)
+                stream.send(f"{PREFIX} {line}{ending}".encode("utf-8", "surrogateescape"))
+                return _answer(stream, clock.Deadline.after(self._patience), one_line=_is_one_line(line))
+        except (OSError, MiddlewareError) as error:
+            self._keeper.doubt()
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+            raise ConnectError(
+                f"the name server at {self._place} does not answer: {reason};"
+                " start one with 'rtf nameserver', or look for one with 'rtf detect --write'"
+            ) from None
+
+
+def _is_one_line(line: str) -> bool:
+    return line.partition(" ")[0] in _ONE_LINE or "(format json)" in line
+
+
+def _answer(stream: Stream, deadline: clock.Deadline, *, one_line: bool) -> Lines:
+    lines: Lines = []
+    size = 0
+    while True:
+        raw = stream.take_line()
+        lines.append(raw.decode("utf-8", "surrogateescape"))
+        if one_line or lines[-1].startswith(("*", "[")):
+            return lines
+        size += len(raw)
+        if size > _MOST or deadline.expired:
+            raise ProtocolError(f"its answer has no end after {len(lines)} lines")

@@ -1,0 +1,317 @@
+"""The commands of a name server, and its answers to the letter.
+
+A plain answer is lines without quotes and an end line; the answers to subscriptions and everything in ``bot`` form
+are one bottle. What cannot be done, or is not understood, is answered by the end line alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Bottle, BottleError, Vocab, as_int, as_string, to_string
+from rtf.middleware.errors import AddressError, ConnectError
+from rtf.middleware.naming.asked import Asked
+from rtf.middleware.naming.lines import AUTOMATIC, END, PREFIX
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.bottle import Value
+    from rtf.middleware.names import Contact
+    from rtf.middleware.naming.subscriptions import Subscriptions
+    from rtf.middleware.naming.table import Table
+
+_HELP_TITLE = "Here are some ways to use the name server:"
+_HELP = (
+    "+ help",
+    "+ list [$prefix]",
+    "+ register $portname",
+    "+ register $portname $carrier $ipAddress $portNumber",
+    "  (if you want a field set automatically, write '...')",
+    "+ unregister $portname",
+    "+ query $portname",
+    "+ set $portname $property $value",
+    "+ get $portname $property",
+    "+ check $portname $property",
+    "+ route $port1 $port2",
+    "+ runners",
+    "  (to get a list of the yarprun ports)",
+)
+#: What may be wrong with a command. That a file cannot be written is not among it.
+_REFUSALS = (AddressError, ConnectError, BottleError)
+_OK, _FAIL = Vocab("ok"), Vocab("fail")
+_NOT_KNOWN = -2
+_RELATION, _QUESTION = 4, 3
+_WORDS_WITH_SUBJECT = 2
+
+
+@dataclass(slots=True)
+class Answer:
+    """What the server says. ``plain``: lines, each a text or the words of a bottle; else one bottle."""
+
+    plain: bool
+    body: Bottle = field(default_factory=Bottle)
+
+    def to_text(self) -> str:
+        """The answer as it is sent to those who speak in lines."""
+        if not self.plain:
+            return self.body.to_text() + "\r\n"
+        lines = [_unquoted(item) if isinstance(item, Bottle) else to_string(item) for item in self.body]
+        return "".join(f"{line}\r\n" for line in lines if line) + f"{END}\r\n"
+
+
+def _unquoted(line: Bottle) -> str:
+    return line.to_text().replace('"', "")
+
+
+@dataclass(slots=True)
+class _Request:
+    """One command on its way: its words, who asks, and whether a machine reads the answer."""
+
+    words: Bottle
+    origin: str
+    bot: bool
+
+    def text(self, index: int) -> str:
+        """A word that is a name; empty when it is something else or missing."""
+        return as_string(self.words.get(index))
+
+    def written(self, index: int) -> str:
+        """A word as it is written, whatever it is; empty when it is missing."""
+        return to_string(self.words.get(index)) if index < len(self.words) else ""
+
+    def field(self, index: int) -> str:
+        """A field that the server may fill in: empty when it shall."""
+        text = self.text(index)
+        return "" if text == AUTOMATIC else text
+
+
+class Commands:
+    """Answers commands from a table and its subscriptions.
+
+    ``server`` is where the server itself is; ``changed`` is called with ``add`` or ``del`` and the name of a port,
+    ``report`` with a sentence for what could not be done.
+    """
+
+    def __init__(
+        self,
+        table: Table,
+        subscriptions: Subscriptions,
+        server: Contact,
+        changed: Callable[[str, str], None] | None = None,
+        report: Callable[[str], None] | None = None,
+    ) -> None:
+        self._table = table
+        self._subscriptions = subscriptions
+        self._server = server
+        self._changed = changed or _tell_nobody
+        self._report = report or _say_nothing
+        self._known: dict[str, Callable[[_Request], Answer]] = {
+            "register": self._register,
+            "unregister": self._unregister,
+            "query": self._query,
+            "list": self._list,
+            "runners": self._runners,
+            "set": self._set,
+            "get": self._get,
+            "check": self._check,
+            "route": self._route,
+            "gc": self._gc,
+            "help": self._help,
+        }
+        # These have no form of their own for machines.
+        self._of_subscriptions: dict[str, Callable[[_Request], Bottle]] = {
+            "subscribe": self._subscribe,
+            "unsubscribe": self._unsubscribe,
+            "announce": self._announce,
+            "topic": self._topic,
+            "untopic": self._untopic,
+            "type": self._type,
+        }
+
+    def answer(self, words: Bottle, origin: str) -> Answer:
+        """Do what is asked; ``origin`` is the address from which. Raises MiddlewareError when nothing can be kept."""
+        request = _Request(words, origin, bot=as_string(words.find("format")) == "json")
+        if request.written(0) == PREFIX:
+            request.words = request.words.tail()
+        word = request.written(0)
+        if word in self._of_subscriptions:
+            try:
+                return Answer(plain=False, body=self._of_subscriptions[word](request))
+            except _REFUSALS as error:
+                self._report(str(error))
+                return Answer(plain=False, body=Bottle([_FAIL]))
+        if word == "bot":
+            request.bot = True
+            request.words = request.words.tail()
+            word = request.written(0)
+        command = self._known.get(word)
+        try:
+            return Answer(plain=True) if command is None else command(request)
+        except _REFUSALS as error:
+            self._report(str(error))
+            return Answer(plain=True)
+
+    # Ports -------------------------------------------------------------------------------------------------------
+
+    def _register(self, request: _Request) -> Answer:
+        name, carrier, host = request.text(1), request.field(2) or "tcp", request.field(3)
+        port = max(0, as_int(request.words.get(4)))
+        promise = request.field(5)
+        if carrier == "topic":
+            host = host or self._server.host
+            if len(request.words) <= 4:  # noqa: PLR2004 - the position of the number
+                port = self._server.port
+        elif carrier != "mcast":
+            host = host or request.origin or self._server.host
+        self._subscriptions.went(name)
+        contact = self._table.register(name, carrier, host, port, "" if promise == "*" else promise)
+        self._tell("add", contact)
+        return _flat(self._described(contact.name, contact, bot=request.bot), bot=request.bot)
+
+    def _unregister(self, request: _Request) -> Answer:
+        name = request.text(1)
+        self._subscriptions.went(name)
+        undone = self._table.unregister(name)
+        for gone in filter(None, undone):
+            if gone.name != name:
+                self._subscriptions.went(gone.name)
+            self._tell("del", gone)
+        answer = _flat(self._described(name, None, bot=request.bot), bot=request.bot)
+        # Real servers say this word for every port that the one that goes owns, whether it is known or not.
+        answer.body[:0] = ["old"] * (len(undone) - 1)
+        return answer
+
+    def _tell(self, what: str, contact: Contact) -> None:
+        if contact.carrier != "mcast":
+            self._changed(what, contact.name)
+
+    def _query(self, request: _Request) -> Answer:
+        asked = Asked.parse(request.text(1))
+        contact = self._table.query(asked.name, asked.network)
+        described = self._described(asked.name, contact, bot=request.bot)
+        return Answer(plain=False, body=described) if request.bot else Answer(plain=True, body=Bottle([described]))
+
+    def _list(self, request: _Request) -> Answer:
+        return self._several(self._table.list(request.text(1)), request)
+
+    def _runners(self, request: _Request) -> Answer:
+        return self._several(self._table.runners(), request)
+
+    def _several(self, contacts: list[Contact], request: _Request) -> Answer:
+        body = Bottle(["ports"] if request.bot else [])
+        for contact in contacts:
+            body.append(self._described(contact.name, contact, bot=request.bot))
+        return Answer(plain=not request.bot, body=body)
+
+    @staticmethod
+    def _described(name: str, contact: Contact | None, *, bot: bool) -> Bottle:
+        if bot and contact is None:
+            return Bottle(["port", ["error", _NOT_KNOWN, "port not known"]])
+        if contact is None:
+            return Bottle()
+        host, port, carrier = contact.host, contact.port, contact.carrier
+        if bot:
+            return Bottle(["port", ["name", name], ["ip", host], ["port_number", port], ["carrier", carrier]])
+        return Bottle(["registration", "name", name, "ip", host, "port", port, "type", carrier])
+
+    # Notes -------------------------------------------------------------------------------------------------------
+
+    def _set(self, request: _Request) -> Answer:
+        values = [to_string(value) for value in request.words[3:]]
+        if not self._table.set(request.text(1), request.written(2), values):
+            return _nothing(bot=request.bot)
+        return self._get(request)
+
+    def _get(self, request: _Request) -> Answer:
+        name, key = request.text(1), request.written(2)
+        values = self._table.get(name, key)
+        if values is None:
+            return _nothing(bot=request.bot)
+        if request.bot:
+            return Answer(plain=False, body=Bottle([_value(text) for text in values]))
+        return Answer(plain=True, body=Bottle([["port", name, "property", key, "=", *values]]))
+
+    def _check(self, request: _Request) -> Answer:
+        name, key, value = request.text(1), request.written(2), request.written(3)
+        values = self._table.get(name, key)
+        if values is None:
+            return Answer(plain=True)
+        present = "true" if value in values else "false"
+        return Answer(plain=True, body=Bottle([["port", name, "property", key, "value", value, "present", present]]))
+
+    # The rest ----------------------------------------------------------------------------------------------------
+
+    @staticmethod
+    def _route(request: _Request) -> Answer:
+        source, target = request.text(1), request.text(2)
+        return Answer(plain=True, body=Bottle([["port", source, "route", target, "=", f"tcp:/{target}"]]))
+
+    @staticmethod
+    def _gc(_request: _Request) -> Answer:
+        return Answer(plain=True, body=Bottle([["garbage collection done."]]))
+
+    @staticmethod
+    def _help(request: _Request) -> Answer:
+        return Answer(plain=not request.bot, body=Bottle(_HELP if request.bot else (_HELP_TITLE, *_HELP)))
+
+    # Subscriptions -----------------------------------------------------------------------------------------------
+
+    def _subscribe(self, request: _Request) -> Bottle:
+        if not request.text(2):
+            return self._subscriptions.listed(request.text(1))
+        return _judged(self._subscriptions.subscribe(request.text(1), request.text(2), request.text(3)))
+
+    def _unsubscribe(self, request: _Request) -> Bottle:
+        return _judged(self._subscriptions.unsubscribe(request.text(1), request.text(2)))
+
+    def _announce(self, request: _Request) -> Bottle:
+        activity = request.words.get(2)
+        if isinstance(activity, int) and activity == 0:
+            self._subscriptions.silent(request.text(1))
+        else:
+            self._subscriptions.came(request.text(1))
+        return Bottle([_OK])
+
+    def _topic(self, request: _Request) -> Bottle:
+        if len(request.words) < _WORDS_WITH_SUBJECT:
+            return Bottle(self._subscriptions.topics)
+        return _judged(self._subscriptions.set_topic(request.text(1)))
+
+    def _untopic(self, request: _Request) -> Bottle:
+        return _judged(self._subscriptions.set_topic(request.text(1), active=False))
+
+    def _type(self, request: _Request) -> Bottle:
+        family, name = request.text(1), request.text(2)
+        if len(request.words) == _RELATION:
+            return _judged(self._subscriptions.set_type(family, name, request.text(3)))
+        known = self._subscriptions.type_of(family, name) if len(request.words) == _QUESTION else ""
+        return Bottle(["type", family, name, known]) if known else Bottle([_FAIL])
+
+
+def _flat(described: Bottle, *, bot: bool) -> Answer:
+    """After a change the two forms are mixed: machines get the words of the description as lines."""
+    return Answer(plain=True, body=described if bot else Bottle([described]))
+
+
+def _nothing(*, bot: bool) -> Answer:
+    return Answer(plain=not bot)
+
+
+def _judged(good: bool) -> Bottle:
+    return Bottle([_OK if good else _FAIL])
+
+
+def _value(text: str) -> Value:
+    """A note, as the value that it is the text of."""
+    values = Bottle.parse(text)
+    return values[0] if len(values) == 1 else values or ""
+
+
+def _say_nothing(_sentence: str) -> None:
+    """Nobody wants to know."""
+
+
+def _tell_nobody(_what: str, _name: str) -> None:
+    """Nobody wants to know."""

@@ -1,0 +1,67 @@
+"""The lines that name servers and their clients exchange: written and read."""
+
+from __future__ import annotations
+
+import re
+
+from rtf.bottle import Bottle, BottleError, to_string
+from rtf.bottle import to_text as value_text
+from rtf.middleware.errors import AddressError
+from rtf.middleware.names import Contact, is_host
+
+PREFIX = "NAME_SERVER"
+QUERY = f"{PREFIX} query"
+#: What ends an answer.
+END = "*** end of message"
+#: A field that the server fills in.
+AUTOMATIC = "..."
+_KEYWORD = "registration"
+_NUMBER = re.compile(r"[0-9]{1,5}")
+_MOST = 65535
+
+
+def registration(contact: Contact) -> str:
+    """Where a port is, as a name server says it."""
+    return f"{_KEYWORD} name {contact.name} ip {contact.host} port {contact.port} type {contact.carrier}"
+
+
+def read_registration(line: str) -> Contact | None:
+    """Where a port is: the words after ``name``, ``ip``, ``port`` and ``type``. None for any other line."""
+    words = line.split()
+    if not words or words[0] != _KEYWORD:
+        return None
+    said = dict(zip(words[1::2], words[2::2], strict=False))
+    number = said.get("port", "")
+    if "name" not in said or not is_host(said.get("ip", "")):
+        return None
+    if not _NUMBER.fullmatch(number) or int(number) > _MOST:
+        return None
+    return Contact(said["name"], said["ip"], int(number), said.get("type", "tcp"))
+
+
+def word(text: str) -> str:
+    """One word of a command: as it is, when it reads as itself, else in quotes."""
+    if any(letter in text for letter in "\r\n\0"):
+        raise AddressError(f"{text!r} cannot be said to a name server: it has more than one line")
+    try:
+        items = Bottle.parse(text)
+    except BottleError:
+        return value_text(text)
+    return text if len(items) == 1 and to_string(items[0]) == text else value_text(text)
+
+
+def command(*words: str) -> str:
+    """A command of several words."""
+    return " ".join(map(word, words))
+
+
+def register_command(name: str, carrier: str, host: str, port: int, promise: str) -> str:
+    """A registration, as short as it can be said."""
+    fields: list[str] = []
+    if carrier or host or port:
+        fields = [carrier, host, str(port or "")]
+    elif promise:
+        fields = ["", "", "-1"]
+    return " ".join(
+        word(field) if field else AUTOMATIC for field in ["register", name, *fields, *filter(None, [promise])]
+    )

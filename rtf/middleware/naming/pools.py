@@ -1,0 +1,130 @@
+"""What a name server hands out when it is not told: numbers, names for the nameless, multicast groups.
+
+A number is remembered for the name that had it last, so that a program finds its ports where they were. Numbers that
+were never used come first; only when all have been does the search begin again at the first that is free. Names and
+groups that are given back are used again at once.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+
+from rtf.middleware.errors import ConnectError
+
+_HIGHEST = 65535
+_FIRST = 2
+_LAST = 9999
+_STANDARD = 10000
+_GROUPS = 255 * 255
+_SPREAD = 61
+
+
+class Numbers:
+    """The TCP ports of a network, for all its machines together."""
+
+    def __init__(self, first: int, last: int) -> None:
+        self.first = first
+        self.last = last
+        self.cursor = first
+        self.owner: dict[int, str] = {}  # who had a number last
+        self._preferred: dict[str, int] = {}
+        self._held: Counter[int] = Counter()
+
+    @classmethod
+    def above(cls, server: int) -> Numbers:
+        """The numbers of the server at this one; where there would not be enough, those of a server at 10000."""
+        base = server if server + _LAST <= _HIGHEST else _STANDARD
+        return cls(base + _FIRST, base + _LAST)
+
+    @classmethod
+    def beside(cls, server: int) -> Numbers:
+        """For a server at a number that the system chose: those above it are the system's to give to others.
+
+        They are those of a server at 10000, from a place on that differs from server to server.
+        """
+        numbers = cls.above(_STANDARD)
+        numbers.cursor += server % (_LAST // 2)
+        return numbers
+
+    def hold(self, number: int) -> None:
+        """A port that is registered has this number, whoever chose it."""
+        self._held[number] += 1
+
+    def release(self, number: int) -> None:
+        """A port that had this number is gone."""
+        self._held[number] -= 1
+        if self._held[number] <= 0:
+            del self._held[number]
+
+    def take(self, name: str) -> int:
+        """A number for a name; it is not held yet. Raises ConnectError when there is none."""
+        number = self._preferred.get(name, 0)
+        if not number or number in self._held:
+            number = self._next()
+            self.remember(number, name)
+        return number
+
+    def remember(self, number: int, name: str) -> None:
+        """This name had the number last."""
+        before = self.owner.get(number)
+        if before is not None and self._preferred.get(before) == number:
+            del self._preferred[before]
+        self.owner[number] = name
+        self._preferred[name] = number
+
+    def _next(self) -> int:
+        for _ in range(self.first, self.last + 1):
+            number = self.cursor
+            self.cursor = number + 1 if number < self.last else self.first
+            if number not in self._held:
+                return number
+        raise ConnectError(
+            f"all numbers from {self.first} to {self.last} are taken: unregister ports that are gone with 'rtf clean'"
+        )
+
+
+class Slots:
+    """Small numbers from 1 upwards, each in use once."""
+
+    def __init__(self, highest: int, last: int = 0) -> None:
+        self.highest = highest
+        self.last = last
+        self._free: deque[int] = deque()
+
+    def take(self) -> int:
+        """One that is free. Raises ConnectError when there is none."""
+        if self._free:
+            return self._free.popleft()
+        if self.last >= self.highest:
+            raise ConnectError(f"all {self.highest} are in use: unregister ports that are gone with 'rtf clean'")
+        self.last += 1
+        return self.last
+
+    def give_back(self, slot: int) -> None:
+        """It is free again."""
+        self._free.append(slot)
+
+    def resume(self, last: int, used: set[int]) -> None:
+        """Go on where an earlier server stopped."""
+        first = self.last + 1
+        self.last = min(max(last, self.last, *used), self.highest)
+        self._free = deque(slot for slot in range(first, self.last + 1) if slot not in used)
+
+
+def nameless(slot: int) -> str:
+    """The name of a port that has none."""
+    return f"/tmp/port/{slot}"  # noqa: S108 - a name in a network, not in a file system
+
+
+def group_slots(seed: int = 0) -> Slots:
+    """All multicast groups.
+
+    Whoever has no number that is its own on this machine gives a ``seed``, so that two do not hand out the same groups.
+    """
+    return Slots(_GROUPS - 2, seed * _SPREAD % (_GROUPS // 2))
+
+
+def group(slot: int) -> str:
+    """A multicast group; the first is 224.1.1.3."""
+    high, low = divmod(slot + 1, 255)
+    return f"224.1.{high + 1}.{low + 1}"

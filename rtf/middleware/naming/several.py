@@ -1,0 +1,100 @@
+"""Several name servers at once: ports are registered with all of them, and the first that knows a name answers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeVar
+
+from rtf.middleware.errors import ConnectError, MiddlewareError
+from rtf.middleware.naming.book import Names
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from rtf.middleware.names import Contact
+
+T = TypeVar("T")
+
+
+class SeveralNames(Names):
+    """The names that several servers keep. The first decides where a port is; the others are told.
+
+    A server that is away keeps nobody from hearing what the others know, but new ports need all of them.
+    """
+
+    def __init__(self, all_names: Sequence[Names]) -> None:
+        self._all = tuple(all_names)
+
+    def register(self, name: str, *, carrier: str = "", host: str = "", port: int = 0, promise: str = "") -> Contact:
+        """See Names."""
+        first, *others = self._all
+        contact = first.register(name, carrier=carrier, host=host, port=port, promise=promise)
+        done = [first]
+        try:
+            for names in others:
+                where = {"carrier": contact.carrier, "host": contact.host}
+                names.register(contact.name, **where, port=contact.port, promise=promise)
+                done.append(names)
+        except MiddlewareError:
+            _each(done, lambda names: names.unregister(contact.name))
+            raise
+        return contact
+
+    def unregister(self, name: str) -> None:
+        """See Names."""
+        _each(self._all, lambda names: names.unregister(name))
+
+    def query(self, name: str) -> Contact | None:
+        """See Names."""
+        return self._first(lambda names: names.query(name))
+
+    def list(self, prefix: str = "") -> Sequence[Contact]:
+        """See Names. A name that several know stands there once."""
+        found = {contact.name: contact for names in reversed(self._all) for contact in names.list(prefix)}
+        return [found[name] for name in sorted(found)]
+
+    def set_property(self, name: str, key: str, values: Sequence[str]) -> None:
+        """See Names."""
+        _each(self._all, lambda names: names.set_property(name, key, values))
+
+    def get_property(self, name: str, key: str) -> Sequence[str]:
+        """See Names."""
+        return self._first(lambda names: names.get_property(name, key)) or ()
+
+    def announce(self, name: str, *, active: bool = True) -> None:
+        """See Names."""
+        _each(self._all, lambda names: names.announce(name, active=active))
+
+    def command(self, line: str) -> Sequence[str]:
+        """See Names. Only the first server is given it."""
+        return self._all[0].command(line)
+
+    def close(self) -> None:
+        """See Names."""
+        _each(self._all, lambda names: names.close())
+
+    def _first(self, ask: Callable[[Names], T]) -> T | None:
+        """The first answer that says something; an error when there is none because a server is away."""
+        failure: ConnectError | None = None
+        for names in self._all:
+            try:
+                answer = ask(names)
+            except ConnectError as error:
+                failure = failure or error
+            else:
+                if answer:
+                    return answer
+        if failure is not None:
+            raise failure
+        return None
+
+
+def _each(all_names: Sequence[Names], do: Callable[[Names], None]) -> None:
+    """Do it with all, whatever happens with one; raises the first error afterwards."""
+    failure: MiddlewareError | None = None
+    for names in all_names:
+        try:
+            do(names)
+        except MiddlewareError as error:
+            failure = failure or error
+    if failure is not None:
+        raise failure

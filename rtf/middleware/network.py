@@ -1,0 +1,162 @@
+"""What the ports of a process share: the names, the dialect, and how patient they are."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Dialect
+from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
+from rtf.middleware.naming import authentication
+from rtf.middleware.stream import Stream
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.middleware.names import Contact
+    from rtf.middleware.naming.book import Names
+
+_BACKLOG = 128
+
+
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """How a port is opened that was asked for by some name: what it is really called, and the number it shall have."""
+
+    name: str
+    port: int = 0
+
+
+class Network:
+    """A network of ports. ``patience`` is how many seconds a peer may take for a handshake.
+
+    ``report`` is called with a sentence for each trouble, such as a connection that was lost, and ``notice`` for each
+    connection that is made or ended, as YARP words it ("Receiving input from /a to /b using tcp"); from any thread,
+    which waits meanwhile, so both must be quick. ``opening`` says what a
+    port is called that is opened in this process; the configuration may rename ports or fix their numbers. ``key`` is
+    what both ends of every connection must know, see :mod:`rtf.middleware.naming.authentication`; empty: no key.
+    """
+
+    def __init__(
+        self,
+        names: Names,
+        *,
+        dialect: Dialect = Dialect.YARP3,
+        patience: float = 5.0,
+        report: Callable[[str], None] | None = None,
+        notice: Callable[[str], None] | None = None,
+        opening: Callable[[str], Opening] = Opening,
+        key: bytes = b"",
+    ) -> None:
+        self.names = names
+        self.dialect = dialect
+        self.patience = patience
+        self.report = report or _say_nothing
+        self.notice = notice or _say_nothing
+        self.key = key
+        self._opening = opening
+
+    def resolve(self, contact: Contact) -> Contact | None:
+        """Where a contact is reached, or None when nobody knows the name."""
+        if contact.valid:
+            return contact
+        found = self.names.query(contact.name)
+        if found is None or not found.valid:
+            return None
+        return found.by(contact.carrier or found.carrier)
+
+    def reach(self, target: Contact, patience: float | None = None) -> Stream:
+        """A connection to an address, with the key proved where the network has one, and nothing said yet.
+
+        It waits no longer than ``patience`` for anything; None: that of the network. Raises ConnectError.
+        """
+        patience = self.patience if patience is None else patience
+        try:
+            connection = socket.create_connection((target.host, target.port), timeout=patience)
+        except (OSError, UnicodeError) as error:
+            where = target.name or target
+            raise ConnectError(f"Cannot connect to {where}: {getattr(error, 'strerror', None) or error}") from None
+        connection.settimeout(None)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        stream = Stream(connection)
+        try:
+            stream.limit_waiting(patience)
+            if self.key:
+                authentication.connect(stream, self.key)
+        except (MiddlewareError, OSError) as error:
+            stream.close()
+            raise ConnectError(f"Cannot connect to {target.name or target}: {error}") from None
+        return stream
+
+    def open_address(self, name: str, promise: str = "") -> tuple[socket.socket, Contact]:
+        """Register a name and listen where the name server says; returns the socket and the contact."""
+        opening = self._opening(name)
+        if opening.name and not opening.name.startswith("/"):
+            raise AddressError(f"{opening.name!r} is no name for a port: it begins with '/', such as /tester/command:o")
+        contact = self.names.register(opening.name, port=opening.port, promise=promise)
+        if contact.port:
+            try:
+                return listen(contact.host, contact.port), contact
+            except OSError as error:
+                failure = f"{contact.host}:{contact.port}: {error.strerror or error}"
+            if opening.port:
+                raise self._give_up(contact, f"{failure}; the number is fixed by the environment")
+        # Nobody gave a number, or somebody else has it already: take one that is free, and say which.
+        try:
+            listening = listen(contact.host, 0)
+        except OSError as error:
+            raise self._give_up(contact, f"{contact.host}: {error.strerror or error}") from None
+        port = listening.getsockname()[1]
+        try:
+            again = self.names.register(contact.name, carrier="tcp", host=contact.host, port=port, promise=promise)
+        except MiddlewareError:
+            listening.close()
+            with contextlib.suppress(MiddlewareError):
+                self.names.unregister(contact.name)
+            raise
+        return listening, again
+
+    def _give_up(self, contact: Contact, reason: str) -> ConnectError:
+        with contextlib.suppress(MiddlewareError):  # what matters is why it cannot be opened
+            self.names.unregister(contact.name)
+        return ConnectError(f"{contact.name} cannot listen on {reason}")
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens; OSError when the address cannot be had."""
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+        listening.listen(_BACKLOG)
+    except BaseException:  # a number beyond the range is no OSError
+        listening.close()
+        raise
+    return listening
+
+
+def _say_nothing(_text: str) -> None:
+    """Nobody wants to know."""
+
+
+_default: list[Network] = []
+_lock = threading.Lock()
+
+
+def set_default_network(network: Network | None) -> None:
+    """Use this network where none is named; None: find one by the configuration when it is needed."""
+    with _lock:
+        _default[:] = [] if network is None else [network]
+
+
+def default_network() -> Network:
+    """The network of this process; found by the user's configuration when first asked for."""
+    with _lock:
+        if not _default:
+            from rtf.middleware.naming.configuration import find_network
+
+            _default.append(find_network())
+        return _default[0]

@@ -1,0 +1,238 @@
+"""Quality of service: the priority of packets and of the threads that handle them, really set.
+
+Packets carry a type of service (TOS), which is given as a level, as the name or number of a DSCP class, or as it is.
+Threads have a policy (0 OTHER, 1 FIFO, 2 RR) and a priority; the real-time ones need a right that ordinary users rarely
+have, and then the request is refused and said so.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Bottle, Property, Vocab, as_int, as_string
+from rtf.middleware.errors import MiddlewareError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+#: DSCP classes by name (RFC 2474, 2597, 3246, 5865).
+DSCP = {
+    **{f"CS{number}": 8 * number for number in range(8)},
+    **{f"AF{group}{drop}": 8 * group + 2 * drop for group in range(1, 5) for drop in range(1, 4)},
+    "VA": 44,
+    "EF": 46,
+}
+#: YARP's levels of packet priority, as DSCP.
+LEVELS = {"LOW": 10, "NORM": 0, "HIGH": 36, "CRIT": 44}
+_MAX_DSCP, _MAX_TOS = 63, 255
+
+
+class QosError(MiddlewareError, PermissionError):
+    """A priority that cannot be set: it is none, or this user may not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Qos:
+    """What a connection is wanted to have; None leaves a thing as it is."""
+
+    tos: int | None = None
+    policy: int | None = None
+    priority: int | None = None
+
+    @classmethod
+    def of_level(cls, level: str) -> Qos:
+        """Packets of one of :data:`LEVELS`."""
+        return cls(tos=_tos_of(LEVELS, level, "packet priority"))
+
+    @classmethod
+    def of_dscp(cls, name: str) -> Qos:
+        """Packets of one of the classes :data:`DSCP`, or of a number."""
+        if name.isdigit() and int(name) <= _MAX_DSCP:
+            return cls(tos=int(name) << 2)
+        return cls(tos=_tos_of(DSCP, name, "DSCP class"))
+
+    @classmethod
+    def from_wishes(cls, wishes: Property) -> Qos:
+        """Read ``(sched ((priority 30) (policy 1))) (qos ((priority HIGH)))`` and its kin. Raises QosError."""
+        sched, packets = _inner(wishes, "sched"), _inner(wishes, "qos")
+        found = cls(policy=_number(sched, "policy"), priority=_number(sched, "priority"))
+        tos = _number(packets, "tos")
+        if packets.check("priority"):
+            tos = cls.of_level(_text(packets, "priority")).tos
+        elif packets.check("dscp"):
+            tos = cls.of_dscp(_text(packets, "dscp")).tos
+        if tos is not None and not 0 <= tos <= _MAX_TOS:
+            raise QosError(f"a type of service is from 0 to {_MAX_TOS}, not {tos}")
+        return cls(tos, found.policy, found.priority)
+
+    def to_wishes(self) -> list[Bottle]:
+        """The same as YARP's library sends it: what is left as it is goes as -1."""
+        sched = {"policy": _or_default(self.policy), "priority": _or_default(self.priority)}
+        return [Bottle(["sched", Property(sched)]), Bottle(["qos", Property({"tos": _or_default(self.tos)})])]
+
+
+def _or_default(number: int | None) -> int:
+    return -1 if number is None else number
+
+
+def _tos_of(table: dict[str, int], name: str, what: str) -> int:
+    code = table.get(name.upper())
+    if code is None:
+        raise QosError(f"{name!r} is no {what}; there are {', '.join(table)}")
+    return code << 2
+
+
+def _inner(wishes: Property, key: str) -> Property:
+    group = wishes.find(key)
+    if isinstance(group, Property):
+        return group
+    return Property.from_bottle(group) if isinstance(group, Bottle) else Property()
+
+
+def _number(wishes: Property, key: str) -> int | None:
+    value = wishes.find(key)
+    return None if value is None or as_int(value) < 0 else as_int(value)
+
+
+def _text(wishes: Property, key: str) -> str:
+    value = wishes.find(key)
+    return value.text if isinstance(value, Vocab) else as_string(value) or str(as_int(value))
+
+
+def set_packet_priority(connection: socket.socket, tos: int) -> None:
+    """Mark all packets of a socket. Raises QosError."""
+    try:
+        if connection.family == socket.AF_INET6:
+            connection.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_TCLASS, tos)
+        elif connection.family == socket.AF_INET:
+            connection.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, tos)
+    except OSError as error:
+        raise QosError(f"the type of service {tos} cannot be set: {error.strerror}") from None
+
+
+def packet_priority(connection: socket.socket | None) -> int:
+    """The type of service of a socket's packets; 0 for what is no socket of the internet."""
+    try:
+        if connection is not None and connection.family == socket.AF_INET:
+            return connection.getsockopt(socket.IPPROTO_IP, socket.IP_TOS)
+    except OSError:
+        return 0  # it was closed a moment ago
+    return 0
+
+
+def set_thread_priority(thread: int, policy: int | None, priority: int | None) -> None:
+    """Set the policy and priority of a thread, by its number in the kernel. Raises QosError."""
+    try:
+        chosen = os.sched_getscheduler(thread) if policy is None else policy
+        os.sched_setscheduler(thread, chosen, os.sched_param(priority or 0))
+    except ProcessLookupError:
+        return  # it has just ended
+    except PermissionError:
+        raise QosError(
+            f"this user may not give a thread policy {policy} and priority {priority}: real-time needs CAP_SYS_NICE, "
+            "or a line for rtprio in /etc/security/limits.conf"
+        ) from None
+    except OSError as error:
+        raise QosError(f"policy {policy} with priority {priority} cannot be set: {error.strerror}") from None
+
+
+def thread_facts(thread: int) -> dict[str, int]:
+    """What a thread runs with: policy, priority and number."""
+    try:
+        return {
+            "policy": os.sched_getscheduler(thread),
+            "priority": os.sched_getparam(thread).sched_priority,
+            "tid": thread,
+        }
+    except OSError:
+        return {"policy": 0, "priority": 0, "tid": thread}  # it has just ended
+
+
+def set_process_priority(policy: int | None, priority: int | None) -> None:
+    """Set the policy and priority of all threads of this process; those to come inherit them. Raises QosError."""
+    done: dict[int, tuple[int, int]] = {}
+    try:
+        while new := _threads() - done.keys():  # one that is not done yet may have begun another meanwhile
+            for thread in new:
+                facts = thread_facts(thread)
+                done[thread] = facts["policy"], facts["priority"]
+                set_thread_priority(thread, policy, priority)
+    except QosError:
+        for thread, before in done.items():
+            set_thread_priority(thread, *before)
+        raise
+
+
+def _threads() -> set[int]:
+    return {int(task.name) for task in Path("/proc/self/task").iterdir()}
+
+
+def set_process(wishes: Property, complain: Callable[[str], None]) -> bool:
+    """Obey ``(process ((priority 30) (policy 1)))`` and ``(sched …)``; whether everything could be done."""
+    process = _inner(wishes, "process")
+    if not process.check("policy") and not process.check("priority"):
+        process = _inner(wishes, "sched")
+    try:
+        policy, priority = _number(process, "policy"), _number(process, "priority")
+        if policy is not None or priority is not None:
+            set_process_priority(policy, priority)
+    except QosError as error:
+        complain(f"a wish for this process is refused: {error}")
+        return False
+    return True
+
+
+class Connection(ABC):
+    """One end of a connection, as administration sees it."""
+
+    #: The kernel's number of the thread that handles it; 0 where that is whoever writes.
+    thread = 0
+
+    @property
+    @abstractmethod
+    def peer(self) -> str:
+        """The name of the port at the other end."""
+
+    @property
+    @abstractmethod
+    def carrier(self) -> str:
+        """The name of its carrier, with modifiers."""
+
+    @property
+    @abstractmethod
+    def connectionless(self) -> bool:
+        """Whether it is made of datagrams."""
+
+    @property
+    @abstractmethod
+    def socket(self) -> socket.socket | None:
+        """What it travels over, where there is something."""
+
+    def apply(self, wanted: Qos) -> None:
+        """Set what is wanted, packets and thread. Raises QosError; then perhaps only the packets are done."""
+        if wanted.tos is not None and self.socket is not None:
+            set_packet_priority(self.socket, wanted.tos)
+        if self.thread:
+            if wanted.policy is not None or wanted.priority is not None:
+                set_thread_priority(self.thread, wanted.policy, wanted.priority)
+        elif wanted.policy or wanted.priority:
+            raise QosError(f"the connection with {self.peer} has no thread of its own: it is sent in the writer's")
+
+    def configure(self, wishes: Property, complain: Callable[[str], None]) -> bool:
+        """Set what a message of administration asks for; whether everything could be done."""
+        try:
+            self.apply(Qos.from_wishes(wishes))
+        except QosError as error:
+            complain(f"a wish for the connection with {self.peer} is refused: {error}")
+            return False
+        return True
+
+    def describe(self) -> Bottle:
+        """Its thread and packets, as administration reports them."""
+        facts = thread_facts(self.thread) if self.thread else {"tid": 0, "priority": 0, "policy": 0}
+        return Bottle([["sched", Property(facts)], ["qos", Property({"tos": packet_priority(self.socket)})]])

@@ -1,0 +1,177 @@
+"""Clocks that come over the network: one that is listened to, and one that is asked.
+
+*The network clock* is YARP's: a port, ``/clock`` by custom, publishes seconds and nanoseconds, and whoever lives by it
+waits for its messages. *Lockstep* is ours: time stands still until everybody who takes part waits, and then goes
+straight to the earliest moment that somebody waits for. The simulator is its server; it is an RPC port like any other:
+
+=============== =====================================================================================================
+``join NAME``   take part; the reply is ``[ok] id now``. The connection is the membership: when it ends, the
+                participant has left
+``until ID T``  wait until the time is T; the reply is ``[ok] now``, and time goes on while it is awaited
+``leave ID``    take part no more
+``now``         ``[ok] now``
+=============== =====================================================================================================
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+import threading
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Bottle, Vocab, as_float, as_int, as_string
+from rtf.clock import Clock
+from rtf.middleware import remote
+from rtf.middleware.buffered import BufferedPort, Received
+from rtf.middleware.errors import ConnectError, MiddlewareError, PortClosedError
+from rtf.middleware.names import Contact
+from rtf.middleware.rpc import RpcClient
+
+if TYPE_CHECKING:
+    from rtf.middleware.network import Network
+
+_NANO = 1e-9
+CLOCK_PORT = "/clock"
+
+
+class NetworkClock(Clock):
+    """The time that a port publishes. Until its first message has come, everybody who asks for the time waits.
+
+    When the time jumps back, as after a restart of a simulator, those who sleep still sleep as long as they wanted to.
+    """
+
+    def __init__(self, source: str = CLOCK_PORT, *, network: Network) -> None:
+        self.source = source
+        self._changed = threading.Condition()
+        self._now: float | None = None
+        self._jumped = 0.0  # how far the time has jumped back in all
+        self._closed = False
+        program = sys.argv[0] if sys.argv else ""
+        name = f"/{socket.gethostname()}/{program}/{os.getpid()}/clock:i"
+        self._port = BufferedPort(name, callback=self._heard, network=network, outputs=False)
+        try:
+            self._subscribe(network)
+        except MiddlewareError:
+            self._port.close()
+            raise
+
+    def _subscribe(self, network: Network) -> None:
+        """Ask the name server for a connection that lasts: it is made whenever the publisher appears."""
+        network.names.command(f'subscribe "tcp:/{self.source}" "tcp:/{self._port.name}"')
+        if network.names.query(self.source) is not None:
+            remote.connect(network, Contact.parse(self.source), Contact.parse(self._port.name))
+
+    def _heard(self, received: Received[Bottle]) -> None:
+        time = as_int(received.value.get(0)) + as_int(received.value.get(1)) * _NANO
+        with self._changed:
+            if self._now is not None and time < self._now:
+                self._jumped += self._now - time
+            self._now = time
+            self._changed.notify_all()
+
+    def now(self) -> float:
+        """See Clock."""
+        with self._changed:
+            return self._wait_for_time()
+
+    def _wait_for_time(self) -> float:
+        self._changed.wait_for(lambda: self._now is not None or self._closed)
+        if self._now is None:
+            raise PortClosedError(f"the clock {self.source} was closed before it said what time it is")
+        return self._now
+
+    def sleep(self, seconds: float) -> None:
+        """See Clock."""
+        if seconds <= 0:
+            return
+        with self._changed:
+            end = self._wait_for_time() + self._jumped + seconds
+            self._changed.wait_for(lambda: self._closed or self._wait_for_time() + self._jumped >= end)
+
+    def close(self) -> None:
+        """See Clock."""
+        with self._changed:
+            if self._closed:
+                return
+            self._closed = True
+            self._changed.notify_all()
+        self._port.close()
+
+
+class LockstepClock(Clock):
+    """A simulator's time: it goes on while all who take part sleep, as fast as the simulator can.
+
+    Each thread that sleeps takes part on its own. A thread that neither sleeps nor ends keeps the time standing still;
+    it has to ``leave`` when it is done with the robot.
+    """
+
+    def __init__(self, server: str, name: str, *, network: Network) -> None:
+        self.server = server
+        self.name = name
+        self._network = network
+        self._local = threading.local()
+        self._members: list[_Member] = []
+        self._lock = threading.Lock()
+        self._member()
+
+    def _member(self) -> _Member:
+        member: _Member | None = getattr(self._local, "member", None)
+        if member is None:
+            member = self._local.member = _Member(self.server, self.name, self._network)
+            with self._lock:
+                self._members.append(member)
+        return member
+
+    def now(self) -> float:
+        """See Clock. It needs no question: the time changes only while this thread sleeps."""
+        return self._member().now
+
+    def sleep(self, seconds: float) -> None:
+        """See Clock; messages that were sent before the end of the sleep have been delivered when it returns."""
+        if seconds > 0:
+            member = self._member()
+            member.wait_until(member.now + seconds)
+
+    def leave(self) -> None:
+        """Take part no more in this thread; the next sleep joins again."""
+        member: _Member | None = getattr(self._local, "member", None)
+        if member is not None:
+            self._local.member = None
+            with self._lock:
+                self._members.remove(member)
+            member.close()
+
+    def close(self) -> None:
+        """See Clock: all threads leave."""
+        with self._lock:
+            members, self._members = self._members, []
+        for member in members:
+            member.close()
+
+
+class _Member:
+    """One thread that takes part."""
+
+    def __init__(self, server: str, name: str, network: Network) -> None:
+        self._client = RpcClient("", server, network=network)
+        try:
+            reply = self._ask("join", name)
+        except MiddlewareError:
+            self._client.close()
+            raise
+        self._id = as_int(reply.get(1))
+        self.now = as_float(reply.get(2))
+
+    def wait_until(self, time: float) -> None:
+        self.now = as_float(self._ask("until", self._id, time).get(1))
+
+    def _ask(self, *words: object) -> Bottle:
+        reply = self._client.call(Bottle(words))
+        if reply is None or reply.get(0) != Vocab("ok"):
+            raise ConnectError(f"the clock refused {words[0]}: {as_string((reply or Bottle()).get(1))}")
+        return reply
+
+    def close(self) -> None:
+        self._client.close()

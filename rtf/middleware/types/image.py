@@ -1,0 +1,207 @@
+"""Images: numpy arrays of pixels with their format.
+
+On the wire an image is a header of 60 bytes, which is the head of a bottle, and a blob: the rows one after the other,
+each filled up to a multiple of the *quantum*.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from rtf.bottle import BottleError, BottleTypeError, Dialect, Vocab
+from rtf.bottle.binary import TruncatedBottleError, decode_from
+from rtf.bottle.values import INT32_MAX, Kind
+from rtf.middleware.codecs import TextCodec
+from rtf.middleware.types.colors import convert
+from rtf.middleware.types.pixels import PixelFormat, pixel_format, usual_format
+from rtf.middleware.types.vector import contiguous
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from rtf.middleware.carriers.base import Buffer
+
+#: What the rows are filled up to when nobody says otherwise, as everywhere in YARP.
+QUANTUM = 8
+_MAX_QUANTUM = 0xFFFF
+_HEADER = struct.Struct("<15i")
+_MAT = Vocab("mat").value
+_LIST, _WORD, _NUMBERS, _BLOB = (int(kind) for kind in (Kind.LIST, Kind.VOCAB32, Kind.LIST | Kind.INT32, Kind.BLOB))
+#: What stands behind the quantum: programs of 3.5 to 3.9 say there which row is first, those of 3.12 always this.
+_BEHIND_QUANTUM = {Dialect.YARP3: 1 << 16, Dialect.YARP4: 0}
+
+
+class _Header(NamedTuple):
+    kind: int
+    parts: int
+    mat_code: int
+    mat: int
+    pixel_code: int
+    pixel: int
+    numbers_code: int
+    numbers: int
+    depth: int
+    size: int
+    quantum: int
+    width: int
+    height: int
+    blob_code: int
+    blob_size: int
+
+
+_FIXED = (_LIST, 4, _WORD, _MAT, _WORD)
+
+
+class ImageCodec(TextCodec["Image"]):
+    """Images. With a ``code`` every image that arrives is made one of such pixels."""
+
+    promise = "yarp/image"
+
+    def __init__(self, code: str | None = None) -> None:
+        self._code = None if code is None else pixel_format(code).code
+
+    def encode(self, value: Image | NDArray[Any], dialect: Dialect) -> Sequence[Buffer]:
+        """The header, and the memory of the pixels, unless their rows have to be filled up."""
+        image = value if isinstance(value, Image) else Image(value)
+        kind, pixels = image.format, image.pixels
+        height, width = pixels.shape[:2]
+        row = _row(width * kind.depth, image.quantum)
+        size = row * height
+        if size > INT32_MAX:
+            raise BottleTypeError(f"an image of {size} bytes is too large for a message")
+        quantum = image.quantum | _BEHIND_QUANTUM[dialect]
+        head = (*_FIXED, kind.number, _NUMBERS, 5, kind.depth, size, quantum, width, height, _BLOB, size)
+        block = contiguous(pixels, kind.dtype)
+        if row != width * kind.depth:
+            rows = np.zeros((height, row), np.uint8)
+            rows[:, : width * kind.depth] = block.reshape(height, -1).view(np.uint8)
+            block = rows
+        return (_HEADER.pack(*head), block.data.cast("B")) if size else (_HEADER.pack(*head),)
+
+    def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Image, int]:  # noqa: ARG002 - the same in both
+        """See Codec."""
+        header, end = _read_header(data)
+        return self._made(header, bytearray(memoryview(data)[_HEADER.size : end]), 0), end
+
+    def adopt(self, data: Buffer, dialect: Dialect) -> Image:  # noqa: ARG002
+        """An image whose pixels are those in the message."""
+        header, _ = _read_header(data)
+        return self._made(header, data, _HEADER.size)
+
+    def to_text(self, value: Image | NDArray[Any]) -> str:
+        """The words, the numbers, and the bytes of the pixels. Nothing is said of which row is first."""
+        return decode_from(b"".join(self.encode(value, Dialect.YARP4)))[0].to_text()
+
+    def _made(self, header: _Header, data: Buffer, start: int) -> Image:
+        kind = pixel_format(header.pixel, header.depth)
+        row, quantum = _layout(header, kind)
+        strides = (row, kind.depth, kind.dtype.itemsize)
+        shape = kind.shape(header.height, header.width)
+        pixels: NDArray[Any] = np.ndarray(shape, kind.dtype, data, start, strides[: len(shape)])
+        image = Image(pixels, kind, quantum)
+        return image if self._code is None else image.to(self._code)
+
+
+def _read_header(data: Buffer) -> tuple[_Header, int]:
+    if len(data) < _HEADER.size:
+        raise TruncatedBottleError(_HEADER.size)
+    header = _Header._make(_HEADER.unpack_from(data))
+    fixed = (header.kind, header.parts, header.mat_code, header.mat, header.pixel_code)
+    if fixed != _FIXED or (header.numbers_code, header.numbers, header.blob_code) != (_NUMBERS, 5, _BLOB):
+        raise BottleError(f"this is no image: it begins with {bytes(data[:24])!r}")
+    if min(header.width, header.height, header.size) < 0 or header.blob_size != header.size:
+        raise BottleError(
+            f"an image of {header.width} x {header.height} pixels in {header.size} bytes, of which {header.blob_size} "
+            "are said to follow"
+        )
+    end = _HEADER.size + header.size
+    if end > len(data):
+        raise TruncatedBottleError(end)
+    return header, end
+
+
+def _layout(header: _Header, kind: PixelFormat) -> tuple[int, int]:
+    """The bytes of a row, and the quantum; they must fit the size."""
+    if header.depth != kind.depth:
+        raise BottleError(f"pixels {kind.code!r} have {kind.depth} bytes, not {header.depth}")
+    quantum = header.quantum & _MAX_QUANTUM or 1
+    least = header.width * kind.depth
+    if _row(least, quantum) * header.height == header.size:
+        return _row(least, quantum), quantum
+    if least * header.height == header.size:  # no padding, whatever the quantum says
+        return least, 1
+    raise BottleError(
+        f"{header.width} x {header.height} pixels {kind.code!r} in rows of multiples of {quantum} bytes do not make "
+        f"{header.size} bytes"
+    )
+
+
+def _row(size: int, quantum: int) -> int:
+    return -(-size // quantum) * quantum
+
+
+class Image:
+    """Pixels and their format. ``pixels`` has the shape (height, width), or (height, width, channels).
+
+    ``code`` is YARP's word for the format, such as ``rgb``; without it the usual one for such an array. The pixels are
+    not copied. Those that arrive may be read-only.
+    """
+
+    __slots__ = ("format", "pixels", "quantum")
+    __hash__ = None  # type: ignore[assignment]  # the pixels can change
+    codec: ClassVar[ImageCodec] = ImageCodec()
+
+    def __init__(
+        self, pixels: NDArray[Any], code: str | int | PixelFormat | None = None, quantum: int = QUANTUM
+    ) -> None:
+        if not isinstance(code, PixelFormat):
+            code = usual_format(pixels) if code is None else pixel_format(code)
+        self.format = code
+        shape = self.format.shape(*pixels.shape[:2]) if pixels.ndim > 1 else ()
+        if pixels.shape != shape or pixels.dtype != self.format.dtype:
+            raise BottleTypeError(
+                f"640 x 480 pixels {self.format.code!r} are an array of {self.format.dtype.name} of shape "
+                f"{self.format.shape(480, 640)}; this is one of {pixels.dtype.name} of shape {pixels.shape}"
+            )
+        if not 1 <= quantum <= _MAX_QUANTUM:
+            raise BottleTypeError(f"rows are filled up to a multiple of 1 to {_MAX_QUANTUM} bytes, not of {quantum}")
+        self.pixels = pixels
+        self.quantum = quantum
+
+    @property
+    def code(self) -> str | int:
+        """The word for the format, or the number of one that has no word."""
+        return self.format.code
+
+    @property
+    def width(self) -> int:
+        """Pixels a row."""
+        return int(self.pixels.shape[1])
+
+    @property
+    def height(self) -> int:
+        """Rows, the top one first."""
+        return int(self.pixels.shape[0])
+
+    def to(self, code: str | int) -> Image:
+        """The same picture of other pixels; itself if it has them. Raises BottleTypeError when there is no way."""
+        target = pixel_format(code)
+        if target == self.format:
+            return self
+        return Image(convert(self.pixels, self.code, target.code), target.code, self.quantum)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Image):
+            return NotImplemented
+        return self.format == other.format and np.array_equal(self.pixels, other.pixels)
+
+    def __repr__(self) -> str:
+        return f"<Image {self.code} {self.width} x {self.height}>"
+
+
+IMAGE = Image.codec

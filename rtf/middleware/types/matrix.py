@@ -1,0 +1,84 @@
+"""Matrices: two-dimensional numpy arrays of doubles, on the wire the rows, the columns and a list of the elements."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.bottle import Bottle, BottleError, BottleTypeError, Dialect
+from rtf.bottle.binary import LIST, TruncatedBottleError, decode_from
+from rtf.bottle.values import INT32_MAX, Kind
+from rtf.middleware.codecs import TextCodec
+from rtf.middleware.types.vector import CODES, VECTOR, contiguous, with_head
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.vector import Array
+
+_DOUBLE = np.dtype("<f8")
+_HEAD = struct.Struct("<8i")
+_INT32 = Kind.INT32.value
+_PARTS = 3
+
+
+class MatrixCodec(TextCodec["Array"]):
+    """Matrices. What arrives may hold numbers of any type, as a person types it: ``2 2 (1 2 3 4)``."""
+
+    promise = "yarp/matrix"
+
+    def encode(self, value: ArrayLike, dialect: Dialect) -> Sequence[Buffer]:
+        """A head, and the memory of the array unless it is small."""
+        array = contiguous(value, _DOUBLE)
+        if array.ndim != 2:  # noqa: PLR2004 - rows and columns
+            raise BottleTypeError(f"a matrix has two dimensions, an array of shape {array.shape} has not")
+        if array.size > INT32_MAX:
+            raise BottleTypeError(f"a matrix of {array.size} elements is too large for a message")
+        rows, columns = array.shape
+        return with_head(
+            _HEAD.pack(LIST, _PARTS, _INT32, rows, _INT32, columns, CODES[dialect]["f8"], array.size), array
+        )
+
+    def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Array, int]:
+        """See Codec."""
+        array, end = self._view(data, dialect)
+        return array.copy(), end
+
+    def adopt(self, data: Buffer, dialect: Dialect) -> Array:
+        """A view of the bytes."""
+        return self._view(data, dialect)[0]
+
+    def _view(self, data: Buffer, dialect: Dialect) -> tuple[Array, int]:
+        if len(data) >= _HEAD.size:
+            kind, parts, first, rows, second, columns, _, _ = _HEAD.unpack_from(data)
+            if (kind, parts, first, second) == (LIST, _PARTS, _INT32, _INT32):
+                elements, end = _elements(data, dialect)
+                return _shaped(elements, rows, columns), end
+        bottle, end = decode_from(data, 0, dialect)
+        rows, columns, numbers = bottle if len(bottle) == _PARTS else (None, None, None)
+        if not (isinstance(rows, int) and isinstance(columns, int) and isinstance(numbers, Bottle)):
+            raise BottleError(f"a matrix is rows, columns and a list, {bottle.to_text()[:60]!r} came")
+        return _shaped(VECTOR.from_bottle(numbers), rows, columns), end
+
+
+def _elements(data: Buffer, dialect: Dialect) -> tuple[Array, int]:
+    """The list of the elements, which is a vector."""
+    start = _HEAD.size - 8
+    try:
+        return VECTOR.view_from(data, dialect, start)
+    except TruncatedBottleError as error:
+        raise TruncatedBottleError(error.needed + start) from None
+
+
+def _shaped(elements: Array, rows: int, columns: int) -> Array:
+    if rows < 0 or columns < 0 or rows * columns != elements.size:
+        raise BottleError(f"a matrix of {rows} rows and {columns} columns with {elements.size} elements")
+    return elements.reshape(rows, columns)
+
+
+MATRIX = MatrixCodec()

@@ -1,0 +1,125 @@
+"""Records: the lists in which generated services call each other's functions and answer.
+
+Unlike bottles such lists are never specialised: each element has its code. Structures have no brackets of their own:
+as an argument, as what is returned and inside each other their fields stand side by side. What may be in a record, by
+what it is in Python:
+
+    bool                             [ok] or [fail]
+    int, Int8, Int16, Int64          integers of 32, 8, 16, 64 bits
+    float, str, bytes                a double, a string, a blob
+    Vocab, Bottle                    as they are
+    tuple                            a structure: its fields
+    list                             a list: of scalars, or of tuples, each a list of its fields
+    dict                             a map: a list of lists of key and value
+    Property, array, Image, Pair …   one element, as the codec writes it
+    Record                           one element, a record again
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from rtf.bottle import Bottle, Dialect, Vocab, coerce
+from rtf.bottle.binary import LIST, decode_from, encode, encode_element
+from rtf.bottle.tags import pair
+from rtf.middleware.codecs import TextCodec, codec_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from rtf.middleware.carriers.base import Buffer
+
+OK, FAILED = Vocab("ok"), Vocab("fail")
+#: A smaller record is sent in one piece.
+_COPIED = 64 << 10
+_SCALARS = (int, float, str, bytes, Vocab)
+_SHORT = 4
+
+
+class RecordCodec(TextCodec["Record"]):
+    """Records. One that arrives is a bottle's elements: what belongs together only the service knows."""
+
+    def encode(self, value: Record, dialect: Dialect) -> Sequence[Buffer]:
+        """One block, but for large arrays."""
+        blocks: list[Buffer] = [b""]
+        blocks[0] = pair.pack(LIST, _put_all(value.fields, blocks, dialect))
+        return (b"".join(blocks),) if sum(map(len, blocks)) <= _COPIED else blocks
+
+    def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Record, int]:
+        """See Codec."""
+        bottle, end = decode_from(data, 0, dialect)
+        return Record(*bottle), end
+
+
+@dataclass(init=False, slots=True)
+class Record:
+    """A list that is not specialised, of the values that are told at the head of this file."""
+
+    fields: tuple[object, ...]
+    codec: ClassVar[RecordCodec] = RecordCodec()
+
+    def __init__(self, *fields: object) -> None:
+        self.fields = fields
+
+
+def _put_all(values: Iterable[object], blocks: list[Buffer], dialect: Dialect) -> int:
+    return sum(_put(value, blocks, dialect) for value in values)
+
+
+def _put(value: object, blocks: list[Buffer], dialect: Dialect) -> int:
+    """Append a value; returns how many elements it takes."""
+    if isinstance(value, tuple):
+        return _put_all(value, blocks, dialect)
+    if isinstance(value, bool):
+        blocks.append(encode_element(OK if value else FAILED, dialect))
+    elif isinstance(value, dict):
+        _put_lists([*value.items()], blocks, dialect)
+    elif isinstance(value, list):
+        _put_list(value, blocks, dialect)
+    elif isinstance(value, _SCALARS):
+        blocks.append(encode_element(coerce(value), dialect))
+    else:
+        blocks += codec_of(value).encode(value, dialect)
+    return 1
+
+
+def _put_list(values: list[object], blocks: list[Buffer], dialect: Dialect) -> None:
+    if all(isinstance(value, _SCALARS) for value in values):
+        scalars = [(OK if value else FAILED) if isinstance(value, bool) else value for value in values]
+        blocks.append(encode(Bottle(scalars), dialect))
+    else:
+        _put_lists(values, blocks, dialect)
+
+
+def _put_lists(values: Sequence[object], blocks: list[Buffer], dialect: Dialect) -> None:
+    """A list of structures, each a list of its own, or of other things that are lists."""
+    blocks.append(pair.pack(LIST, len(values)))
+    for value in values:
+        _put(Record(*value) if isinstance(value, tuple) else value, blocks, dialect)
+
+
+def call(function: str, *arguments: object) -> Record:
+    """The call of a function: ``call("get_phase")``. A word of up to four letters is a vocab, a longer one a string."""
+    words = [Vocab(word) if 0 < len(word.encode()) <= _SHORT else word for word in function.split("_")]
+    return Record(*words, *arguments)
+
+
+def read_call(request: Bottle, functions: Iterable[str]) -> tuple[str, Bottle] | None:
+    """Which of the functions is called, and the arguments; None when it is none of them.
+
+    The words of the name may be vocabs or strings, and several of them may stand in one string. Of names that begin
+    alike the longest wins.
+    """
+    known = set(functions)
+    most = 1 + max((name.count("_") for name in known), default=0)
+    words: list[str] = []
+    found = None
+    for place, value in enumerate(request[:most], 1):
+        if not isinstance(value, str | Vocab):
+            break
+        words.append(str(value))
+        name = "_".join(words)
+        if name in known:
+            found = name, request[place:]
+    return found

@@ -1,0 +1,58 @@
+"""The version of a protocol, which clients of services ask for before anything else."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from rtf.bottle import Bottle, BottleError, Dialect
+from rtf.bottle.binary import LIST, TruncatedBottleError
+from rtf.middleware.codecs import TextCodec
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.middleware.carriers.base import Buffer
+
+_VERSION = struct.Struct("<2i4h")
+_NUMBERS = 4
+
+
+class ProtocolVersionCodec(TextCodec["ProtocolVersion"]):
+    """The head of a list of one, and four bare numbers of 16 bits: this is no bottle."""
+
+    def encode(self, value: ProtocolVersion, dialect: Dialect) -> Sequence[Buffer]:  # noqa: ARG002 - the same in both
+        """One block."""
+        return (_VERSION.pack(LIST, 1, value.protocol, value.major, value.minor, value.patch),)
+
+    def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[ProtocolVersion, int]:  # noqa: ARG002
+        """See Codec."""
+        if len(data) < _VERSION.size:
+            raise TruncatedBottleError(_VERSION.size)
+        kind, count, *numbers = _VERSION.unpack_from(data)
+        if (kind, count) != (LIST, 1):
+            raise BottleError(f"this is no version of a protocol: {bytes(data[: _VERSION.size])!r}")
+        return ProtocolVersion(*numbers), _VERSION.size
+
+    def to_text(self, value: ProtocolVersion) -> str:
+        """The four numbers."""
+        return f"{value.protocol} {value.major} {value.minor} {value.patch}"
+
+    def from_text(self, text: str) -> ProtocolVersion:
+        """The four numbers."""
+        numbers = [value for value in Bottle.parse(text) if isinstance(value, int)]
+        if len(numbers) != _NUMBERS or not all(-(1 << 15) <= number < 1 << 15 for number in numbers):
+            raise BottleError(f"the version of a protocol is four small numbers, not {text[:60]!r}")
+        return ProtocolVersion(*numbers)
+
+
+@dataclass(frozen=True, slots=True)
+class ProtocolVersion:
+    """What services answer to ``getRemoteProtocolVersion``: the number of the protocol, and that of the release."""
+
+    protocol: int
+    major: int
+    minor: int
+    patch: int
+    codec: ClassVar[ProtocolVersionCodec] = ProtocolVersionCodec()

@@ -1,0 +1,174 @@
+"""The bytes of a connection: numbers, headers, the index in front of each message, port commands.
+
+Pure functions and constants; nothing here reads a socket. All integers are little-endian.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+from rtf.middleware.errors import ProtocolError
+
+#: The number that a carrier's own is added to in its header.
+_BASE = 7777
+#: What stands in the number in front of each message: the bytes of the rest of the index.
+_INDEX = 10
+#: What a name may take in a header; real programs accept no more either.
+MAX_NAME = 1000
+#: A message larger than this is refused before anything is allocated for it.
+MAX_MESSAGE = 1 << 30
+
+_number = struct.Struct("<2si2s")
+_int32 = struct.Struct("<i")
+
+
+def yarp_number(value: int) -> bytes:
+    """Write an integer the way handshakes and acknowledgements do: ``YA``, the number, ``RP``."""
+    return _number.pack(b"YA", value, b"RP")
+
+
+def read_number(data: bytes | bytearray | memoryview, start: int = 0) -> int:
+    """Read such an integer; ProtocolError when the letters are not there."""
+    before, value, after = _number.unpack_from(data, start)
+    if before != b"YA" or after != b"RP":
+        raise ProtocolError(f"expected a number between YA and RP, got {bytes(data[start : start + 8])!r}")
+    return value  # type: ignore[no-any-return]
+
+
+ACK = yarp_number(0)
+_START = yarp_number(_INDEX)
+#: For one, two … 255 blocks all of the index but their lengths.
+_HEADS = [_START + bytes([count, 1]) + b"\xff" * 8 for count in range(256)]
+_NO_REPLIES = _int32.pack(0)
+
+
+def header(specifier: int) -> bytes:
+    """The eight bytes by which a binary carrier is known."""
+    return yarp_number(_BASE + specifier)
+
+
+def specifier(data: bytes) -> int:
+    """The carrier's number in a header, or -1 when it is not a binary carrier's."""
+    return read_number(data) - _BASE if data[:2] == b"YA" and data[6:8] == b"RP" else -1
+
+
+def sender(name: str) -> bytes:
+    """How a connecting port gives its name."""
+    raw = name.encode("utf-8", "surrogateescape")
+    return _int32.pack(len(raw) + 1) + raw + b"\0"
+
+
+def index(*lengths: int) -> bytes:
+    """What stands in front of a message of blocks of these lengths."""
+    return _HEADS[len(lengths)] + struct.pack(f"<{len(lengths)}i", *lengths) + _NO_REPLIES
+
+
+_two = struct.Struct("<iii")
+
+
+def index_of_two(first: int, second: int) -> bytes:
+    """The same for two blocks, as every message of ours has them: the port command and the data."""
+    return _HEADS[2] + _two.pack(first, second, 0)
+
+
+#: The bytes of an index before the lengths.
+INDEX_SIZE = 18
+#: Index and command of a message of two blocks, a command without text and the data, which is what nearly all are: all
+#: that never changes, the size of the data, and no replies with the command. One call makes or reads it.
+_plain = struct.Struct("<22si12s")
+_BEFORE_SIZE = _HEADS[2] + _int32.pack(8)
+_BEHIND_SIZE = {letter: _NO_REPLIES + b"\0\0\0\0~" + letter.encode() + b"\0\1" for letter in "dDaq"}
+
+
+def index_rest(data: bytes | bytearray | memoryview, start: int = 0) -> tuple[int, int]:
+    """How many lengths, and how many bytes in all, follow the first eighteen bytes of an index."""
+    if data[start : start + 8] != _START:
+        raise ProtocolError(f"expected a message, got {bytes(data[start : start + 8])!r}")
+    blocks = data[start + 8]
+    return blocks, 4 * (blocks + data[start + 9])
+
+
+def message_size(data: bytes | bytearray | memoryview, start: int, blocks: int) -> int:
+    """The bytes of a message from the lengths of its blocks; ProtocolError when they make no sense."""
+    lengths: tuple[int, ...] = struct.unpack_from(f"<{blocks}i", data, start)
+    size = sum(lengths)
+    if blocks and (min(lengths) < 0 or size > MAX_MESSAGE):
+        raise ProtocolError(f"a message of {size} bytes; at most {MAX_MESSAGE} are taken")
+    return size
+
+
+class Command(NamedTuple):
+    """What a message is for: a letter, the text that came with it, and where the data begin."""
+
+    key: str
+    text: str
+    data: int
+
+
+_PLAIN = {letter: b"\0\0\0\0~" + letter.encode() + b"\0\1" for letter in "dDaq"}
+_SINGLE = {command: Command(letter, "", 8) for letter, command in _PLAIN.items()}
+#: The least that a message holds.
+COMMAND_SIZE = 8
+
+
+def command(key: str, envelope: str = "") -> bytes:
+    """Write a port command; ``envelope`` is what travels beside the data of ``d`` and ``D``."""
+    return _PLAIN[key] if not envelope else command_text(f"{key} {envelope}")
+
+
+def front(key: str, envelope: str, size: int) -> bytes:
+    """All that stands before the data of a message: index and command."""
+    if not envelope:
+        return _plain.pack(_BEFORE_SIZE, size, _BEHIND_SIZE[key])
+    words = command_text(f"{key} {envelope}")
+    return index_of_two(len(words), size) + words
+
+
+def command_text(text: str) -> bytes:
+    """Write a command that is a text, such as ``~/name``."""
+    raw = text.encode("utf-8", "surrogateescape") + b"\0"
+    return _int32.pack(len(raw)) + b"~\0\0\1" + raw
+
+
+def command_text_size(head: bytes | bytearray | memoryview) -> int:
+    """How many bytes of text follow the first eight of a command."""
+    if head[4] != ord("~"):
+        raise ProtocolError(f"expected a port command, got {bytes(head)!r}")
+    (length,) = _int32.unpack_from(head, 0)
+    if head[5]:
+        return 0
+    if not 1 <= length <= MAX_NAME:
+        raise ProtocolError(f"a port command of {length} characters")
+    return length  # type: ignore[no-any-return]
+
+
+def read_command(data: bytes | bytearray | memoryview) -> Command:
+    """Read the command at the head of a message."""
+    known = _SINGLE.get(bytes(data[:8]))
+    if known is not None:
+        return known
+    if len(data) < COMMAND_SIZE or data[4] != ord("~"):
+        raise ProtocolError(f"expected a port command, got {bytes(data[:8])!r}")
+    if data[5]:
+        return Command(chr(data[5]), "", COMMAND_SIZE)
+    (length,) = _int32.unpack_from(data, 0)
+    end = COMMAND_SIZE + length
+    if length < 1 or end > len(data):
+        raise ProtocolError(f"a port command of {length} characters in a message of {len(data)} bytes")
+    raw = bytes(data[COMMAND_SIZE:end]).split(b"\0", 1)[0]
+    return text_command(raw.decode("utf-8", "surrogateescape"), end)
+
+
+def text_command(text: str, data: int = 0) -> Command:
+    """Take a command apart that is a text: its letter, and what follows it."""
+    key = text[:1]
+    if key in ("d", "D"):
+        # "d ENVELOPE"; control characters end an envelope.
+        envelope = text[2:]
+        for place, letter in enumerate(envelope):
+            if letter < " ":
+                envelope = envelope[:place]
+                break
+        return Command(key, envelope, data)
+    return Command(key, text, data)

@@ -1,0 +1,209 @@
+"""What every carrier keeps to, each in its own words: one class of tests, a subclass for each of them."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, ClassVar
+
+import pytest
+
+from rtf.bottle import Bottle, same
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.codecs import BOTTLE
+from rtf.middleware.errors import MiddlewareError
+from rtf.middleware.outgoing import Outgoing
+from rtf.middleware.port import Port
+from waiting import eventually
+
+if TYPE_CHECKING:
+    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.network import Network
+
+TALK = '1 2.5 hello "two words" (1 2 3) [pos] {10 20 30} -7 "say \\"hi\\"" (1.5 2.5) (a (b c) [ok]) true 3000000000'
+
+
+class Contract:
+    """A connection by the carrier ``name``, from its making to its end."""
+
+    name: ClassVar[str]
+    reliable: ClassVar[bool] = True
+    replies: ClassVar[bool] = True
+    largest: ClassVar[int] = 3_000_000
+
+    def connect(self, writer: Port, reader: Port) -> None:
+        """Connect two ports, and wait until the reader is ready: not every handshake has an answer."""
+        before = set(reader.inputs)
+        writer.add_output(reader.name, self.name)
+        fresh = lambda: [one for one in reader.inputs if one not in before and one.peer == writer.name]  # noqa: E731
+        eventually(fresh, "the reader has no new input")
+
+    def test_what_is_sent_arrives(self, network: Network):
+        """Whole, in order, with the sender's name and the envelope."""
+        with (
+            BufferedPort("/reader", strict=True, network=network) as reader,
+            Port("/writer", network=network) as writer,
+        ):
+            self.connect(writer, reader)
+            for number in range(50):
+                writer.write(Bottle([number, *Bottle.parse(TALK)]), envelope=f"{number} 1.5")
+            for number in range(50):
+                received = reader.receive(timeout=5)
+                assert same(received.value, Bottle([number, *Bottle.parse(TALK)]))
+                assert (received.sender, received.envelope) == ("/writer", f"{number} 1.5")
+
+    def test_both_ends_list_it(self, network: Network):
+        """By the carrier's name; when one end is gone the other does not list it any more."""
+        with BufferedPort("/reader", network=network) as reader:
+            with Port("/writer", network=network) as writer:
+                writer.add_output("/reader", self.name)
+                eventually(
+                    lambda: [(one.peer, one.carrier) for one in reader.inputs] == [("/writer", self.name)], "input"
+                )
+                assert [(one.peer, one.carrier) for one in writer.outputs] == [("/reader", self.name)]
+            eventually(lambda: not reader.inputs, "the reader still lists its input")
+
+    def test_large_messages_arrive(self, network: Network):
+        """A message of megabytes is the same at the other end."""
+        blob = bytes(range(256)) * (self.largest // 256)
+        with BufferedPort("/reader", network=network) as reader, Port("/writer", network=network) as writer:
+            self.connect(writer, reader)
+            writer.write(Bottle([blob]))
+            assert reader.read(timeout=10) == Bottle([blob])
+
+    def test_empty_messages_arrive(self, network: Network):
+        """An empty bottle is a message."""
+        with BufferedPort("/reader", network=network) as reader, Port("/writer", network=network) as writer:
+            self.connect(writer, reader)
+            writer.write(Bottle())
+            assert reader.read(timeout=5) == Bottle()
+
+    def test_question_is_answered(self, network: Network):
+        """Where the carrier takes replies, and only there."""
+
+        def answer(delivery: Delivery) -> None:
+            delivery.reply(Bottle(["you said", *delivery.read()]))
+
+        with Port("/server", answer, network=network), Port("/client", network=network) as client:
+            client.add_output("/server", self.name)
+            message = Outgoing("d", Bottle([1, "two"]), BOTTLE, network.dialect)
+            reply = client.outputs[0].call(message, BOTTLE)
+            assert reply == (Bottle(["you said", 1, "two"]) if self.replies else None)
+
+    def test_many_threads_may_write(self, network: Network):
+        """Their messages are not mixed up."""
+        with (
+            BufferedPort("/reader", strict=True, network=network) as reader,
+            Port("/writer", network=network) as writer,
+        ):
+            self.connect(writer, reader)
+
+            def write(number: int) -> None:
+                for count in range(50):
+                    writer.write(Bottle([number, count, "x" * 500]))
+
+            threads = [threading.Thread(target=write, args=(number,)) for number in range(4)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+            seen: dict[object, list[object]] = {}
+            for _ in range(200):
+                number, count, _ = reader.read(timeout=5)
+                seen.setdefault(number, []).append(count)
+            assert seen == {number: [*range(50)] for number in range(4)}
+
+    def test_reader_that_closes_is_noticed(self, network: Network):
+        """At the latest by a write after it; the writer lives on without it."""
+        with Port("/writer", network=network) as writer:
+            reader = BufferedPort("/reader", network=network)
+            writer.add_output("/reader", self.name)
+            writer.write(Bottle([1]))
+            reader.close()
+
+            def write_again() -> bool:
+                writer.write(Bottle([2]))
+                return not writer.outputs
+
+            if self.reliable:
+                eventually(write_again, "the writer still lists its output")
+
+    def test_connection_can_be_made_again(self, network: Network):
+        """A second connection to the same port takes the place of the first."""
+        with (
+            BufferedPort("/reader", strict=True, network=network) as reader,
+            Port("/writer", network=network) as writer,
+        ):
+            for number in range(3):
+                self.connect(writer, reader)
+                writer.write(Bottle([number]))
+                assert reader.read(timeout=5) == Bottle([number])
+            assert len(writer.outputs) == 1
+            eventually(lambda: len(reader.inputs) == 1, "an old input is left")
+
+    def test_port_that_is_not_there_cannot_be_connected(self, network: Network):
+        """The error names it."""
+        with Port("/writer", network=network) as writer, pytest.raises(MiddlewareError, match="/nobody"):
+            writer.add_output("/nobody", self.name)
+
+
+class TestTcp(Contract):
+    """Acknowledged, binary."""
+
+    name = "tcp"
+
+
+class TestFastTcp(Contract):
+    """Not acknowledged, binary."""
+
+    name = "fast_tcp"
+
+
+class TestText(Contract):
+    """Not acknowledged, lines."""
+
+    name = "text"
+    replies = False
+    largest = 200_000
+
+
+class TestTextAck(Contract):
+    """Acknowledged, lines."""
+
+    name = "text_ack"
+    largest = 200_000
+
+
+class TestUdp(Contract):
+    """Datagrams to one."""
+
+    name = "udp"
+    reliable = False
+    replies = False
+    largest = 150_000
+
+
+class TestMcast(Contract):
+    """Datagrams to many."""
+
+    name = "mcast"
+    reliable = False
+    replies = False
+    largest = 150_000
+
+
+class TestLocal(Contract):
+    """Objects, in one process."""
+
+    name = "local"
+
+
+class TestUnixStream(Contract):
+    """Binary, on one machine."""
+
+    name = "unix_stream"
+
+
+class TestUnixStreamAck(Contract):
+    """The same, acknowledged."""
+
+    name = "unix_stream+ack"

@@ -1,0 +1,138 @@
+"""Finding a server by multicast, on loopback, with the real datagrams."""
+
+from __future__ import annotations
+
+import random
+import socket
+import zlib
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf import clock
+from rtf.middleware.names import Contact
+from rtf.middleware.naming.discovery import GROUP, Answerer, detect
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+ROOT = Contact("/root", "127.0.0.1", 10321, "tcp")
+
+
+@pytest.fixture
+def number() -> int:
+    """A UDP port that nobody uses."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture
+def answering(number: int) -> Iterator[Answerer]:
+    """A server's ear."""
+    answerer = Answerer(ROOT, number)
+    yield answerer
+    answerer.close()
+
+
+def datagram(line: bytes, counter: int = 0) -> bytes:
+    """A line as the specification wraps it."""
+    return zlib.crc32(line).to_bytes(4, "little") + counter.to_bytes(4, "little") + line
+
+
+@pytest.fixture
+def heard(number: int) -> Iterator[Callable[..., list[bytes]]]:
+    """Sends datagrams to the group; returns what is said there in answer, from the first until there is silence."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mouth,
+    ):
+        ear.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        ear.bind((GROUP, number))
+        membership = socket.inet_aton(GROUP) + socket.inet_aton("127.0.0.1")
+        ear.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+        mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+
+        def say(*said: bytes) -> list[bytes]:
+            for data in said:
+                mouth.sendto(data, (GROUP, number))
+            answers: list[bytes] = []
+            while True:
+                ear.settimeout(0.2 if answers else 10.0)
+                try:
+                    answers += {ear.recv(2000)} - {*said}
+                except TimeoutError:
+                    return answers
+
+        yield say
+
+
+def test_found(answering: Answerer, number: int):
+    """Who looks finds the server, quickly."""
+    started = clock.monotonic()
+    assert detect(timeout=30, port=number, addresses=["127.0.0.1"]) == ROOT
+    assert clock.monotonic() - started < 10
+
+
+def test_found_on_all_interfaces(answering: Answerer, number: int):
+    """Loopback is one of them."""
+    assert detect(timeout=30, port=number) == ROOT
+
+
+def test_not_found(number: int):
+    """Nobody answers: None, when the time is up."""
+    assert detect(timeout=0.2, port=number, addresses=["127.0.0.1"]) is None
+
+
+def test_another_is_not_found(answering: Answerer, number: int):
+    """Servers answer to their own name only."""
+    assert detect("/other", timeout=0.3, port=number, addresses=["127.0.0.1"]) is None
+
+
+def test_to_the_byte(answering: Answerer, heard: Callable[..., list[bytes]]):
+    """The question and the answer of the specification."""
+    line = b"registration name /root ip 127.0.0.1 port 10321 type tcp\r\n*** end of message\r\n"
+    assert heard(datagram(b"NAME_SERVER query /root\n")) == [datagram(line)]
+    assert heard(datagram(b"NAME_SERVER query /root\r\n")) == [datagram(line)]
+
+
+def test_nothing_else_is_answered(answering: Answerer, heard: Callable[..., list[bytes]], number: int):
+    """Wrong checksums and counters, other questions, noise; and the right question still is."""
+    question = datagram(b"NAME_SERVER query /root\n")
+    chance = random.Random(3)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mouth:
+        mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+        for size in (0, 1, 7, 8, 9, 100, 60000):
+            mouth.sendto(chance.randbytes(size), (GROUP, number))
+    wrong = b"\0" + question[1:], datagram(b"NAME_SERVER query /root\n", 1), datagram(b"NAME_SERVER list\n")
+    answers = [answer for answer in heard(*wrong, question) if answer[8:].startswith(b"registration")]
+    assert len(answers) == 1
+
+
+def test_no_such_interface(number: int):
+    """An address that is not this machine's cannot be listened at."""
+    with pytest.raises(OSError):  # noqa: PT011
+        Answerer(Contact("/root", "192.0.2.77", 1, "tcp"), number)
+
+
+def test_does_not_believe_nonsense(number: int):
+    """Answers that are none are passed over until a real one comes."""
+    import threading
+
+    stop = threading.Event()
+
+    def chatter() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mouth:
+            mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+            while not stop.wait(0.01):
+                for line in b"registration name /root ip x\r\n", b"\xff" * 50, b"":
+                    mouth.sendto(datagram(line), (GROUP, number))
+                mouth.sendto(b"registration name /root ip 6.6.6.6 port 6 type tcp\r\n", (GROUP, number))
+
+    thread = threading.Thread(target=chatter)
+    thread.start()
+    try:
+        assert detect(timeout=0.3, port=number, addresses=["127.0.0.1"]) is None
+    finally:
+        stop.set()
+        thread.join()

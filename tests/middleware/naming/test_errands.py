@@ -1,0 +1,124 @@
+"""Work beside answering: in order, replaced by what is newer, bounded, and ended."""
+
+from __future__ import annotations
+
+import threading
+from functools import partial
+
+import pytest
+
+from rtf.middleware.errors import ConnectError
+from rtf.middleware.naming import errands as module
+from rtf.middleware.naming.errands import Errands
+
+
+@pytest.fixture
+def errands(nothing_left: None):
+    """Nothing to do yet; errors are a failure of the test."""
+    failures: list[Exception] = []
+    made = Errands("errands", failures.append)
+    yield made
+    made.close()
+    assert failures == []
+
+
+class Gate:
+    """Holds the thread up until it is opened."""
+
+    def __init__(self, errands: Errands) -> None:
+        self.reached, self.open = threading.Event(), threading.Event()
+        errands.put("gate", self._wait)
+        assert self.reached.wait(10)
+
+    def _wait(self) -> None:
+        self.reached.set()
+        self.open.wait(10)
+
+
+def finish(errands: Errands) -> None:
+    """Wait until all that was put is done."""
+    done = threading.Event()
+    errands.put("done", done.set)
+    assert done.wait(10)
+
+
+def test_in_order_and_the_newest_of_a_kind(errands: Errands):
+    """What waits is replaced by what has its key, and comes last then."""
+    done: list[str] = []
+    gate = Gate(errands)
+    for key, text in ("a", "a1"), ("b", "b1"), ("a", "a2"), ("c", "c1"):
+        errands.put(key, partial(done.append, text))
+    errands.cancel("c")
+    gate.open.set()
+    finish(errands)
+    assert done == ["b1", "a2"]
+
+
+def test_bounded(errands: Errands, monkeypatch: pytest.MonkeyPatch):
+    """The oldest are not done."""
+    monkeypatch.setattr(module, "MAX_WAITING", 3)
+    done: list[int] = []
+    gate = Gate(errands)
+    for index in range(10):
+        errands.put(index, partial(done.append, index))
+    gate.open.set()
+    while len(done) < 3:
+        gate.open.wait(0.001)
+    finish(errands)
+    assert done == [7, 8, 9]
+
+
+def test_an_error_is_told_and_the_next_is_done():
+    """Errors of ours only: others are bugs and should be heard of."""
+    failures: list[Exception] = []
+    errands = Errands("errands", failures.append)
+
+    def fail() -> None:
+        raise ConnectError("no")
+
+    errands.put(1, fail)
+    finish(errands)
+    errands.close()
+    assert [str(failure) for failure in failures] == ["no"]
+
+
+def test_a_bug_is_heard_of_and_the_next_is_done(monkeypatch: pytest.MonkeyPatch):
+    """It ends the thread as bugs do, but not the errands."""
+    heard: list[type[BaseException]] = []
+    ended = threading.Event()
+
+    def hear(bug: threading.ExceptHookArgs) -> None:
+        heard.append(bug.exc_type)
+        ended.set()
+
+    monkeypatch.setattr(threading, "excepthook", hear)
+    errands = Errands("errands", print)
+    errands.put(1, lambda: 1 // 0)
+    assert ended.wait(10)
+    finish(errands)
+    errands.close()
+    assert heard == [ZeroDivisionError]
+
+
+def test_nothing_after_the_end():
+    """What waits is not done, and there is no thread."""
+    done: list[int] = []
+    errands = Errands("errands", print)
+    gate = Gate(errands)
+    errands.put(1, partial(done.append, 1))
+    closing = threading.Thread(target=errands.close)
+    closing.start()
+    gate.open.set()
+    closing.join(10)
+    errands.put(2, partial(done.append, 2))
+    errands.close()
+    assert done == []
+
+
+def test_no_thread_for_nothing():
+    """It begins with the first errand."""
+    before = threading.active_count()
+    Errands("errands", print).close()
+    errands = Errands("errands", print)
+    assert threading.active_count() == before
+    errands.close()

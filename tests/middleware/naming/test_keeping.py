@@ -1,0 +1,209 @@
+"""Names survive a restart of their server: whoever has ports notices, and registers them again."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf import clock
+from rtf.bottle import Bottle
+from rtf.middleware.errors import ConnectError
+from rtf.middleware.names import Contact
+from rtf.middleware.naming.client import RemoteNames
+from rtf.middleware.naming.server import NameServer
+from rtf.middleware.network import Network
+from rtf.middleware.port import Port
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+_PROGRAM = "import sys; from rtf.cli.name_server import nameserver; sys.exit(nameserver(sys.argv[1:]))"
+
+
+class Program:
+    """``rtf nameserver`` as a process that can be killed and started again at its place."""
+
+    def __init__(self, folder: Path) -> None:
+        self._environment = {**os.environ, "YARP_CONFIG_HOME": str(folder)}
+        self._number = "0"
+        self.contact = Contact()
+        self.start()
+
+    def start(self) -> None:
+        """Start it, at the place where it was before."""
+        words = [sys.executable, "-c", _PROGRAM, "--socket", self._number, "--no-discovery"]
+        self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=self._environment)
+        assert self._process.stdout is not None
+        said = self._process.stdout.readline()
+        found = re.search(r"available at ip (\S+) port (\d+)", said)
+        assert found, said
+        self._number = found[2]
+        self.contact = Contact("/root", found[1], int(found[2]), "tcp")
+
+    def kill(self) -> None:
+        """As an accident does."""
+        self._process.send_signal(signal.SIGKILL)
+        self._process.wait(10)
+        assert self._process.stdout is not None
+        self._process.stdout.close()
+
+
+@pytest.fixture
+def program(nothing_left: None, tmp_path: Path) -> Iterator[Program]:
+    """A server in a process of its own."""
+    running = Program(tmp_path)
+    yield running
+    running.kill()
+
+
+def test_killed_and_restarted_under_load(program: Program, wait_until: Callable[..., None]):
+    """While ports open, write and close, the server is killed: everything that is open is found again, and works."""
+    names = RemoteNames(program.contact, watch=0.1)
+    network = Network(names)
+    stop, opened, failed = threading.Event(), [0], [0]
+
+    def churn(who: int) -> None:
+        """Open and close ports all the time; that fails while there is no server."""
+        while not stop.is_set():
+            try:
+                with Port(f"/churn/{who}", network=network):
+                    opened[0] += 1
+            except ConnectError:
+                failed[0] += 1
+                stop.wait(0.01)
+
+    threads = [threading.Thread(target=churn, args=(who,)) for who in range(3)]
+    got: list[int] = []
+    with contextlib.ExitStack() as stack:
+        readers = [
+            stack.enter_context(Port(f"/reader/{index}", lambda delivery: got.append(1), network=network))
+            for index in range(20)
+        ]
+        writer = stack.enter_context(Port("/writer", network=network, promise="yarp/bottle"))
+        writer.add_output("/reader/0")
+        names.set_property("/writer", "mine", ["kept"])
+        for thread in threads:
+            thread.start()
+        wait_until(lambda: opened[0] > 10, "nothing was opened")
+        program.kill()
+        wait_until(lambda: failed[0] > 10, "nobody noticed")
+        writer.write(Bottle(["still connected"]))
+        assert got == [1]
+        program.start()
+        other = RemoteNames(program.contact)  # knows nothing itself
+        wait_until(lambda: len(other.list("/reader")) == 20 and other.query("/writer"), "not all are back")
+        assert [other.query(reader.name) for reader in readers] == [reader.contact for reader in readers]
+        wait_until(lambda: list(other.get_property("/writer", "mine")) == ["kept"], "the note is not back")
+        assert list(other.get_property("/writer", "type")) == ["yarp/bottle"]
+        assert list(other.get_property("/writer", "process")) == [str(os.getpid())]
+        writer.add_output("/reader/7")
+        writer.write(Bottle(["and again"]))
+        before = opened[0]
+        wait_until(lambda: opened[0] > before + 10, "nothing can be opened any more")
+        stop.set()
+        for thread in threads:
+            thread.join(10)
+            assert not thread.is_alive()
+    assert other.list("/reader") == []
+    other.close()
+
+
+def test_persistent_connections_come_back(program: Program, wait_until: Callable[..., None]):
+    """Ports are announced again, so a new server can connect them."""
+    names = RemoteNames(program.contact, watch=0.05)
+    network = Network(names)
+    with Port("/reader", network=network), Port("/writer", network=network) as writer:
+        program.kill()
+        program.start()
+        RemoteNames(program.contact).command("subscribe /writer /reader")
+        wait_until(lambda: writer.outputs, "not connected")
+
+
+def test_a_name_that_another_took_is_his(names: RemoteNames, server: NameServer, wait_until: Callable[..., None]):
+    """It is neither taken back nor looked after any more."""
+    names.register("/a", host="127.0.0.1", port=20001)
+    names.register("/b", host="127.0.0.1", port=20002)
+    server.names.register("/a", host="127.0.0.1", port=30001)
+    server.names.unregister("/b")
+    wait_until(lambda: server.names.query("/b"), "/b is not back")
+    wait_until(lambda: "/a" not in names._keeper._records, "/a is still looked after")
+    assert server.names.query("/a").port == 30001
+
+
+def test_what_was_given_up_does_not_come_back(names: RemoteNames, server: NameServer, wait_until: Callable[..., None]):
+    """However the unregistering meets the looking after."""
+    names.register("/stays", host="127.0.0.1", port=20001)
+    for _ in range(100):
+        names.register("/a", host="127.0.0.1", port=20002)
+        server.names.unregister("/a")
+        server.names.unregister("/stays")
+        names.unregister("/a")
+    wait_until(lambda: server.names.query("/stays"), "/stays is not back")
+    assert server.names.query("/a") is None
+
+
+def test_announced_when_it_can_be_heard(nothing_left: None, wait_until: Callable[..., None]):
+    """A port that is opened while the server goes away is announced to the next one; a stranger's is an error."""
+    with NameServer() as first:
+        names = RemoteNames(first.contact, watch=0.05)
+        names.register("/a", host="127.0.0.1", port=20001)
+    names.announce("/a")
+    with pytest.raises(ConnectError):
+        names.announce("/b")
+    with NameServer(port=first.contact.port) as second:
+        wait_until(lambda: second.names.query("/a"), "/a is not back")
+        second.names.command("register /b")
+        wait_until(lambda: not names._keeper._records["/a"].owed, "it is still owed")
+        second.names.command("unregister /a")
+        names.close()
+
+
+def test_no_thread_without_ports(names: RemoteNames, wait_until: Callable[..., None]):
+    """It begins with the first and ends with the last."""
+
+    def watching() -> bool:
+        return any(thread.name == "rtf-names" for thread in threading.enumerate())
+
+    names.query("/a")
+    assert not watching()
+    for _ in range(3):
+        names.register("/a")
+        names.register("/b")
+        assert watching()
+        names.unregister("/a")
+        names.unregister("/b")
+        wait_until(lambda: not watching(), "it still watches")
+
+
+def test_costs_next_to_nothing(server: NameServer):
+    """A hundred ports are looked after with less than one hundredth of a processor, by client and server together."""
+    names = RemoteNames(server.contact, watch=0.05)
+    for index in range(100):
+        names.register(f"/{index}", host="127.0.0.1", port=20001)
+    before = os.times()
+    clock.sleep(1.0)  # what is measured is a rate
+    after = os.times()
+    names.close()
+    used = after.user + after.system - before.user - before.system
+    assert used * 0.05 / 2.0 < 0.01, "at the period of two seconds that is the default"
+
+
+def test_a_server_that_is_away_is_not_asked_often(nothing_left: None):
+    """Its ports go on, and the one question every period fails quickly."""
+    with NameServer() as server:
+        names = RemoteNames(server.contact, watch=0.05)
+        names.register("/a", host="127.0.0.1", port=20001)
+    before = os.times()
+    clock.sleep(0.5)
+    after = os.times()
+    assert after.user + after.system - before.user - before.system < 0.25
+    names.close()

@@ -1,0 +1,107 @@
+"""Lines between clients and servers."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rtf.bottle import Bottle
+from rtf.middleware.errors import AddressError
+from rtf.middleware.names import Contact, is_host
+from rtf.middleware.naming.asked import Asked
+from rtf.middleware.naming.interfaces import own_addresses
+from rtf.middleware.naming.lines import command, read_registration, register_command, registration
+
+_NAMES = st.text(st.characters(exclude_categories=("Cc", "Cs", "Z")), min_size=1, max_size=30)
+
+
+@given(_NAMES, st.from_regex(r"[a-z0-9-]{1,20}(\.[a-z0-9-]{1,20}){0,3}", fullmatch=True), st.integers(0, 65535), _NAMES)
+def test_registrations_are_read_as_they_are_written(name: str, host: str, port: int, carrier: str):
+    """Whatever has no blanks."""
+    contact = Contact(f"/{name}", host, port, carrier)
+    assert read_registration(registration(contact)) == contact
+
+
+@given(
+    st.text(max_size=80)
+    | st.lists(st.sampled_from(["registration", "name", "ip", "port", "type", "/a", "5", "x"])).map(" ".join)
+)
+def test_any_line_can_be_read(line: str):
+    """It is a registration or none."""
+    found = read_registration(line)
+    assert found is None or (0 <= found.port <= 65535 and is_host(found.host))
+
+
+def test_names_that_are_keywords():
+    """They confuse nobody."""
+    contact = Contact("port", "ip", 5, "name")
+    assert read_registration(registration(contact)) == contact
+
+
+@pytest.mark.parametrize(
+    ("fields", "expected"),
+    [
+        (("/w", "", "", 0, ""), "register /w"),
+        (("", "", "", 0, ""), "register ..."),
+        (("/w", "", "", 0, "yarp/vector"), "register /w ... ... -1 yarp/vector"),
+        (("", "mcast", "", 0, ""), "register ... mcast ... ..."),
+        (("/x", "tcp", "127.0.0.1", 10500, ""), "register /x tcp 127.0.0.1 10500"),
+        (("/x", "tcp", "::1", 10500, "yarp/image"), "register /x tcp ::1 10500 yarp/image"),
+        (("/x", "", "", 10500, ""), "register /x ... ... 10500"),
+    ],
+)
+def test_registering_is_said_as_real_clients_do(fields: tuple[str, str, str, int, str], expected: str):
+    """As short as possible."""
+    assert register_command(*fields) == expected
+
+
+@given(st.lists(st.text(st.characters(exclude_characters="\r\n\0", exclude_categories=("Cs",))), max_size=5))
+def test_words_arrive_as_they_are(words: list[str]):
+    """What a server reads has the text of what was given."""
+    from rtf.bottle import to_string
+
+    assert [to_string(value) for value in Bottle.parse(command(*words))] == words
+
+
+def test_words_are_bare_where_they_can_be():
+    """As real clients write them."""
+    assert command("set", "/x", "ips", "127.0.0.1", "::1", "9977") == "set /x ips 127.0.0.1 ::1 9977"
+    assert command("set", "/x", "k", "two words", "1e3", "") == 'set /x k "two words" "1e3" ""'
+
+
+@pytest.mark.parametrize("bad", ["a\nb", "a\rb", "a\0b"])
+def test_one_line_is_one_line(bad: str):
+    """What would be two is refused."""
+    with pytest.raises(AddressError, match="more than one line"):
+        command("query", bad)
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"),
+    [
+        ("/a", Asked("/a")),
+        ("tcp:/a", Asked("/a", "tcp")),
+        ("tcp://a/b", Asked("/a/b", "tcp")),
+        ("topic:/t", Asked("/t", "topic")),
+        ("/net=10.0/a", Asked("/a", "", "10.0")),
+        ("udp://NET=10/a/b", Asked("/a/b", "udp", "10")),
+        ("/net=10", Asked("", "", "10")),
+        ("/a:/b", Asked("/a:/b")),
+        ("fallback", Asked("fallback")),
+        ("", Asked("")),
+    ],
+)
+def test_names_are_taken_apart(text: str, asked: Asked):
+    """Carrier, network, name."""
+    assert Asked.parse(text) == asked
+
+
+def test_own_addresses():
+    """Loopback first, IPv4 before IPv6, each once, without the zone."""
+    addresses = own_addresses()
+    assert addresses[0].startswith("127.")
+    assert addresses == sorted(addresses, key=lambda address: ":" in address)
+    assert len(set(addresses)) == len(addresses)
+    assert not any("%" in address for address in addresses)
+    assert all(":" not in address for address in own_addresses(inet6=False))

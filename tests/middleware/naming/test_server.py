@@ -1,0 +1,355 @@
+"""The name server as a port: over every carrier, towards bad callers, and what it does by itself."""
+
+from __future__ import annotations
+
+import random
+import resource
+import socket
+import struct
+from contextlib import ExitStack, suppress
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rtf.bottle import Bottle
+from rtf.bottle.binary import decode_from, encode
+from rtf.middleware import remote, wire
+from rtf.middleware.carriers import name_ser
+from rtf.middleware.errors import AddressError, ConnectError
+from rtf.middleware.names import Contact
+from rtf.middleware.naming import server as module
+from rtf.middleware.naming.client import RemoteNames
+from rtf.middleware.naming.server import NameServer
+from rtf.middleware.network import Network
+from rtf.middleware.port import Port
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+END = b"*** end of message\r\n"
+Say = "Callable[..., bytes]"
+
+
+def own(server: NameServer) -> bytes:
+    """The registration of the server itself."""
+    return f"registration name /root ip 127.0.0.1 port {server.contact.port} type tcp\r\n".encode()
+
+
+class TestLines:
+    """``NAME_SERVER`` and a command."""
+
+    def test_several_on_one_connection(self, server: NameServer, say: Say):
+        """Every line with the prefix is answered; the others by the end alone; line ends are liked either way."""
+        asked = (
+            b"NAME_SERVER query /root\nNAME_SERVER query /root\r\nquery /root\n\nNAME_SERVER\nNAME_SERVER query /root\n"
+        )
+        expected = 2 * (own(server) + END) + 3 * END + own(server) + END
+        assert say(server.contact, asked) == expected
+
+    def test_in_pieces(self, server: NameServer, say: Say):
+        """A line may come in any number of them."""
+        asked = b"NAME_SERVER query /root\n"
+        expected = own(server) + END
+        assert say(server.contact, *(bytes([letter]) for letter in asked), size=len(expected)) == expected
+
+    def test_too_long(self, server: NameServer, said: list[str], say: Say, wait_until: Callable[..., None]):
+        """Who says too much is cut off, whether the line has an end or not, and nobody else is."""
+        for ending in b"", b"\n":
+            line = b"NAME_SERVER set /a k " + b"x" * name_ser.MAX_COMMAND + ending
+            with suppress(ConnectionResetError):  # it was cut off while it spoke
+                assert say(server.contact, line) == b""
+        wait_until(lambda: len(said) == 2, "nothing was reported")
+        assert "a command of" in said[0]
+        assert say(server.contact, b"NAME_SERVER query /root\n") == own(server) + END
+
+    def test_a_caller_that_says_nothing(self, server: NameServer, monkeypatch: pytest.MonkeyPatch):
+        """It is sent away after a while."""
+        monkeypatch.setattr(name_ser, "_PATIENCE", 0.05)
+        with socket.create_connection((server.contact.host, server.contact.port), 10) as connection:
+            connection.sendall(b"NAME_SERVER query /root\n")
+            expected = own(server) + END
+            assert connection.recv(len(expected), socket.MSG_WAITALL) == expected
+            assert connection.recv(1) == b""
+
+
+class TestBinary:
+    """The tcp carrier."""
+
+    @staticmethod
+    def _asked(server: NameServer, command: bytes, *messages: bytes) -> bytes:
+        with socket.create_connection((server.contact.host, server.contact.port), 10) as connection:
+            connection.sendall(wire.header(131) + wire.sender("/me"))
+            assert wire.read_number(connection.recv(8, socket.MSG_WAITALL)) == server.contact.port
+            for message in messages:
+                connection.sendall(wire.index(len(command), len(message)) + command + message)
+            heard = b""
+            while heard.count(wire.ACK) < len(messages):
+                part = connection.recv(4096)
+                assert part
+                heard += part
+            return heard
+
+    def test_a_plain_answer_is_text(self, server: NameServer):
+        """The same bytes as in lines, and the acknowledgement."""
+        question = bytes.fromhex("04010000 02000000 05000000 7175657279 05000000 2f726f6f74")
+        assert self._asked(server, wire.command("d"), question) == own(server) + END + wire.ACK
+
+    def test_an_answer_for_machines_is_a_bottle(self, server: NameServer):
+        """And so are those about subscriptions."""
+        asked = [encode(Bottle(words.split())) for words in ("bot query /root", "announce /root", "subscribe")]
+        heard = self._asked(server, wire.command("d"), *asked)
+        port = server.contact.port
+        for text in (
+            f'port (name "/root") (ip "127.0.0.1") (port_number {port}) (carrier tcp)',
+            "[ok]",
+            "subscriptions",
+        ):
+            bottle, end = decode_from(heard)
+            assert bottle.to_text() == text
+            assert heard[end : end + 8] == wire.ACK
+            heard = heard[end + 8 :]
+
+    def test_without_a_reply(self, server: NameServer):
+        """It is done, and acknowledged."""
+        assert self._asked(server, wire.command("D"), encode(Bottle(["register", "/a"]))) == wire.ACK
+        assert server.names.query("/a") is not None
+
+    def test_what_is_no_command(self, server: NameServer):
+        """Other values are answered by the end line."""
+        assert self._asked(server, wire.command("d"), encode(Bottle([5, [1.5], b"x"]))) == END + wire.ACK
+
+
+class TestText:
+    """The text carriers."""
+
+    def test_data_and_administration(self, server: NameServer, say: Say):
+        """Commands are data; the rest is a port's."""
+        asked = b"CONNACK me\r\nd\r\nquery /root\r\na\r\n[ver]\r\nd\r\nannounce /root\r\nq\r\n"
+        expected = (
+            b"Welcome me\r\n" + own(server) + END + b"<ACK>\r\n[ver] 1 2 3\r\n<ACK>\r\n[ok]\r\n<ACK>\r\n<ACK>\r\n"
+        )
+        assert say(server.contact, asked, size=len(expected)) == expected
+
+    def test_describes_itself(self, server: NameServer, say: Say):
+        """As every port does."""
+        asked = b"CONNECT me\r\n*\r\n"
+        first = f"Welcome me\r\nThis is /root at tcp://127.0.0.1:{server.contact.port}/\r\n".encode()
+        assert say(server.contact, asked, size=len(first)).startswith(first)
+
+
+class TestOrigin:
+    """Ports are where they are registered from."""
+
+    @pytest.mark.parametrize("asked", [b"NAME_SERVER register /a\n", b"CONNECT x\r\nd\r\nregister /a\r\n"])
+    def test_the_address_of_the_caller(self, server: NameServer, asked: bytes, wait_until: Callable[..., None]):
+        """By whatever carrier."""
+        with socket.create_connection(
+            (server.contact.host, server.contact.port), 10, source_address=("127.0.0.7", 0)
+        ) as caller:
+            caller.sendall(asked)
+            wait_until(lambda: server.names.query("/a"), "it was not registered")
+            assert server.names.query("/a").host == "127.0.0.7"
+
+
+class TestAddress:
+    """Where a server is."""
+
+    def test_is_one_servers(self, server: NameServer):
+        """A second one says what is the matter."""
+        with pytest.raises(
+            ConnectError, match=r"cannot listen on 127\.0\.0\.1:\d+: Address already in use; .*rtf where"
+        ):
+            NameServer(port=server.contact.port)
+
+    @pytest.mark.parametrize("host", ["0.0.0.0", "::", ""])
+    def test_is_one_that_ports_can_be_told(self, host: str):
+        """Not all of them."""
+        with pytest.raises(AddressError, match="one of this machine's own"):
+            NameServer(host)
+
+    def test_of_somebody_else(self):
+        """Is none."""
+        with pytest.raises(ConnectError, match=r"192\.0\.2\.77"):
+            NameServer("192.0.2.77")
+
+    def test_is_free_again_at_once(self, server: NameServer):
+        """Also when callers were connected."""
+        with NameServer() as first, socket.create_connection((first.contact.host, first.contact.port)) as caller:
+            caller.sendall(b"NAME_SERVER list\n")
+            assert caller.recv(1)
+            first.close()
+            with NameServer(port=first.contact.port) as second:
+                assert second.contact == first.contact
+
+    def test_registers_itself(self, server: NameServer):
+        """And the group where it could be asked."""
+        assert server.names.query("/root") == server.contact
+        assert list(server.names.get_property("/root", "nameserver")) == ["true"]
+        assert server.names.query("fallback") == Contact("fallback", "224.2.1.1", 10000, "mcast")
+
+
+class TestBadCallers:
+    """They cost little, and nobody else notices."""
+
+    def test_many_that_say_nothing(self, server: NameServer, say: Say, monkeypatch: pytest.MonkeyPatch):
+        """The oldest are sent away, and the server answers."""
+        monkeypatch.setattr(module, "MAX_CALLERS", 20)
+        with ExitStack() as stack:
+            callers = [
+                stack.enter_context(socket.create_connection((server.contact.host, server.contact.port), 10))
+                for _ in range(100)
+            ]
+            assert say(server.contact, b"NAME_SERVER query /root\n") == own(server) + END
+            for caller in callers[:70]:
+                assert caller.recv(1) == b""
+
+    def test_many_names(self, server: NameServer, say: Say):
+        """A flood of registrations on one connection is answered, and takes a bounded time each."""
+        count = 2000
+        asked = b"".join(b"NAME_SERVER register /%d\n" % index for index in range(count))
+        assert say(server.contact, asked).count(END) == count
+        assert len(server.names.list()) == count + 2
+
+    def test_one_that_does_not_listen(
+        self, server: NameServer, said: list[str], say: Say, wait_until: Callable[..., None], monkeypatch
+    ):
+        """It asks and asks, and takes no answer: it is cut off, and nobody waits for it meanwhile."""
+        monkeypatch.setattr(name_ser, "_PATIENCE", 0.2)
+        for index in range(300):
+            server.names.register(f"/{index}", host="127.0.0.1", port=20001)
+        with socket.create_connection((server.contact.host, server.contact.port), 10) as deaf:
+            deaf.setblocking(False)
+            with suppress(BlockingIOError):
+                for _ in range(10_000):
+                    deaf.send(b"NAME_SERVER list\n")
+            assert say(server.contact, b"NAME_SERVER query /root\n") == own(server) + END
+            wait_until(lambda: said, "it was not cut off")
+            assert "does not take what is sent" in said[0]
+
+    @pytest.mark.fuzz
+    def test_random_bytes(self, server: NameServer, say: Say):
+        """Beginnings of every kind, and garbage after them: the server answers the next one."""
+        chance = random.Random(7)
+        starts = [
+            b"NAME_SER",
+            b"NAME_SERVER ",
+            b"CONNACK x\r\nd\r\n",
+            b"CONNECT ",
+            wire.header(131),
+            wire.header(3),
+            b"",
+        ]
+        starts += [
+            wire.header(131) + wire.sender("/x") + wire.index(8, 40) + wire.command("d"),
+            b"GET / HTTP/1.1\r\n\r\n",
+        ]
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        for _ in range(300):
+            noise = chance.randbytes(chance.choice((0, 3, 40, 3000)))
+            lines = b"\n".join(
+                chance.choice((b"register /a", b"bot list", b"d", b"a", b"[", b'"', b"subscribe /a /b", noise[:50]))
+                for _ in range(chance.randint(0, 6))
+            )
+            with suppress(ConnectionResetError):  # it was cut off while it spoke
+                say(server.contact, chance.choice(starts) + chance.choice((noise, lines + b"\n")))
+        assert say(server.contact, b"NAME_SERVER query /root\n") == own(server) + END
+        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000, "kilobytes"
+
+    @pytest.mark.fuzz
+    @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+    @given(st.lists(st.binary(max_size=60).map(lambda data: b"NAME_SERVER " + data + b"\n"), min_size=1, max_size=5))
+    def test_random_lines(self, server: NameServer, say: Say, lines: list[bytes]):
+        """Every one of them is answered."""
+        heard = say(server.contact, *lines)
+        assert heard.endswith(b"\r\n")
+
+    def test_one_that_is_gone_before_the_answer(self, server: NameServer, say: Say):
+        """With a reset, as many tools do."""
+        for _ in range(20):
+            caller = socket.create_connection((server.contact.host, server.contact.port), 10)
+            caller.sendall(b"NAME_SERVER list\n")
+            caller.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            caller.close()
+        assert say(server.contact, b"NAME_SERVER query /root\n") == own(server) + END
+
+
+class TestByItself:
+    """Events, and persistent connections."""
+
+    def test_tells_who_comes_and_goes(self, server: NameServer, names: RemoteNames, wait_until: Callable[..., None]):
+        """Whoever is connected to its port."""
+        network, heard = Network(names), []
+        with Port("/listener", lambda delivery: heard.append(delivery.read().to_text()), network=network):
+            remote.connect(network, Contact("/root"), Contact("/listener"))
+            with Port("/a", network=network):
+                pass
+            wait_until(lambda: len(heard) == 2, f"heard {heard}")
+            assert heard == ['[add] "/a"', '[del] "/a"']
+
+    def test_connects_ports_whenever_both_are_there(
+        self, server: NameServer, names: RemoteNames, wait_until: Callable[..., None]
+    ):
+        """In either order, after the reader came back, after the writer came back; and by the carrier that was said."""
+        network = Network(names)
+        names.command('subscribe "/writer" "fast_tcp://reader"')
+
+        def connected(writer: Port) -> bool:
+            return [(output.peer, output.carrier) for output in writer.outputs] == [("/reader", "fast_tcp")]
+
+        with Port("/writer", network=network) as writer:
+            for _ in range(2):
+                with Port("/reader", network=network):
+                    wait_until(lambda: connected(writer), "not connected")
+                wait_until(lambda: not writer.outputs, "not disconnected")
+        with Port("/reader", network=network) as reader:
+            for _ in range(2):
+                with Port("/writer", network=network) as writer:
+                    wait_until(lambda writer=writer: connected(writer), "not connected")
+                wait_until(lambda: not reader.inputs, "not disconnected")
+
+    def test_says_what_cannot_be_connected(
+        self, server: NameServer, names: RemoteNames, said: list[str], wait_until: Callable[..., None]
+    ):
+        """A port that is registered but not there."""
+        names.command("register /dead tcp 127.0.0.1 1")
+        names.command("register /b tcp 127.0.0.1 2")
+        for name in "/dead", "/b":
+            names.announce(name)
+        names.command("subscribe /dead /b")
+        wait_until(lambda: said, "nothing was said")
+        assert "Cannot connect to /dead" in said[0]
+
+    def test_a_reader_that_hangs_holds_nobody_up(self, server: NameServer, names: RemoteNames):
+        """Events are told beside the answering."""
+        with socket.create_server(("127.0.0.1", 0)) as deaf:
+            names.command(f"register /deaf tcp 127.0.0.1 {deaf.getsockname()[1]}")
+            names.command("announce /deaf")
+            with ExitStack() as stack:
+                ours = socket.create_connection((server.contact.host, server.contact.port), 10)
+                stack.enter_context(ours)
+                ours.sendall(b'CONNECT me\r\na\r\n[add] "tcp://deaf"\r\n')
+                theirs, _ = deaf.accept()
+                stack.enter_context(theirs)
+                theirs.recv(8 + 4 + 6, socket.MSG_WAITALL)
+                theirs.sendall(wire.yarp_number(1))
+                said = b""
+                while b"Added" not in said:
+                    part = ours.recv(200)
+                    assert part, said
+                    said += part
+                for index in range(50):
+                    assert names.register(f"/a{index}").port
+                    names.unregister(f"/a{index}")
+
+
+def test_survives_in_a_file(tmp_path, say: Say):
+    """A server of another name finds what was registered, and itself as the only server."""
+    with NameServer(portdb=tmp_path / "names.db") as first:
+        first.names.command("register /a")
+        there = first.names.query("/a")
+    with NameServer(namespace="/other", portdb=tmp_path / "names.db") as second:
+        assert second.names.query("/a") == there
+        assert second.names.query("/root") is None
+        assert [contact.name for contact in second.names.list()] == ["/a", "/other", "fallback"]

@@ -1,0 +1,469 @@
+"""Administration of a port: each request of the protocol and what is answered, to the letter, by text and in binary."""
+
+from __future__ import annotations
+
+import os
+import platform
+import socket
+import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.bottle import Bottle, Dialect, Property
+from rtf.middleware import remote, wire
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.carriers import registry
+from rtf.middleware.carriers.tcp import TcpOutput
+from rtf.middleware.codecs import BOTTLE
+from rtf.middleware.outgoing import Outgoing
+from rtf.middleware.port import Port
+from rtf.middleware.rpc import RpcClient, RpcServer
+from waiting import eventually
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.middleware.network import Network
+
+_WAY = ("text_ack", "tcp")
+
+
+def ask(port: Port, request: str, way: str) -> Bottle:
+    """Put a question to a port as programs do that are no ports themselves."""
+    network = port.network
+    if way == "text_ack":
+        return remote.administer(network, port.contact, Bottle.parse(request))
+    stream = network.reach(port.contact)
+    try:
+        carrier = registry.by_name("tcp")
+        stream.send(carrier.header + wire.sender("admin"))
+        stream.take(8)
+        link = TcpOutput(carrier, stream)
+        link.send(Outgoing("a", Bottle.parse(request), BOTTLE, Dialect.YARP3))
+        reply = link.receive_reply(BOTTLE, Dialect.YARP3)
+        link.finish()
+        assert isinstance(reply, Bottle)
+        return reply
+    finally:
+        stream.close()
+
+
+def said_to(port: Port, *lines: str, header: str = "CONNACK tester") -> list[str]:
+    """What a person reads who types these lines."""
+    with socket.create_connection((port.contact.host, port.contact.port), 10) as connection:
+        connection.sendall("".join(f"{line}\r\n" for line in (header, *lines, "q")).encode())
+        heard = b""
+        while part := connection.recv(1 << 16):
+            heard += part
+    return heard.decode().split("\r\n")[:-1]
+
+
+@pytest.fixture(params=_WAY)
+def way(request: pytest.FixtureRequest) -> str:
+    """The carrier by which is asked."""
+    return str(request.param)
+
+
+@pytest.fixture
+def port(network: Network) -> Iterator[Port]:
+    """The port that is asked."""
+    with Port("/port", network=network) as made:
+        yield made
+
+
+@pytest.fixture
+def reader(network: Network) -> Iterator[BufferedPort[Bottle]]:
+    """A port that can be sent to."""
+    with BufferedPort("/reader", network=network) as made:
+        yield made
+
+
+@contextmanager
+def sending(network: Network, target: str, carrier: str = "tcp") -> Iterator[Port]:
+    """A port that sends to another."""
+    with Port("/writer", network=network) as writer:
+        writer.add_output(target, carrier)
+        yield writer
+
+
+class TestWords:
+    """What is asked, by vocab or by word, and what is not understood."""
+
+    @pytest.mark.parametrize("word", ["[ver]", "ver", '"ver"', "version"])
+    def test_version(self, port: Port, way: str, word: str):
+        """A constant. Of a word its first four letters count, so a longer one is another."""
+        wanted = "[ver] 1 2 3" if "version" not in word else '[fail] "send [help] for list of valid commands"'
+        assert ask(port, word, way).to_text() == wanted
+
+    @pytest.mark.parametrize("request_", ["[nope]", "nonsense 1 2", "", "5", "(ver)"])
+    def test_anything_else(self, port: Port, way: str, request_: str):
+        """Is refused with a hint."""
+        assert ask(port, request_, way).to_text() == '[fail] "send [help] for list of valid commands"'
+
+    def test_help(self, port: Port, way: str):
+        """A line for each command, behind the vocab ``many``."""
+        reply = ask(port, "[help]", way)
+        assert Bottle([reply[0]]).to_text() == "[many]"
+        words = {str(line).split("]")[0][1:] for line in [*reply][1:]}
+        assert words == {"help", "ver", "add", "del", "list", "set", "get", "prop"}
+
+    def test_words_of_four_letters_are_enough(self, port: Port, way: str):
+        """``property`` is ``prop``."""
+        assert ask(port, "property get nothing", way) == Bottle()
+
+
+class TestAdd:
+    """``[add]``: the status says what the text says."""
+
+    def test_a_name(self, port: Port, reader: Port, way: str):
+        """Connects, by tcp."""
+        assert ask(port, "[add] /reader", way) == Bottle([0, "Added connection from /port to /reader\r\n"])
+        assert [(output.peer, output.carrier) for output in port.outputs] == [("/reader", "tcp")]
+
+    @pytest.mark.parametrize("contact", ["fast_tcp:/reader", "fast_tcp://reader"])
+    def test_a_contact(self, port: Port, reader: Port, way: str, contact: str):
+        """The reply quotes what was asked for."""
+        assert ask(port, f'[add] "{contact}"', way) == Bottle([0, f"Added connection from /port to {contact}\r\n"])
+        assert [(output.peer, output.carrier) for output in port.outputs] == [("/reader", "fast_tcp")]
+
+    def test_a_carrier_of_its_own(self, port: Port, reader: Port, way: str):
+        """It comes in front of the contact, slash and all."""
+        reply = ask(port, "[add] /reader fast_tcp", way)
+        assert reply == Bottle([0, "Added connection from /port to fast_tcp://reader\r\n"])
+        assert [output.carrier for output in port.outputs] == ["fast_tcp"]
+
+    def test_an_address(self, port: Port, reader: Port, way: str):
+        """Nobody is asked for the name then."""
+        address = reader.contact.by("tcp")
+        reply = ask(port, f'[add] "{address}reader"', way)
+        assert reply == Bottle([0, f"Added connection from /port to {address}reader\r\n"])
+
+    def test_again(self, port: Port, reader: Port, way: str):
+        """The same port is connected anew, whatever the carrier: there is one connection."""
+        for carrier in ("tcp", "tcp", "fast_tcp", "udp"):
+            reply = ask(port, f"[add] /reader {carrier}", way)
+            assert reply == Bottle([0, f"Added connection from /port to {carrier}://reader\r\n"])
+        assert [(output.peer, output.carrier) for output in port.outputs] == [("/reader", "udp")]
+        eventually(lambda: [one.carrier for one in reader.inputs] == ["udp"], "older inputs are left")
+
+    def test_nobody_there(self, port: Port, network: Network, said: list[str], way: str):
+        """Not registered, or registered and gone; why is told at the port's own side."""
+        assert ask(port, "[add] /nosuch", way) == Bottle([-1, "Do not know how to connect to /nosuch\r\n"])
+        with socket.create_server(("127.0.0.1", 0)) as listening:
+            number = listening.getsockname()[1]
+        network.names.register("/gone", host="127.0.0.1", port=number)
+        assert ask(port, "[add] /gone", way) == Bottle([-1, "Cannot connect to /gone\r\n"])
+        assert said == ["Cannot connect to /gone: Connection refused"]
+
+    @pytest.mark.parametrize("wrong", ["[add]", "[add] reader", "[add] 5", "[add] /reader nocarrier"])
+    def test_what_is_no_port(self, port: Port, reader: Port, way: str, wrong: str):
+        """Is refused with the reason, and nothing is connected."""
+        status, text = ask(port, wrong, way)
+        assert status == -1
+        assert str(text).endswith("\r\n")
+        assert not port.outputs
+
+    def test_ports_that_send_nothing(self, network: Network, reader: Port, way: str):
+        """Input-only ports and servers refuse; a client has one output."""
+        refused = Bottle([-1, "Outputs not allowed\r\n"])
+        with Port("/in", network=network, outputs=False) as port:
+            assert ask(port, "[add] /reader", way) == refused
+        with RpcServer("/server", lambda question: question, network=network) as server:
+            assert ask(server, "[add] /reader", way) == refused
+            with RpcClient("/client", network=network) as client:
+                added = Bottle([0, "Added connection from /client to /server\r\n"])
+                assert ask(client, "[add] /server", way) == added
+                second = Bottle([-1, "RPC output already connected\r\n"])
+                assert ask(client, "[add] /server", way) == second
+
+
+class TestDelete:
+    """``[del]``: outputs first, then inputs."""
+
+    def test_an_output(self, port: Port, reader: Port, way: str):
+        """Ends, and the reader hears of it."""
+        port.add_output("/reader")
+        assert ask(port, "[del] /reader", way) == Bottle([0, "Removed connection from /port to /reader\r\n"])
+        assert port.outputs == ()
+        eventually(lambda: not reader.inputs, "the reader was not told")
+
+    def test_an_input(self, port: Port, network: Network, way: str):
+        """The port hangs up."""
+        with sending(network, "/port"):
+            eventually(lambda: port.inputs, "the writer has not come")
+            assert ask(port, "[del] /writer", way) == Bottle([0, "Removed connection from /writer to /port\r\n"])
+            eventually(lambda: all(one.peer != "/writer" for one in port.inputs), "the input is left")
+
+    def test_none(self, port: Port, way: str):
+        """Both searches are told of."""
+        wanted = "Could not find an outgoing connection to /x\r\nCould not find an incoming connection from /x\r\n"
+        assert ask(port, "[del] /x", way) == Bottle([-1, wanted])
+
+
+class TestList:
+    """``[list]``: names, or how one of them is connected."""
+
+    def test_names(self, port: Port, reader: Port, network: Network, way: str):
+        """Outputs unless inputs are asked for; whoever asks is an input, too."""
+        port.add_output("/reader")
+        asking = "admin"
+        with sending(network, "/port", "fast_tcp"):
+            for request in ("[list]", "[list] [out]", "list out", "[list] [nonsense]"):
+                assert ask(port, request, way) == Bottle(["/reader"])
+            assert {"/writer", asking} == set(ask(port, "[list] [in]", way))
+
+    @pytest.mark.parametrize(("carrier", "more"), [("tcp", ""), ("fast_tcp", ""), ("udp", " (connectionless 1)")])
+    def test_one(self, port: Port, reader: Port, way: str, carrier: str, more: str):
+        """From, to and carrier; and whether it is made of datagrams."""
+        port.add_output("/reader", carrier)
+        wanted = f'(from "/port") (to "/reader") (carrier {carrier}){more}'
+        assert ask(port, "[list] [out] /reader", way).to_text() == wanted
+        assert ask(reader, "[list] [in] /port", way).to_text() == wanted
+
+    def test_unknown(self, port: Port, way: str):
+        """Nothing at all."""
+        assert ask(port, "[list] [out] /x", way) == Bottle()
+        assert ask(port, "[list] [in] /x", way) == Bottle()
+
+
+class TestModify:
+    """``[set]``, ``[get]``, ``[atch]`` and ``[dtch]``: there are no modifiers here, and the answers say so."""
+
+    @pytest.mark.parametrize("word", ["set", "get"])
+    def test_errors(self, port: Port, way: str, word: str):
+        """YARP calls an unknown output an incoming connection, too."""
+        nameless = Bottle([-1, "target port is not specified.\r\n"])
+        assert ask(port, f"[{word}]", way) == ask(port, f"[{word}] [in]", way) == nameless
+        wanted = Bottle([-1, "Could not find an incoming connection from /x\r\n"])
+        assert ask(port, f"[{word}] [in] /x (a 1)", way) == wanted
+        wanted = Bottle([-1, "Could not find an incoming connection to /x\r\n"])
+        assert ask(port, f"[{word}] [out] /x", way) == wanted
+
+    @pytest.mark.parametrize("word", ["set", "get"])
+    def test_the_port_itself(self, port: Port, way: str, word: str):
+        """Has no monitor."""
+        for direction, name in (("in", "input"), ("out", "output")):
+            wanted = f'[fail] "No port modifier is attached to the {name}"'
+            assert ask(port, f"[{word}] [{direction}] /port", way).to_text() == wanted
+
+    def test_a_connection(self, port: Port, reader: Port, way: str):
+        """Is there, takes everything and tells nothing."""
+        port.add_output("/reader")
+        assert ask(port, "[set] [out] /reader (a 1)", way) == Bottle([0, "Configured connection to /reader\r\n"])
+        assert ask(reader, "[set] [in] /port (a 1)", way) == Bottle([0, "Configured connection from /port\r\n"])
+        for reply in (ask(port, "[get] [out] /reader", way), ask(reader, "[get] [in] /port", way)):
+            assert reply.to_text() == "()"
+            assert way == "text_ack" or reply == Bottle([Property()])
+
+    def test_monitors(self, port: Port, way: str):
+        """A direction is needed; and then there is none to attach or take away."""
+        for word, name in (("atch", "attach"), ("dtch", "detach")):
+            wanted = f'[fail] "{name} command must be followed by [out] or [in]"'
+            assert ask(port, f"[{word}]", way).to_text() == wanted
+            assert ask(port, f"[{word}] [up]", way).to_text() == wanted
+        assert ask(port, '[atch] [in] "(type lua) (file x)"', way).to_text() == '[fail] "this port takes no monitors"'
+        assert ask(port, "[dtch] [out]", way).to_text() == "[fail]"
+
+
+class TestProperties:
+    """``[prop]``: what anybody may store, and what names of ports mean."""
+
+    @pytest.mark.parametrize("value", ["10", "0.5", "text", '"two words"', "(1 2 (3 four))", "[ok]"])
+    def test_values(self, port: Port, way: str, value: str):
+        """Any value is kept; a list comes back as one."""
+        assert ask(port, f"[prop] [set] foo {value}", way).to_text() == "[ok]"
+        assert ask(port, "[prop] [get] foo", way).to_text() == Bottle.parse(value).to_text()
+        assert ask(port, "[prop] [get]", way).to_text() == f"(foo {Bottle.parse(value).to_text()})"
+        assert port.properties.find("foo") == Bottle.parse(value)[0]
+
+    def test_several(self, port: Port, way: str):
+        """In the order of their keys; the last value counts."""
+        for key, value in (("b", 1), ("a", 2), ("b", 3)):
+            ask(port, f"[prop] [set] {key} {value}", way)
+        assert ask(port, "[prop] [get]", way).to_text() == "(a 2) (b 3)"
+
+    def test_nothing(self, port: Port, way: str):
+        """No properties, no such property, and a property without a value are all the same."""
+        assert ask(port, "[prop] [get]", way) == Bottle()
+        assert ask(port, "[prop] [get] foo", way) == Bottle()
+        assert ask(port, "[prop] [set] foo", way).to_text() == "[ok]"
+        assert ask(port, "[prop] [get] foo", way) == Bottle()
+
+    @pytest.mark.parametrize("word", ["", "[put]", "5"])
+    def test_unknown_action(self, port: Port, way: str, word: str):
+        """Is refused."""
+        assert ask(port, f"[prop] {word}", way).to_text() == '[fail] "property action not known"'
+
+    def test_own_name(self, port: Port, way: str):
+        """Tells of thread, process, machine and port."""
+        reply = ask(port, "[prop] [get] /port", way)
+        assert [group[0] for group in reply] == ["sched", "process", "platform", "port"]
+        facts = {str(group[0]): _facts(group[1], way) for group in reply}
+        assert facts["sched"].keys() == {"policy", "priority", "tid"}
+        assert int(facts["sched"]["tid"]) > 0
+        process = facts["process"]
+        assert (process["pid"], process["policy"], process["priority"]) == (os.getpid(), 0, 0)
+        assert process["name"] == sys.argv[0]
+        assert facts["platform"] == {"hostname": "127.0.0.1", "os": platform.system()}
+        assert Bottle([reply[3]]).to_text() == '(port ((is_input 1) (is_output 1) (is_rpc 0) (type "")))'
+
+    def test_flags(self, network: Network, way: str):
+        """What a port is for, and the type that it promises."""
+        wanted = {
+            "/in": (1, 0, 0, ""),
+            "/image": (1, 1, 0, "yarp/image"),
+            "/server": (1, 0, 1, ""),
+            "/client": (0, 1, 1, ""),
+        }
+        ports = [
+            Port("/in", network=network, outputs=False),
+            Port("/image", network=network, promise="yarp/image"),
+            RpcServer("/server", lambda question: question, network=network),
+            RpcClient("/client", network=network),
+        ]
+        for port in ports:
+            facts = _facts(ask(port, f"[prop] [get] {port.name}", way)[3][1], way)
+            assert tuple(facts[key] for key in ("is_input", "is_output", "is_rpc", "type")) == wanted[port.name]
+            port.close()
+
+    def test_a_connection(self, port: Port, reader: Port, way: str):
+        """Its thread and packets; a writer's output has no thread of its own."""
+        port.add_output("/reader")
+        wanted = "(sched ((policy 0) (priority 0) (tid 0))) (qos ((tos 0)))"
+        assert ask(port, "[prop] [get] /reader", way).to_text() == wanted
+        text = ask(reader, "[prop] [get] /port", way).to_text()
+        assert text == f"(sched ((policy 0) (priority 0) (tid {reader.inputs[0].thread}))) (qos ((tos 0)))"
+
+    def test_both_ways(self, port: Port, reader: Port, way: str):
+        """Two ports that send to each other have two connections, and both are told of."""
+        port.add_output("/reader")
+        reader.add_output("/port")
+        eventually(lambda: len(port.inputs) == 1, "the other way has not come")
+        reply = ask(port, "[prop] [get] /reader", way)
+        assert [group[0] for group in reply] == ["sched", "qos", "sched", "qos"]
+
+    def test_no_connection(self, port: Port, way: str):
+        """What is stored under the name of a port is a property, but read as a connection."""
+        wanted = '[fail] "cannot find any connection to/from /x"'
+        assert ask(port, "[prop] [get] /x", way).to_text() == wanted
+        assert ask(port, "[prop] [set] /x 5", way).to_text() == "[ok]"
+        assert ask(port, "[prop] [get] /x", way).to_text() == wanted
+        assert ask(port, "[prop] [get]", way).to_text() == '("/x" 5)'
+        assert ask(port, "[prop] [set] /x (qos ((tos 40)))", way).to_text() == "[fail]"
+
+
+def _facts(value: object, way: str) -> dict[str, object]:
+    """A property, which text cannot tell from a list of lists."""
+    assert isinstance(value, Bottle if way == "text_ack" else Property)
+    groups = value if isinstance(value, Bottle) else value.to_bottle()
+    keys = [str(group[0]) for group in groups]
+    assert keys == sorted(keys)
+    return {str(group[0]): group[1] for group in groups}
+
+
+class TestTyped:
+    """Commands of people at a terminal, each with its acknowledgement."""
+
+    def test_frames(self, port: Port):
+        """A reply is a line, also when it is empty; without acknowledgements nothing follows it."""
+        assert said_to(port, "a", "[ver]", "a", "[list] [out]") == [
+            "Welcome tester",
+            "[ver] 1 2 3",
+            "<ACK>",
+            "",
+            "<ACK>",
+            "<ACK>",
+        ]
+        assert said_to(port, "a", "[ver]", header="CONNECT tester") == ["Welcome tester", "[ver] 1 2 3"]
+
+    def test_description(self, port: Port, reader: Port):
+        """The address, and the connections each way."""
+        here = f"This is /port at tcp://127.0.0.1:{port.contact.port}/"
+        asked = "There is an input connection from tester to /port using text_ack"
+        assert said_to(port, "*")[1:-2] == [here, "There are no outgoing connections", asked]
+        port.add_output("/reader", "udp")
+        line = "There is an output connection from /port to /reader using udp"
+        assert said_to(port, "*")[1:-2] == [here, line, asked]
+        there = f"This is /reader at tcp://127.0.0.1:{reader.contact.port}/"
+        line = "There is an input connection from /port to /reader using udp"
+        assert said_to(reader, "*")[1:4] == [there, "There are no outgoing connections", line]
+
+    @pytest.mark.parametrize("key", ["?", "h"])
+    def test_help(self, port: Port, key: str):
+        """Names every command."""
+        text = "\n".join(said_to(port, key))
+        assert all(f"\n  {word} " in text for word in ("d", "D", "a", "/name", "!/name", "~/name", "r", "*", "q", "?"))
+
+    def test_connecting(self, port: Port, reader: Port, network: Network):
+        """Adding an output, also by another carrier, and taking it away."""
+        for line in ("/reader", "fast_tcp:/reader"):
+            assert said_to(port, line)[1] == f"Added connection from /port to {line}"
+        assert [output.carrier for output in port.outputs] == ["fast_tcp"]
+        assert said_to(port, "!/reader")[1] == "Removed connection from /port to /reader"
+        assert said_to(port, "!/reader")[1] == "Could not find an outgoing connection to /reader"
+        assert said_to(port, "/nosuch")[1] == "Do not know how to connect to /nosuch"
+        with sending(network, "/port"):
+            assert said_to(port, "~/writer")[1] == "Removing connection from /writer to /port"
+            eventually(lambda: not port.inputs, "the input is left")
+        assert said_to(port, "~/writer")[1] == "Could not find an incoming connection from /writer"
+
+    @pytest.mark.parametrize("line", ["x", "register /a", "", "5"])
+    def test_nonsense(self, port: Port, line: str):
+        """Three lines of advice, and the connection goes on."""
+        advice = ["Port command not understood.", "Type d to send data to the port's owner.", "Type ? for help."]
+        assert said_to(port, line, "a", "[ver]")[1:] == [*advice, "<ACK>", "[ver] 1 2 3", "<ACK>", "<ACK>"]
+
+    def test_binary_callers_get_no_lines(self, port: Port, reader: Port):
+        """The command is obeyed, and only acknowledged."""
+        stream = port.network.reach(port.contact)
+        stream.send(wire.header(131) + wire.sender("tester"))
+        stream.take(8)
+        for text in ("*", "?", "/reader", "nonsense"):
+            command = wire.command_text(text)
+            stream.send(wire.index(len(command)) + command)
+            assert stream.take(8) == wire.ACK
+        assert [output.peer for output in port.outputs] == ["/reader"]
+        stream.close()
+
+
+class TestTurnedRound:
+    """``r``: whoever called is sent to."""
+
+    def test_a_person_reads(self, port: Port):
+        """What the port writes is typed to them."""
+        with socket.create_connection((port.contact.host, port.contact.port), 10) as connection:
+            connection.sendall(b"CONNECT tester\r\nr\r\n")
+            eventually(lambda: [output.peer for output in port.outputs] == ["tester"], "it was not turned round")
+            assert not port.inputs
+            assert port.write(Bottle([1, "two words"])) == 1
+            wanted = b'Welcome tester\r\nD\r\n1 "two words"\r\n'
+            heard = b""
+            while len(heard) < len(wanted):
+                heard += connection.recv(1000)
+            assert heard == wanted
+
+    def test_in_binary(self, port: Port):
+        """Acknowledged as any other command, and so are messages, by the other side now."""
+        stream = port.network.reach(port.contact)
+        stream.send(wire.header(131) + wire.sender("/tester"))
+        stream.take(8)
+        command = b"\0\0\0\0~r\0\1"
+        stream.send(wire.index(len(command)) + command)
+        assert stream.take(8) == wire.ACK
+        eventually(lambda: port.outputs, "it was not turned round")
+        stream.send(wire.ACK)
+        assert port.write(Bottle([1])) == 1
+        blocks, rest = wire.index_rest(bytes(stream.take(wire.INDEX_SIZE)))
+        size = wire.message_size(stream.take(rest), 0, blocks)
+        assert wire.read_command(stream.take(size)).key == "D"
+        stream.close()
+        port.write(Bottle([2]))
+        assert not port.outputs
+
+    def test_where_nothing_is_sent(self, network: Network, said: list[str]):
+        """An input-only port refuses, and a connection of datagrams goes one way."""
+        with Port("/in", network=network, outputs=False) as port:
+            assert said_to(port, "r") == ["Welcome tester", "<ACK>"]
+            eventually(lambda: said == ["/in: tester was cut off: Outputs not allowed"], "nobody was told")

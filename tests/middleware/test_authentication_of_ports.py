@@ -1,0 +1,52 @@
+"""Networks with a key: ports of one know each other, strangers get nowhere."""
+
+from __future__ import annotations
+
+import socket
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.bottle import Bottle
+from rtf.middleware import remote
+from rtf.middleware.errors import ConnectError
+from rtf.middleware.network import Network
+from rtf.middleware.rpc import RpcClient, RpcServer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+@pytest.fixture
+def server(network: Network) -> Iterator[RpcServer]:
+    """A server in a network with a key."""
+    network.key = b"secret"
+    with RpcServer("/server", lambda question: question, network=network) as made:
+        yield made
+
+
+def test_ports_with_the_same_key_talk(server: RpcServer, network: Network):
+    """By question and answer, and by administration."""
+    with RpcClient("/client", "/server", network=network) as client:
+        assert client.call(Bottle(["hello"]), timeout=5) == Bottle(["hello"])
+    assert remote.exists(network, server.contact)
+
+
+@pytest.mark.parametrize("key", [b"", b"another"])
+def test_a_stranger_gets_nowhere(server: RpcServer, network: Network, key: bytes):
+    """Whether it has another key or none."""
+    stranger = Network(network.names, key=key, patience=0.5)
+    with pytest.raises(ConnectError, match="/server"):
+        RpcClient("/stranger", "/server", network=stranger)
+    assert [caller.peer for caller in server.inputs] == []
+
+
+def test_nothing_is_said_to_who_does_not_prove_the_key(server: RpcServer):
+    """Not even what a port says of itself."""
+    with socket.create_connection((server.contact.host, server.contact.port), timeout=5) as connection:
+        connection.sendall(b"CONNECT me\r\n*\r\nq\r\n" + b"x" * 40)
+        answer = b""
+        while part := connection.recv(1000):
+            answer += part
+    assert b"/server" not in answer
+    assert len(answer) == 40

@@ -1,0 +1,174 @@
+"""Which codec an object has, what is loaded for it, and reading what is still arriving."""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rtf.bottle import Bottle, BottleError, Dialect, Property
+from rtf.bottle.binary import TruncatedBottleError, encode
+from rtf.middleware.codecs import BOTTLE, RAW, Arriving, Codec, codec_of
+from rtf.middleware.errors import ProtocolError
+from rtf.middleware.types import (
+    BYTES,
+    IMAGE,
+    MATRIX,
+    PROPERTY,
+    STRING,
+    VECTOR,
+    Image,
+    Pair,
+    ProtocolVersion,
+    Record,
+    Stamp,
+)
+
+THREE = Dialect.YARP3
+BOTTLES = Bottle([["a", index, [index / 2]] for index in range(300)])
+
+
+@pytest.mark.parametrize(
+    ("value", "codec"),
+    [
+        (Bottle([1]), BOTTLE),
+        (Property(), BOTTLE),
+        ("hello", STRING),
+        (b"abc", BYTES),
+        (bytearray(b"abc"), BYTES),
+        ({"a": 1}, PROPERTY),
+        (np.zeros(3), VECTOR),
+        (np.eye(2), MATRIX),
+        (Image(np.zeros((2, 2), np.uint8)), IMAGE),
+        (Stamp(), Stamp.codec),
+        (Record(), Record.codec),
+    ],
+)
+def test_an_object_has_a_codec(value: object, codec: Codec[object]):
+    """A port that is given an object needs not be told how to send it."""
+    assert codec_of(value) is codec
+
+
+@pytest.mark.parametrize("value", [None, 5, [1, 2], object(), 1j])
+def test_other_objects_have_none(value: object):
+    """The error says what would help."""
+    with pytest.raises(ProtocolError, match=f"send a {type(value).__name__}; give a codec, or a Bottle"):
+        codec_of(value)
+
+
+def test_the_codec_of_a_pair_is_that_of_its_parts():
+    """A pair is written as its parts are."""
+    pair = Pair("a", np.zeros(2))
+    assert b"".join(codec_of(pair).encode(pair, THREE)).endswith(b"".join(VECTOR.encode(np.zeros(2), THREE)))
+
+
+LOADING = """
+import sys
+from pathlib import Path
+from rtf.middleware.codecs import codec_of
+from rtf.middleware.types import STRING, Record, Stamp
+from rtf.bottle import Bottle, Dialect
+for value in (Bottle([1]), "text", b"bytes", {"a": 1}, Stamp(1, 2.0), Record(1)):
+    codec_of(value).encode(value, Dialect.YARP3)
+assert "numpy" not in sys.modules, "numpy was loaded"
+import rtf.middleware.types
+rtf.middleware.types.VECTOR
+assert "numpy" in sys.modules
+"""
+
+
+def test_numpy_is_loaded_when_it_is_needed():
+    """Programs that send no arrays start without it."""
+    subprocess.run([sys.executable, "-c", LOADING], check=True, env={"PYTHONPATH": ":".join(sys.path)})
+
+
+def test_the_types_say_what_they_have_not():
+    """A misspelt name is an ordinary error."""
+    from rtf.middleware import types
+
+    assert {name for name in types.__all__ if not hasattr(types, name)} == set()
+    with pytest.raises(AttributeError, match="Vektor"):
+        types.Vektor  # noqa: B018
+
+
+def test_raw_bytes_are_taken_as_they_are():
+    """All of a message, or the bottle that a reply begins with."""
+    data = encode(Bottle([1, 2]))
+    assert RAW.decode(data + b"more", THREE) == data + b"more"
+    assert RAW.decode_from(memoryview(data + b"more"), THREE) == (data, len(data))
+
+
+@pytest.mark.parametrize(
+    ("value", "codec"),
+    [(BOTTLES, BOTTLE), (np.arange(500.0), VECTOR), (ProtocolVersion(0, 3, 12, 3), ProtocolVersion.codec)],
+)
+def test_an_object_is_read_while_it_arrives(value: object, codec: Codec[object]):
+    """However the bytes come, the object is there with the last of them, also one that is no bottle."""
+    data = b"".join(codec.encode(value, THREE))
+    for step in (1, 7, len(data)):
+        arriving, size = Arriving(codec, THREE), 0
+        while size < len(data) - 1:
+            size = min(size + step, len(data) - 1)
+            with pytest.raises(TruncatedBottleError) as caught:
+                arriving.read(memoryview(data)[:size])
+            assert size < caught.value.needed <= len(data)
+        read, end = arriving.read(data + b"YA\0\0\0\0RP")
+        assert end == len(data)
+        assert b"".join(codec.encode(read, THREE)) == data
+
+
+def test_an_object_that_is_none_is_refused_while_it_arrives():
+    """Whether the damage is there at once or comes later."""
+    good = encode(BOTTLES)
+    bad = good[:-16] + b"\2\0\0\0" + good[-12:]
+    with pytest.raises(BottleError, match="not the code"):
+        Arriving(BOTTLE, THREE).read(bad)
+    arriving = Arriving(BOTTLE, THREE)
+    with pytest.raises(TruncatedBottleError):
+        arriving.read(bad[:100])
+    with pytest.raises(BottleError, match="not the code"):
+        arriving.read(bad)
+
+
+def test_a_slow_peer_costs_no_more_than_a_quick_one():
+    """Ten times the bytes, one by one, are ten times the work and not a hundred times: here, the calls of functions."""
+
+    def drip(count: int) -> int:
+        data = memoryview(encode(Bottle([["a", index] for index in range(count)])))
+        arriving, calls = Arriving(BOTTLE, THREE), 0
+
+        def counted(frame: object, event: str, argument: object) -> None:
+            nonlocal calls
+            calls += event in ("call", "c_call")
+
+        sys.setprofile(counted)
+        try:
+            for size in range(len(data)):
+                with contextlib.suppress(TruncatedBottleError):
+                    arriving.read(data[:size])
+            assert arriving.read(data)[1] == len(data)
+        finally:
+            sys.setprofile(None)
+        return calls
+
+    assert drip(1000) < 11 * drip(100)
+
+
+def test_the_benchmark_runs():
+    """Every row is timed; what it says here means nothing."""
+    script = Path(__file__).parents[1] / "benchmarks" / "run_codec_benchmarks.py"
+    ran = subprocess.run(
+        [sys.executable, str(script), "--seconds", "0", "--repeat", "1"],
+        check=True,
+        text=True,
+        capture_output=True,
+        env={"PYTHONPATH": ":".join(sys.path)},
+    )
+    heading, *lines = ran.stdout.splitlines()
+    assert heading.split() == ["best", "median", "goal"]
+    assert len(lines) > 20
+    assert all(line.count(" us") == 2 for line in lines)

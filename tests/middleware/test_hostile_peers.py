@@ -1,0 +1,335 @@
+"""Peers that break the rules: each costs itself its connection, and nobody else anything."""
+
+from __future__ import annotations
+
+import os
+import random
+import resource
+import socket
+import struct
+import threading
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rtf.bottle import Bottle
+from rtf.errors import RtfError
+from rtf.middleware import port as ports
+from rtf.middleware import wire
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.carriers import unix_stream
+from rtf.middleware.naming.local import LocalNames
+from rtf.middleware.network import Network
+from rtf.middleware.port import Port
+from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.stream import Stream
+from waiting import eventually
+
+from .test_recordings import recorded
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+@pytest.fixture
+def server(network: Network) -> Iterator[RpcServer]:
+    """A server that is attacked."""
+    with RpcServer("/server", lambda question: Bottle([*question, "ok"]), network=network) as made:
+        yield made
+
+
+def attack(server: Port, data: bytes, *, patience: float = 5.0) -> bytes:
+    """Send something, say that it is all, and return what comes back until the end."""
+    with socket.create_connection((server.contact.host, server.contact.port), timeout=patience) as connection:
+        answer = b""
+        try:
+            connection.sendall(data)
+            connection.shutdown(socket.SHUT_WR)
+            while part := connection.recv(1 << 16):
+                answer += part
+        except OSError:
+            pass  # it was cut off in the middle, which is its right
+        return answer
+
+
+def well(server: Port, network: Network) -> None:
+    """The server still works for others."""
+    with RpcClient("/client", server.contact, network=network) as client:
+        assert client.call(Bottle(["are you there?"]), timeout=5) == Bottle(["are you there?", "ok"])
+
+
+HELLO = wire.header(131) + wire.sender("/evil")
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"GARBAGE!",
+        b"\0" * 1000,
+        b"YA\xff\xff\xff\x7fRP",
+        wire.header(131) + struct.pack("<i", 2**31 - 1) + b"/x\0",
+        wire.header(131) + struct.pack("<i", -5) + b"/x\0" * 400,
+        HELLO + b"nonsense" * 100,
+        HELLO + wire.index(2**31 - 1),
+        HELLO + wire.index(-1),
+        HELLO + wire.yarp_number(10) + b"\xff\xff" + b"\xff" * 8 + b"\x7f" * 2040,
+        HELLO + wire.index(8, 2**30) + wire.command("d"),
+        HELLO + wire.index(8, 12) + wire.command("d") + struct.pack("<iii", 256 + 1, 2**31 - 1, 0),
+        HELLO + wire.index(8, 12) + wire.command("d") + struct.pack("<iii", 256 + 4, 1, 2**31 - 1),
+        HELLO + wire.index(8, 800) + wire.command("d") + struct.pack("<ii", 256, 1) * 100,
+        HELLO + wire.index(12) + struct.pack("<i", 2**30) + b"~\0\0\1xxxx",
+        HELLO + wire.index(8) + wire.command("a"),
+        b"CONNACK " + b"x" * 3_000_000,
+        b"CONNACK evil\r\n" + b"d\r\n" + b"(" * 3_000_000,
+        b"CONNACK evil\r\na\r\n" + b"(" * 100_000 + b")" * 100_000 + b"\r\n",
+        b"CONNACK evil\r\nd\r\n\xff\xfe\x00\r\nq\r\n",
+        pytest.param(b"UNIX_STR" + wire.sender("/evil"), id="nobody comes to the meeting"),
+        b"LOCALITY" + wire.sender("/evil"),
+        wire.header(0) + wire.sender("/evil"),
+        wire.header(1) + wire.sender("/evil") + b"\x7f\0\0\1\0\0",
+        wire.header(14) + wire.sender("/evil"),
+        b"NAME_SERVER unregister /server\r\n",
+    ],
+)
+def test_one_that_breaks_the_rules_is_cut_off(
+    server: RpcServer, network: Network, data: bytes, monkeypatch: pytest.MonkeyPatch
+):
+    """Whatever it says, and the server goes on."""
+    monkeypatch.setattr(unix_stream, "_MEETING", 0.1)
+    attack(server, data)
+    well(server, network)
+
+
+def test_what_a_peer_only_announces_is_not_allocated(server: RpcServer, network: Network):
+    """A gigabyte in a length field costs no gigabyte."""
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    waiting = [socket.create_connection((server.contact.host, server.contact.port), timeout=5) for _ in range(20)]
+    for connection in waiting:
+        connection.sendall(HELLO + wire.index(8, wire.MAX_MESSAGE - 8) + wire.command("d") + b"x" * 1000)
+    well(server, network)
+    for connection in waiting:
+        connection.close()
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300 << 10, "KiB were allocated for nothing"
+
+
+def test_a_flood_of_callers_is_bounded(server: RpcServer, network: Network, monkeypatch: pytest.MonkeyPatch):
+    """So many at a time, and then no more; when they are gone there is room again."""
+    monkeypatch.setattr(ports, "MAX_INPUTS", 50)
+    callers = [socket.create_connection((server.contact.host, server.contact.port), timeout=5) for _ in range(200)]
+    eventually(lambda: sum(_hung_up(caller) for caller in callers) >= 150, "more callers are kept than are allowed")
+    for caller in callers:
+        caller.close()
+    eventually(lambda: threading.active_count() < 20, "threads are left")
+    well(server, network)
+
+
+def _hung_up(caller: socket.socket) -> bool:
+    caller.setblocking(False)
+    try:
+        return caller.recv(1) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+
+
+def test_one_that_stalls_holds_up_nobody(server: RpcServer, network: Network):
+    """It neither says what it wants nor reads what it gets."""
+    stalled = [socket.create_connection((server.contact.host, server.contact.port), timeout=5) for _ in range(10)]
+    for connection in stalled[:3]:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        connection.sendall(HELLO)
+        question = wire.index(8, 8) + wire.command("d") + struct.pack("<ii", 256, 0)
+        connection.settimeout(0.2)
+        try:
+            while True:
+                connection.sendall(question * 1000)
+        except TimeoutError:
+            pass
+    well(server, network)
+    for connection in stalled:
+        connection.close()
+
+
+CONVERSATIONS = [
+    b"".join(data for way, data in recorded("3.12.3", name) if way == ">") for name in ("tcp", "text_ack", "admin")
+]
+
+
+@given(data=st.data())
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_damaged_conversations(server: RpcServer, network: Network, data: st.DataObject):
+    """Recorded conversations with bits flipped, pieces left out, doubled and cut off."""
+    talk = bytearray(data.draw(st.sampled_from(CONVERSATIONS)))
+    for _ in range(data.draw(st.integers(1, 6))):
+        place = data.draw(st.integers(0, len(talk) - 1))
+        kind = data.draw(st.sampled_from(["flip", "set", "cut", "double", "drop"]))
+        if kind == "flip":
+            talk[place] ^= 1 << data.draw(st.integers(0, 7))
+        elif kind == "set":
+            talk[place] = data.draw(st.integers(0, 255))
+        elif kind == "cut":
+            del talk[max(1, place) :]
+        elif kind == "double":
+            talk[place:place] = talk[max(0, place - 16) : place]
+        else:
+            del talk[place : place + data.draw(st.integers(1, 16))]
+        if not talk:
+            return
+    attack(server, bytes(talk))
+
+
+@given(st.binary(max_size=400))
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_random_bytes_after_the_handshake(server: RpcServer, network: Network, data: bytes):
+    """And the server goes on."""
+    attack(server, HELLO + data)
+
+
+def test_the_server_survived(server: RpcServer, network: Network):
+    """After ten thousand damaged messages on one connection after the other."""
+    luck = random.Random(5)
+    for _ in range(100):
+        attack(server, HELLO + luck.randbytes(luck.randrange(200)))
+    well(server, network)
+
+
+@given(st.binary(max_size=200))
+@settings(max_examples=300, deadline=None)
+def test_a_client_survives_any_answer(data: bytes):
+    """What a server sends instead of an answer is an error of ours, soon."""
+    ours, theirs = socket.socketpair()
+    with theirs:
+        from rtf.bottle import Dialect
+        from rtf.middleware.carriers.tcp import Tcp, TcpOutput
+        from rtf.middleware.codecs import BOTTLE
+
+        link = TcpOutput(Tcp(), Stream(ours))
+        link._due = True
+        theirs.sendall(data)
+        theirs.shutdown(socket.SHUT_WR)
+        try:
+            link.receive_reply(BOTTLE, Dialect.YARP3)
+            link.finish()
+        except RtfError:
+            pass
+        finally:
+            link.close(politely=False)
+
+
+def test_many_ports_and_connections():
+    """Five hundred ports and a thousand connections in one process: under 300 MB, and idle they burn no processor."""
+    script = """
+import os, resource, threading, time
+from rtf.bottle import Bottle
+from rtf.middleware.carriers import unix_stream
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.naming.local import LocalNames
+from rtf.middleware.network import Network
+from rtf.middleware.port import Port
+resource.setrlimit(resource.RLIMIT_NOFILE, (resource.getrlimit(resource.RLIMIT_NOFILE)[1],) * 2)
+network = Network(LocalNames())
+readers = [BufferedPort(f"/r/{n}", network=network) for n in range(250)]
+writers = [Port(f"/w/{n}", network=network) for n in range(250)]
+for n, writer in enumerate(writers):
+    for k in range(4):
+        writer.add_output(readers[(n + 37 * k) % 250].name, ("tcp", "fast_tcp")[k % 2])
+for n, writer in enumerate(writers):
+    assert writer.write(Bottle([n])) == 4
+used = time.process_time()
+time.sleep(1.0)
+idle = time.process_time() - used
+for reader in readers:
+    assert reader.read(timeout=5)
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+for port in (*writers, *readers):
+    port.close()
+print(peak, idle, threading.active_count())
+os._exit(0)
+"""
+    import subprocess
+    import sys
+
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=100, check=False)
+    assert done.returncode == 0, done.stderr
+    peak, idle, threads = done.stdout.split()
+    assert int(peak) < 300
+    assert float(idle) < 0.05
+    assert int(threads) <= 2
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_any_order_of_calls(seed: int):
+    """Writes, reads, interrupts, closes of many threads end in any order; no strict message is lost or doubled."""
+    schedule = Schedule(seed)
+    try:
+        schedule.run()
+    finally:
+        schedule.close()
+    got, sent = schedule.got, schedule.sent
+    assert len(got) == len(set(got)), "a message was doubled"
+    assert set(sent) <= set(got), "a message was lost"
+    for number in range(3):
+        counts = [count for who, count in got if who == number]
+        assert counts == sorted(counts), "messages overtook each other"
+
+
+class Schedule:
+    """Three writers, a strict reader and somebody who disturbs them, each in a thread, in any order."""
+
+    def __init__(self, seed: int) -> None:
+        self.luck = random.Random(seed)
+        network = Network(LocalNames())
+        self.reader = BufferedPort("/reader", strict=True, network=network)
+        self.writers = [Port(f"/writer/{number}", network=network) for number in range(3)]
+        for writer in self.writers:
+            writer.add_output("/reader", self.luck.choice(["tcp", "local", "text_ack", "unix_stream+ack"]))
+        self.got: list[tuple[object, ...]] = []
+        self.sent: list[tuple[object, ...]] = []
+        self.lock = threading.Lock()
+
+    def run(self) -> None:
+        """Do it all, to the end."""
+        jobs = [(self.write, number) for number in range(3)] + [(self.read,), (self.disturb,)]
+        self.luck.shuffle(jobs)
+        threads = [threading.Thread(target=job, args=arguments, daemon=True) for job, *arguments in jobs]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(20)
+            assert not thread.is_alive(), "a deadlock"
+
+    def write(self, number: int) -> None:
+        """Write forty messages, as long as the port is open."""
+        for count in range(40):
+            try:
+                if self.writers[number].write(Bottle([number, count])):
+                    with self.lock:
+                        self.sent.append((number, count))
+            except RtfError:
+                return
+
+    def read(self) -> None:
+        """Read until nothing comes any more."""
+        try:
+            while True:
+                self.got.append(tuple(self.reader.read(timeout=0.3)))
+        except RtfError:
+            return
+
+    def disturb(self) -> None:
+        """Interrupt and resume, and perhaps close."""
+        for _ in range(3):
+            os.sched_yield()
+            self.luck.choice(self.writers).interrupt()
+            self.luck.choice(self.writers).resume()
+        if self.luck.random() < 0.5:
+            self.luck.choice(self.writers).close()
+
+    def close(self) -> None:
+        """End the ports."""
+        for port in (*self.writers, self.reader):
+            port.close()

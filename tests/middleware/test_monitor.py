@@ -1,0 +1,167 @@
+"""What is seen of a network from outside, with real ports and the kernel's own counts."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf import clock
+from rtf.bottle import Bottle
+from rtf.middleware import kernel
+from rtf.middleware.errors import MiddlewareError
+from rtf.middleware.monitor import Link, Tap, Traffic, survey
+from rtf.middleware.names import Contact
+from rtf.middleware.port import Port
+from rtf.middleware.rpc import RpcClient, RpcServer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.middleware.network import Network
+
+
+def _ignore(delivery: object) -> None:
+    """Take a message."""
+
+
+@contextmanager
+def writing(port: Port) -> Iterator[None]:
+    """A thread that has a port write again and again."""
+    over = threading.Event()
+
+    def write() -> None:
+        while not over.wait(0.002):
+            port.write(Bottle([1, 2, 3]))
+
+    thread = threading.Thread(target=write)
+    thread.start()
+    yield
+    over.set()
+    thread.join()
+
+
+#: Bytes of such a message: index with two blocks, command, and a bottle of three integers.
+_MESSAGE = 8 + 10 + 3 * 4 + 8 + 20
+
+
+class TestSurvey:
+    """All ports at one moment."""
+
+    def test_ports_and_connections(self, network: Network):
+        """Who answers, how fast, and what is connected by which carrier; the questions themselves are not seen."""
+        with Port("/a", network=network) as a, Port("/b", _ignore, network=network):
+            a.add_output("/b", "fast_tcp")
+            found = {port.name: port for port in survey(network)}
+        assert found["/a"].outputs == (Link("/a", "/b", "fast_tcp"),)
+        assert found["/b"].inputs == ("/a",)
+        assert found["/a"].inputs == found["/b"].outputs == ()
+        assert all(port.alive and 0 < port.latency < 1 for port in found.values())
+
+    def test_only_a_part(self, network: Network):
+        """A prefix picks whole parts of names."""
+        with Port("/a/x", network=network), Port("/ab", network=network):
+            assert [port.name for port in survey(network, "/a")] == ["/a/x"]
+
+    def test_those_who_do_not_answer(self, network: Network):
+        """A port that is gone, one that says nothing, and entries that are no ports; none takes longer than it may."""
+        with socket.create_server(("127.0.0.1", 0)) as mute:
+            network.names.register("/mute", carrier="tcp", host="127.0.0.1", port=mute.getsockname()[1])
+            network.names.register("/gone", carrier="tcp", host="127.0.0.1", port=1)
+            network.names.register("/group", carrier="mcast", host="224.1.1.3", port=5000)
+            before = clock.monotonic()
+            found = {port.name: port.alive for port in survey(network, patience=0.2)}
+            assert clock.monotonic() - before < 5
+        assert found == {"/mute": False, "/gone": False, "/group": None}
+
+
+class TestTraffic:
+    """Rates from the counts of the kernel."""
+
+    def flow(self, network: Network, name: str, seconds: float = 0.3):
+        """What came to a port in some time."""
+        traffic = Traffic()
+        traffic.flows([])
+        clock.sleep(seconds)
+        return traffic.flows(survey(network)).get(name)
+
+    def test_messages_over_tcp(self, network: Network):
+        """Messages are counted by their acknowledgements, bytes as they come."""
+        count = []
+        with Port("/a", network=network) as a, Port("/b", count.append, network=network):
+            a.add_output("/b")
+            with writing(a):
+                before, since = len(count), clock.monotonic()
+                found = self.flow(network, "/b")
+                really = (len(count) - before) / (clock.monotonic() - since)
+        assert found.rate == pytest.approx(really, rel=0.3)
+        assert found.bandwidth / found.rate == pytest.approx(_MESSAGE, abs=2)
+
+    def test_bytes_over_fast_tcp(self, network: Network):
+        """Where nothing is acknowledged nobody can tell messages from outside."""
+        with Port("/a", network=network) as a, Port("/b", _ignore, network=network):
+            a.add_output("/b", "fast_tcp")
+            with writing(a):
+                found = self.flow(network, "/b")
+        assert found.rate is None
+        assert found.bandwidth > 100
+
+    def test_answers_are_not_taken_for_acknowledgements(self, network: Network):
+        """Questions have no rate: what comes back is more than the eight bytes of an acknowledgement."""
+        with RpcServer("/b", lambda question: question, network=network), RpcClient("/a", "/b", network=network) as a:
+            traffic = Traffic()
+            traffic.flows([])
+            for number in range(10):
+                a.call(Bottle([number]))
+            found = traffic.flows(survey(network))["/b"]
+        assert found.rate is None
+        assert found.bandwidth > 0
+
+    def test_silence(self, network: Network):
+        """A connection on which nothing comes has a rate of nothing; a port without connections has none."""
+        with Port("/a", network=network) as a, Port("/b", _ignore, network=network):
+            a.add_output("/b")
+            found = self.flow(network, "/b", 0.05)
+            assert self.flow(network, "/a", 0.0) is None
+        assert (found.rate, found.bandwidth) == (0.0, 0.0)
+
+
+class TestTap:
+    """A reader that counts."""
+
+    def test_counts_messages_and_bytes(self, network: Network):
+        """Of any carrier; afterwards the port sends there no more."""
+        with Port("/a", network=network) as a:
+            with Tap(network, Contact("/a"), "tcp") as tap:
+                for _ in range(10):
+                    a.write(Bottle([1, 2, 3]))
+                found = tap.flow()
+                assert found.bandwidth == pytest.approx(20 * found.rate)
+                assert tap.flow().rate == 0
+                assert [output.peer for output in a.outputs] == [tap.name]
+            assert a.outputs == ()
+
+    def test_a_port_that_is_missing(self, network: Network):
+        """Nothing stays open."""
+        with pytest.raises(MiddlewareError, match="/none"):
+            Tap(network, Contact("/none"))
+        assert network.names.list() == []
+
+
+def test_the_kernel_counts_both_ends():
+    """Bytes and segments of a connection, as seen from each end."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        with socket.create_connection(listening.getsockname()) as near, listening.accept()[0] as far:
+            ends = kernel.Ends(near.getsockname(), far.getsockname())
+            before = kernel.connections()[ends]
+            near.sendall(bytes(1000))
+            assert far.recv(1000, socket.MSG_WAITALL) == bytes(1000)
+            far.sendall(b"yes")
+            assert near.recv(3) == b"yes"
+            counted = kernel.connections()
+        assert counted[ends].since(before) == kernel.Counted(received=3, sent=1000, segments_sent=1)
+        assert counted[kernel.Ends(ends.far, ends.near)].received == 1000
+        assert ends not in kernel.connections()

@@ -1,0 +1,117 @@
+"""What the ports of a process share: where names are found, and where a port listens."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+
+from rtf.middleware.errors import AddressError, ConnectError
+from rtf.middleware.names import Contact
+from rtf.middleware.naming.local import LocalNames
+from rtf.middleware.network import Network, Opening, listen
+from rtf.middleware.port import Port
+
+
+class Giving(LocalNames):
+    """Gives the port that registers without a number this one, and counts."""
+
+    def __init__(self, number: int, host: str = "127.0.0.1") -> None:
+        super().__init__(host=host)
+        self.number = number
+        self.asked = 0
+
+    def register(self, name: str, *, carrier: str = "", host: str = "", port: int = 0, promise: str = "") -> Contact:
+        """See Names."""
+        self.asked += 1
+        return super().register(name, carrier=carrier, host=host, port=port or self.number, promise=promise)
+
+
+@pytest.fixture
+def squatter():
+    """Somebody who listens."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        yield listening
+
+
+class TestResolve:
+    """From a contact to an address."""
+
+    def test_a_name(self):
+        """Is asked for; its carrier is the registered one, unless another is meant."""
+        names = LocalNames()
+        there = names.register("/a", host="127.0.0.1", port=5, carrier="udp")
+        network = Network(names)
+        assert network.resolve(Contact("/a")) == there
+        assert network.resolve(Contact("/a", carrier="tcp")) == there.by("tcp")
+        assert network.resolve(Contact("/b")) is None
+
+    def test_an_address(self):
+        """Nobody is asked."""
+        contact = Contact.parse("tcp://127.0.0.1:5/a")
+        assert Network(LocalNames()).resolve(contact) == contact
+
+    def test_a_name_without_a_number(self):
+        """Is not where it could be connected to yet."""
+        names = LocalNames()
+        names.register("/a")
+        assert Network(names).resolve(Contact("/a")) is None
+
+
+class TestOpening:
+    """Where a port listens."""
+
+    def test_where_the_name_server_says(self):
+        """It is registered once then."""
+        with listen("127.0.0.1", 0) as probe:
+            number = probe.getsockname()[1]
+        names = Giving(number)
+        listening, contact = Network(names).open_address("/a")
+        with listening:
+            assert listening.getsockname() == ("127.0.0.1", number)
+            assert contact == Contact("/a", "127.0.0.1", number, "tcp")
+        assert names.asked == 1
+
+    def test_elsewhere_when_that_is_taken(self, squatter: socket.socket):
+        """And the name server is told."""
+        names = Giving(squatter.getsockname()[1])
+        listening, contact = Network(names).open_address("/a", "yarp/image")
+        with listening:
+            assert listening.getsockname()[1] == contact.port != squatter.getsockname()[1]
+            assert names.query("/a") == contact
+            assert list(names.get_property("/a", "type")) == ["yarp/image"]
+
+    def test_nowhere(self):
+        """An address of another machine: the error says which, and the name is free again."""
+        names = Giving(5, host="192.0.2.77")
+        with pytest.raises(ConnectError, match=r"/a cannot listen on 192\.0\.2\.77: "):
+            Network(names).open_address("/a")
+        assert names.query("/a") is None
+
+    def test_at_a_number_that_is_fixed(self, squatter: socket.socket):
+        """By the environment: there or nowhere."""
+        number = squatter.getsockname()[1]
+        names = LocalNames()
+        network = Network(names, opening=lambda name: Opening(f"/lab{name}", number))
+        with pytest.raises(ConnectError, match=rf"/lab/a cannot listen on 127\.0\.0\.1:{number}: .*environment"):
+            network.open_address("/a")
+        assert names.query("/lab/a") is None
+        squatter.close()
+        with Port("/a", network=network) as port:
+            assert port.contact == Contact("/lab/a", "127.0.0.1", number, "tcp")
+
+    @pytest.mark.parametrize("name", ["a", "a/b", "tcp://a"])
+    def test_names_begin_with_a_slash(self, name: str):
+        """The error shows one that does; also when a prefix lacks it."""
+        names = LocalNames()
+        with pytest.raises(AddressError, match="begins with '/', such as"):
+            Network(names).open_address(name)
+        with pytest.raises(AddressError, match="'lab/a' is no name"):
+            Network(names, opening=lambda name: Opening(f"lab{name}")).open_address("/a")
+        assert names.list() == []
+
+    def test_without_a_name(self):
+        """The name server makes one."""
+        listening, contact = Network(LocalNames()).open_address("")
+        listening.close()
+        assert contact.name == "/tmp/port/1"

@@ -1,0 +1,353 @@
+"""The port: who waits for whom, what is listed, and how it ends."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.bottle import Bottle
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.errors import ConnectError, MiddlewareError, PortClosedError, WaitTimeoutError
+from rtf.middleware.names import Contact
+from rtf.middleware.port import Port
+from rtf.middleware.rpc import RpcClient, RpcServer
+from waiting import eventually, open_descriptors
+
+if TYPE_CHECKING:
+    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.network import Network
+
+
+def in_thread(work: object, *arguments: object) -> threading.Thread:
+    """Do something in a thread of its own."""
+    thread = threading.Thread(target=work, args=arguments, daemon=True)  # type: ignore[arg-type]
+    thread.start()
+    return thread
+
+
+class TestReading:
+    """A plain port: senders wait until their message is read."""
+
+    def test_writer_waits_for_the_reader(self, network: Network):
+        """A write comes back when the message has been read, not before."""
+        written = threading.Event()
+        with Port("/reader", network=network) as reader, Port("/writer", network=network) as writer:
+            writer.add_output("/reader")
+            thread = in_thread(lambda: (writer.write(Bottle([1])), written.set()))
+            with reader.request(timeout=5) as delivery:
+                assert not written.is_set()
+                assert delivery.read() == Bottle([1])
+                assert not written.is_set()
+            assert written.wait(5)
+            thread.join()
+
+    def test_messages_of_one_sender_keep_their_order(self, network: Network):
+        """However fast they are sent."""
+        with Port("/reader", network=network) as reader, Port("/writer", network=network) as writer:
+            writer.add_output("/reader", "fast_tcp")
+            for number in range(100):
+                writer.write(Bottle([number]))
+            assert [reader.read(timeout=5)[0] for _ in range(100)] == [*range(100)]
+
+    def test_reader_that_waits_too_long_is_told(self, network: Network):
+        """With the port's name."""
+        with Port("/reader", network=network) as reader, pytest.raises(WaitTimeoutError, match="/reader within"):
+            reader.read(timeout=0.01)
+
+    @pytest.mark.parametrize("end", ["interrupt", "close"])
+    def test_reader_is_woken(self, network: Network, end: str):
+        """An interrupt and a close end a wait."""
+        woken: list[BaseException] = []
+        reader = Port("/reader", network=network)
+
+        def wait() -> None:
+            try:
+                reader.read()
+            except PortClosedError as error:
+                woken.append(error)
+
+        thread = in_thread(wait)
+        getattr(reader, end)()
+        thread.join(5)
+        reader.close()
+        assert woken
+
+    def test_interrupted_port_throws_messages_away(self, network: Network):
+        """And takes them again afterwards; its senders are not held up."""
+        with Port("/reader", network=network) as reader, Port("/writer", network=network) as writer:
+            writer.add_output("/reader")
+            reader.interrupt()
+            assert writer.write(Bottle([1])) == 1
+            reader.resume()
+            thread = in_thread(writer.write, Bottle([2]))
+            assert reader.read(timeout=5) == Bottle([2])
+            thread.join()
+
+    def test_a_reader_may_reply(self, network: Network):
+        """In the block in which it has the message."""
+        with Port("/server", network=network) as server, RpcClient("/client", "/server", network=network) as client:
+
+            def serve() -> None:
+                with server.request(timeout=5) as delivery:
+                    delivery.reply(Bottle(["pong", *delivery.read()]))
+
+            thread = in_thread(serve)
+            assert client.call(Bottle(["ping"]), timeout=5) == Bottle(["pong", "ping"])
+            thread.join()
+
+
+class TestBuffered:
+    """A buffered port: nobody waits for anybody."""
+
+    def test_newest_is_kept(self, network: Network):
+        """What nobody has read is dropped for what comes after it."""
+        with BufferedPort("/reader", network=network) as reader, Port("/writer", network=network) as writer:
+            writer.add_output("/reader")
+            for number in range(10):
+                writer.write(Bottle([number]))
+            assert reader.pending == 1
+            assert reader.read(timeout=5) == Bottle([9])
+            assert reader.dropped == 9
+
+    def test_strict_keeps_all(self, network: Network):
+        """In their order."""
+        with (
+            BufferedPort("/reader", strict=True, network=network) as reader,
+            Port("/writer", network=network) as writer,
+        ):
+            writer.add_output("/reader")
+            for number in range(10):
+                writer.write(Bottle([number]))
+            assert reader.pending == 10
+            assert [reader.read(timeout=5)[0] for _ in range(10)] == [*range(10)]
+
+    def test_poll_does_not_wait(self, network: Network):
+        """It has something or nothing."""
+        with BufferedPort("/reader", network=network) as reader, Port("/writer", network=network) as writer:
+            assert reader.poll() is None
+            writer.add_output("/reader")
+            writer.write(Bottle([1]))
+            assert reader.poll() == Bottle([1])
+            assert reader.poll() is None
+
+    def test_callback_gets_each_in_a_thread_of_its_own(self, network: Network):
+        """With sender and envelope."""
+        got: list[tuple[object, ...]] = []
+
+        def call(received: object) -> None:
+            got.append((*received, threading.current_thread().name))  # type: ignore[misc]
+
+        with BufferedPort("/reader", callback=call, network=network), Port("/writer", network=network) as writer:
+            writer.add_output("/reader")
+            writer.write(Bottle([1]), envelope="7 0.5")
+            eventually(lambda: got, "the callback was not called")
+        assert got == [(Bottle([1]), "/writer", "7 0.5", "rtf-callback /reader")]
+
+    def test_busy_reader_is_skipped(self, network: Network):
+        """A write does not wait for an output that is still busy; a strict one does."""
+        leave = threading.Event()
+        seen: list[object] = []
+
+        def slowly(delivery: Delivery) -> None:
+            seen.append(delivery.read()[0])
+            leave.wait(5)
+
+        with Port("/reader", slowly, network=network), BufferedPort("/writer", network=network) as writer:
+            writer.add_output("/reader")
+            assert writer.write(Bottle([0])) == 1
+            eventually(lambda: seen == [0], "the first was not delivered")
+            assert writer.write(Bottle([1])) == 0
+            leave.set()
+            for number in range(2, 20):
+                assert writer.write(Bottle([number]), strict=True) == 1
+            assert writer.wait(timeout=5)
+        assert seen == [0, *range(2, 20)]
+
+    def test_replier_answers_questions(self, network: Network):
+        """Messages that want a reply do not go into the queue."""
+
+        def reply(delivery: Delivery) -> None:
+            delivery.reply(Bottle(["ok"]))
+
+        with (
+            BufferedPort("/reader", replier=reply, network=network) as reader,
+            RpcClient("/client", "/reader", network=network) as client,
+        ):
+            assert client.call(Bottle(["?"]), timeout=5) == Bottle(["ok"])
+            assert reader.pending == 0
+
+    def test_object_may_be_changed_after_the_write(self, network: Network):
+        """What was written is what arrives."""
+        with BufferedPort("/reader", network=network) as reader, BufferedPort("/writer", network=network) as writer:
+            writer.add_output("/reader")
+            bottle = Bottle([1])
+            writer.write(bottle)
+            bottle.append(2)
+            assert reader.read(timeout=5) == Bottle([1])
+
+
+class TestRpc:
+    """Questions and answers."""
+
+    def test_each_client_gets_its_own_answers(self, network: Network):
+        """Many at the same time."""
+
+        def client(number: int, wrong: list[object]) -> None:
+            with RpcClient(f"/client/{number}", "/server", network=network) as port:
+                for count in range(100):
+                    answer = port.call(Bottle([number, count]), timeout=10)
+                    if answer != Bottle([number, count, "ok"]):
+                        wrong.append(answer)
+
+        wrong: list[object] = []
+        with RpcServer("/server", lambda question: Bottle([*question, "ok"]), network=network):
+            threads = [in_thread(client, number, wrong) for number in range(8)]
+            for thread in threads:
+                thread.join(30)
+        assert wrong == []
+
+    def test_server_takes_no_output_and_client_one(self, network: Network):
+        """And they say so as YARP's do."""
+        with RpcServer("/server", lambda question: question, network=network) as server:
+            with pytest.raises(ConnectError, match="Outputs not allowed"):
+                server.add_output("/server")
+            with (
+                RpcClient("/client", "/server", network=network) as client,
+                pytest.raises(ConnectError, match="RPC output already connected"),
+            ):
+                client.add_output("/server")
+
+    def test_answer_that_does_not_come_is_not_waited_for(self, network: Network):
+        """And one that comes late is never taken for that to another question."""
+        leave = threading.Event()
+
+        def slowly(question: Bottle) -> Bottle:
+            if question[0] == "slow":
+                leave.wait(5)
+            return question
+
+        with (
+            RpcServer("/server", slowly, network=network),
+            RpcClient("/client", "/server", network=network) as client,
+        ):
+            with pytest.raises(WaitTimeoutError):
+                client.call(Bottle(["slow"]), timeout=0.05)
+            leave.set()
+            with pytest.raises(ConnectError):
+                client.call(Bottle(["quick"]), timeout=1)
+            client.add_output("/server")
+            assert client.call(Bottle(["quick"]), timeout=5) == Bottle(["quick"])
+
+    def test_handler_that_breaks_costs_its_client_the_connection(self, network: Network, said: list[str]):
+        """The server lives on, and the network hears of it."""
+
+        def handle(question: Bottle) -> Bottle:
+            raise ConnectError(f"no {question[0]} here")
+
+        with RpcServer("/server", handle, network=network):
+            with RpcClient("/client", "/server", network=network) as client, pytest.raises(MiddlewareError):
+                client.call(Bottle(["luck"]), timeout=5)
+            eventually(lambda: any("no luck here" in line for line in said), "nobody was told")
+            with RpcClient("/other", "/server", network=network) as client, pytest.raises(MiddlewareError):
+                client.call(Bottle(["luck"]), timeout=5)
+
+
+class TestManyReaders:
+    """Fan-out and fan-in."""
+
+    def test_all_readers_get_everything(self, network: Network):
+        """A write returns how many have it."""
+        readers = [BufferedPort(f"/reader/{number}", strict=True, network=network) for number in range(20)]
+        with Port("/writer", network=network) as writer:
+            for number, reader in enumerate(readers):
+                writer.add_output(reader.name, ("tcp", "fast_tcp", "local", "unix_stream")[number % 4])
+            for number in range(20):
+                assert writer.write(Bottle([number])) == 20
+            for reader in readers:
+                assert [reader.read(timeout=5)[0] for _ in range(20)] == [*range(20)]
+        for reader in readers:
+            reader.close()
+
+    def test_a_reader_that_breaks_costs_nobody_else_anything(self, network: Network):
+        """The others still get the message of that very write."""
+        with BufferedPort("/good", strict=True, network=network) as good, Port("/writer", network=network) as writer:
+            with socket.create_server(("127.0.0.1", 0)) as listening:
+                thread = in_thread(_accept_and_break, listening)
+                writer.add_output(Contact("/bad", "127.0.0.1", listening.getsockname()[1], "tcp"))
+                writer.add_output("/good")
+                thread.join(5)
+                for number in range(5):
+                    writer.write(Bottle([number]))
+            assert [good.read(timeout=5)[0] for _ in range(5)] == [*range(5)]
+            assert [output.peer for output in writer.outputs] == ["/good"]
+
+
+def _accept_and_break(listening: socket.socket) -> None:
+    connection, _ = listening.accept()
+    connection.recv(100)
+    connection.sendall(b"YA\x01\x00\x00\x00RP")
+    connection.close()
+
+
+class TestEnd:
+    """Closing."""
+
+    def test_closed_port_says_so(self, network: Network):
+        """Whatever is asked of it."""
+        port = Port("/port", network=network)
+        port.close()
+        port.close()
+        for ask in (lambda: port.write(Bottle()), lambda: port.read(timeout=1), lambda: port.add_output("/port")):
+            with pytest.raises(PortClosedError, match="/port is closed"):
+                ask()
+        assert network.names.query("/port") is None
+
+    def test_close_is_possible_in_a_callback(self, network: Network):
+        """The port does not wait for itself."""
+        closed = threading.Event()
+
+        def close(delivery: Delivery) -> None:
+            server.close()
+            closed.set()
+
+        server = Port("/server", close, network=network)
+        with Port("/writer", network=network) as writer:
+            writer.add_output("/server")
+            writer.write(Bottle([1]))
+            assert closed.wait(5)
+
+    def test_close_ends_a_write_that_hangs(self, network: Network):
+        """A reader that never reads must not keep the writer from closing."""
+        with Port("/reader", network=network):
+            writer = Port("/writer", network=network)
+            writer.add_output("/reader")
+            thread = in_thread(_ignore, writer.write, Bottle([1]))
+            eventually(writer.outputs[0].lock.locked, "the write has not begun")
+            writer.close()
+            thread.join(5)
+            assert not thread.is_alive()
+
+    def test_thousand_connections_leave_nothing(self, network: Network):
+        """No descriptor and no thread; the fixture looks."""
+        with BufferedPort("/reader", network=network) as reader, Port("/writer", network=network) as writer:
+            writer.add_output("/reader")  # now everything is there that will be
+            writer.remove_output("/reader")
+            eventually(lambda: not reader.inputs, "an input is left")
+            before = open_descriptors()
+            for count in range(250):
+                for carrier in ("tcp", "fast_tcp", "udp", "text_ack"):
+                    writer.add_output("/reader", carrier)
+                if count % 50 == 49:
+                    eventually(lambda: len(reader.inputs) <= 2, "inputs pile up")
+            writer.remove_output("/reader")
+            eventually(lambda: open_descriptors() <= before, "descriptors pile up")
+
+
+def _ignore(work: object, *arguments: object) -> None:
+    try:
+        work(*arguments)  # type: ignore[operator]
+    except MiddlewareError:
+        return

@@ -1,0 +1,203 @@
+"""Conversations between the ports of real programs of YARP 3.12.3 and 4.0.0, replayed in both roles.
+
+Port numbers, process ids and the texts of help differ from machine to machine, and from us; all else is the same to
+the byte.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.bottle import Bottle, Dialect, same
+from rtf.bottle.binary import decode_from
+from rtf.middleware import wire
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.names import Contact
+from rtf.middleware.port import Port
+from waiting import eventually
+
+if TYPE_CHECKING:
+    from rtf.middleware.network import Network
+
+DATA = Path(__file__).parents[1] / "data" / "yarp_wire"
+VERSIONS = {"3.12.3": Dialect.YARP3, "4.0.0": Dialect.YARP4}
+TALK = '1 2.5 hello "two words" (1 2 3) [pos] {10 20 30} -7 "say \\"hi\\"" (1.5 2.5) (a (b c) [ok]) true 3000000000'
+MESSAGES = (TALK, "[get] [encs]", "end")
+
+version = pytest.mark.parametrize("version", VERSIONS)
+
+
+def recorded(version: str, name: str) -> list[tuple[str, bytes]]:
+    """A conversation: directions and bytes."""
+    text = (DATA / version / "ports.json").read_text(encoding="utf-8")
+    return [(way, bytes.fromhex(data)) for way, data in json.loads(text)[name]]
+
+
+def receive(connection: socket.socket, size: int) -> bytes:
+    """So many bytes, or what there is until the end."""
+    data = b""
+    while len(data) < size and (part := connection.recv(size - len(data))):
+        data += part
+    return data
+
+
+@version
+@pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "text", "text_ack"])
+class TestWriterAndReader:
+    """What a writer sent and a reader answered."""
+
+    def test_reader_answers_as_recorded(self, network: Network, version: str, carrier: str):
+        """Our port takes the place of the reader: it gets the messages, and answers with the same bytes."""
+        network.dialect = VERSIONS[version]
+        with BufferedPort(f"/rd_{carrier}", strict=True, network=network) as reader:
+            with socket.create_connection((reader.contact.host, reader.contact.port), timeout=10) as connection:
+                for number, (way, data) in enumerate(recorded(version, carrier)):
+                    if way == ">":
+                        connection.sendall(data)
+                        continue
+                    answer = receive(connection, len(data))
+                    if number == 1 and carrier.endswith("tcp"):
+                        assert answer == wire.yarp_number(reader.contact.port)
+                    else:
+                        assert answer == data
+                assert connection.recv(1) == b"", "the connection is still open after its end was asked for"
+            for text in MESSAGES:
+                assert same(reader.read(timeout=5), Bottle.parse(text))
+
+    def test_writer_sends_as_recorded(self, network: Network, version: str, carrier: str):
+        """Our port takes the place of the writer: against the recorded answers it sends the same bytes."""
+        network.dialect = VERSIONS[version]
+        sent: list[tuple[bytes, bytes]] = []
+        with socket.create_server(("127.0.0.1", 0)) as listening:
+            thread = threading.Thread(target=play, args=(listening, recorded(version, carrier), sent))
+            thread.start()
+            with Port(f"/wr_{carrier}", network=network) as writer:
+                writer.add_output(Contact(f"/rd_{carrier}", *listening.getsockname(), carrier))
+                for text in MESSAGES:
+                    assert writer.write(Bottle.parse(text)) == 1
+            thread.join(10)
+        assert len(sent) == sum(way == ">" for way, _ in recorded(version, carrier))
+        for expected, got in sent:
+            assert got == expected
+
+
+def play(listening: socket.socket, segments: list[tuple[str, bytes]], sent: list[tuple[bytes, bytes]]) -> None:
+    """Be the recorded server; note what should have been sent, and what was."""
+    connection, _ = listening.accept()
+    with connection:
+        connection.settimeout(10)
+        for way, data in segments:
+            if way == "<":
+                connection.sendall(data)
+            else:
+                sent.append((data, receive(connection, len(data))))
+
+
+@version
+def test_datagrams_arrive_as_recorded(network: Network, version: str):
+    """The handshake, the datagrams, and the text connection by which their sender says that it is done."""
+    network.dialect = VERSIONS[version]
+    with BufferedPort("/rd_udp", strict=True, network=network) as reader:
+        address = (reader.contact.host, reader.contact.port)
+        with socket.create_connection(address, timeout=10) as connection:
+            connection.sendall(recorded(version, "udp")[0][1])
+            number = wire.read_number(receive(connection, 8))
+            own = connection.getsockname()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending:
+            sending.bind(own)
+            for (_, datagram), text in zip(recorded(version, "udp datagrams"), MESSAGES, strict=True):
+                sending.sendto(datagram, (address[0], number))
+                assert same(reader.read(timeout=5), Bottle.parse(text))
+        assert [caller.peer for caller in reader.inputs] == ["/wr_udp"]
+        with socket.create_connection(address, timeout=10) as connection:
+            (_, question), (_, answer) = recorded(version, "udp end")
+            connection.sendall(question)
+            assert receive(connection, len(answer)) == answer
+        eventually(lambda: not reader.inputs, "the input is still there")
+
+
+@version
+def test_datagrams_are_sent_as_recorded(network: Network, version: str):
+    """Checksum, counter, index and data."""
+    network.dialect = VERSIONS[version]
+    with (
+        socket.create_server(("127.0.0.1", 0)) as listening,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiving,
+        Port("/wr_udp", network=network) as writer,
+    ):
+        receiving.bind(("127.0.0.1", 0))
+        receiving.settimeout(10)
+        answer = [*recorded(version, "udp")]
+        answer[1] = ("<", wire.yarp_number(receiving.getsockname()[1]))
+        sent: list[tuple[bytes, bytes]] = []
+        thread = threading.Thread(target=play, args=(listening, answer, sent))
+        thread.start()
+        writer.add_output(Contact("/rd_udp", *listening.getsockname(), "udp"))
+        thread.join(10)
+        assert sent[0][0] == sent[0][1]
+        for text in MESSAGES:
+            writer.write(Bottle.parse(text))
+        assert [receiving.recv(1 << 16) for _ in MESSAGES] == [data for _, data in recorded(version, "udp datagrams")]
+        end: list[tuple[bytes, bytes]] = []
+        thread = threading.Thread(target=play, args=(listening, recorded(version, "udp end"), end))
+        thread.start()
+        writer.remove_output("/rd_udp")
+        thread.join(10)
+        assert end[0][0] == end[0][1]
+
+
+@version
+def test_administration_is_answered_as_recorded(network: Network, version: str):
+    """Byte for byte where nothing varies; the same keys in the same order where something does."""
+    network.dialect = dialect = VERSIONS[version]
+    segments = recorded(version, "admin")
+    with (
+        BufferedPort("/rd", network=network) as port,
+        socket.create_connection((port.contact.host, port.contact.port), timeout=10) as connection,
+    ):
+        answers = []
+        for way, data in segments:
+            if way == ">":
+                connection.sendall(data)
+            else:
+                answers.append((data, read_answer(connection, dialect)))
+    handshake, help_of_word, help_of_vocab, version_of, inputs, about, set_process, end = answers
+    assert handshake[1] == wire.yarp_number(port.contact.port)
+    for expected, got in (help_of_word, help_of_vocab):
+        assert shape(got, dialect)[0] == shape(expected, dialect)[0] == "[many]"
+    for expected, got in (version_of, inputs, set_process, end):
+        assert got == expected
+    assert keys(decode_from(about[1], 0, dialect)[0]) == keys(decode_from(about[0], 0, dialect)[0])
+
+
+def read_answer(connection: socket.socket, dialect: Dialect) -> bytes:
+    """A handshake or an acknowledgement, or a bottle and the acknowledgement after it."""
+    data = receive(connection, 8)
+    while not data.startswith(b"YA"):
+        try:
+            _, end = decode_from(data, 0, dialect)
+        except ValueError:
+            data += connection.recv(1)
+            continue
+        return data + receive(connection, end + 8 - len(data))
+    return data
+
+
+def shape(answer: bytes, dialect: Dialect) -> list[str]:
+    """The first words of an answer."""
+    return decode_from(answer, 0, dialect)[0].to_text().split(" ")
+
+
+def keys(value: object) -> object:
+    """The keys of groups and what kind of value each has."""
+    if isinstance(value, Bottle):
+        return [keys(item) for item in value]
+    if hasattr(value, "to_bottle"):
+        return ("dict", [(group[0], [type(item).__name__ for item in group.tail()]) for group in value.to_bottle()])
+    return value if isinstance(value, str) else type(value).__name__

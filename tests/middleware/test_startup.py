@@ -1,0 +1,34 @@
+"""What a tool loads that only asks the name server something: it is started often, and ends soon."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+_PROGRAM = """
+import sys
+from rtf.middleware.naming.configuration import find_network
+find_network({"YARP_CONFIG_HOME": sys.argv[1]})
+print(*sys.modules)
+"""
+#: What takes long and is of use to others: interfaces and keys, whoever keeps names, ports and their types.
+_LATER = {
+    "hmac",
+    "numpy",
+    "psutil",
+    "sqlite3",
+    "rtf.middleware.naming.local",
+    "rtf.middleware.naming.several",
+    "rtf.middleware.naming.table",
+    "rtf.middleware.port",
+}
+
+
+def test_nothing_is_loaded_in_advance(tmp_path: Path):
+    """The network is found without what makes addresses, keys, tables or ports."""
+    program = [sys.executable, "-c", _PROGRAM, str(tmp_path)]
+    done = subprocess.run(program, capture_output=True, text=True, timeout=60, check=True)
+    loaded = set(done.stdout.split())
+    assert "rtf.middleware.naming.client" in loaded
+    assert loaded & _LATER == set()

@@ -1,0 +1,135 @@
+"""Streams use their buffers again, but never one of which somebody keeps a part."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.bottle import Bottle
+from rtf.middleware.port import Port
+from rtf.middleware.stream import CHUNK, Stream, StreamClosedError
+from rtf.middleware.types import IMAGE, Image
+from waiting import eventually
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.network import Network
+
+LARGE = 3 * CHUNK
+np = pytest.importorskip("numpy")
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[Stream, Callable[[bytes], None]]]:
+    """A stream, and a way to have bytes arrive at it."""
+    near, far = socket.socketpair()
+    senders: list[threading.Thread] = []
+
+    def send(data: bytes) -> None:
+        senders.append(threading.Thread(target=far.sendall, args=(data,)))
+        senders[-1].start()
+
+    stream = Stream(near)
+    yield stream, send
+    for sender in senders:
+        sender.join()
+    stream.close()
+    far.close()
+
+
+class TestKeeping:
+    """What somebody keeps of a message stays as it is."""
+
+    def test_a_large_piece_that_is_kept(self, ends: tuple[Stream, Callable[[bytes], None]]):
+        """The next one does not overwrite it, nor a part of it."""
+        stream, send = ends
+        send(b"".join(bytes([number]) * LARGE for number in range(4)))
+        kept = stream.take(LARGE)
+        part = stream.take(LARGE)[LARGE - 5 :]
+        numbers = np.frombuffer(stream.take(LARGE), np.uint8)
+        stream.take(LARGE)
+        assert kept == bytes(LARGE)
+        assert part == b"\1" * 5
+        assert (numbers == 2).all()
+
+    def test_a_large_piece_that_nobody_keeps(self, ends: tuple[Stream, Callable[[bytes], None]]):
+        """The next one is put into the same memory."""
+        stream, send = ends
+        send(bytes(3 * LARGE))
+        first = stream.take(LARGE).obj
+        place = id(first)
+        del first
+        assert id(stream.take(LARGE).obj) == place
+        assert id(stream.take(LARGE).obj) == place
+
+    def test_what_was_lent(self, ends: tuple[Stream, Callable[[bytes], None]]):
+        """It stays for whoever keeps it, and the bytes behind it are not lost."""
+        stream, send = ends
+        send(b"a" * LARGE + b"b" * LARGE + b"c")
+        stream.more_towards(LARGE)
+        kept = stream.lend(LARGE)
+        stream.pass_lent(LARGE)
+        stream.more_towards(LARGE + 1)
+        assert stream.lend(LARGE) == b"b" * LARGE
+        memory = stream.memory
+        stream.pass_lent(LARGE)
+        assert stream.take(1) == b"c"
+        assert kept == b"a" * LARGE
+        del memory
+
+    def test_the_buffer_that_was_lent_to_nobody(self, ends: tuple[Stream, Callable[[bytes], None]]):
+        """It is used again."""
+        stream, send = ends
+        send(bytes(2 * LARGE))
+        stream.more_towards(LARGE)
+        place = id(stream.memory)
+        stream.lend(LARGE)
+        stream.pass_lent(LARGE)
+        assert id(stream.memory) == place
+
+    def test_the_end_within_a_large_piece(self, ends: tuple[Stream, Callable[[bytes], None]]):
+        """It is noticed."""
+        stream, send = ends
+        send(bytes(1000))
+        stream.take(1000 - 10)
+        stream.wake()
+        with pytest.raises(StreamClosedError):
+            stream.take(2 * LARGE)
+
+    @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "unix_stream", "unix_stream+ack"])
+    def test_images_that_a_reader_keeps(self, network: Network, carrier: str):
+        """Each of them stays as it came, whatever comes later."""
+        kept: list[Image] = []
+
+        def keep(delivery: Delivery) -> None:
+            if len(kept) % 3 == 2:  # between them something that is not kept
+                delivery.read()
+            kept.append(delivery.read(IMAGE))
+
+        with Port("/reader", keep, network=network) as reader, Port("/writer", network=network) as writer:
+            writer.add_output(reader.contact, carrier)
+            for number in range(8):
+                writer.write(Image(np.full((240, 320 + number, 3), number, np.uint8)))
+            eventually(lambda: len(kept) == 8, "images are missing")
+        assert [(image.pixels == number).all() for number, image in enumerate(kept)] == [True] * 8
+
+    @pytest.mark.parametrize("carrier", ["tcp", "unix_stream"])
+    def test_bottles_of_all_sizes(self, network: Network, carrier: str):
+        """Small and large ones in any order arrive as they were sent."""
+        sizes = [10, LARGE, 5000, CHUNK - 50, CHUNK + 50, 3, 2 * LARGE, LARGE, 8192, 4096, 4095, 0]
+        sent = [Bottle([bytes([number]) * size]) for number, size in enumerate(sizes)]
+        heard: list[Bottle] = []
+        with (
+            Port("/reader", lambda delivery: heard.append(delivery.read()), network=network) as reader,
+            Port("/writer", network=network) as writer,
+        ):
+            writer.add_output(reader.contact, carrier)
+            for bottle in sent:
+                writer.write(bottle)
+            eventually(lambda: len(heard) == len(sent), "bottles are missing")
+        assert heard == sent

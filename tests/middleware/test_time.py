@@ -1,0 +1,173 @@
+"""Clocks that come over the network."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf import clock
+from rtf.bottle import Bottle
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.errors import PortClosedError
+from rtf.middleware.lockstep import LockstepServer
+from rtf.middleware.port import Port
+from rtf.middleware.rpc import RpcClient
+from rtf.middleware.time import LockstepClock, NetworkClock
+from waiting import eventually
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.middleware.network import Network
+
+
+class World:
+    """Something that happens in time: each millisecond a message."""
+
+    def __init__(self, network: Network) -> None:
+        self.server = LockstepServer("/clock/rpc", self.advance, network=network, patience=0.05)
+        self.output = Port("/world:o", network=network, inputs=False)
+        self.steps = 0
+
+    def advance(self, until: float) -> float:
+        """One step, and its message, for each millisecond."""
+        while (self.steps + 1) * 0.001 <= until + 1e-9:
+            self.steps += 1
+            self.output.write(Bottle([self.steps]), envelope=f"{self.steps} {self.steps * 0.001!r}")
+        return until
+
+    def close(self) -> None:
+        """End it."""
+        self.server.close()
+        self.output.close()
+
+
+@pytest.fixture
+def world(network: Network) -> Iterator[World]:
+    """A world in lockstep."""
+    made = World(network)
+    yield made
+    made.close()
+
+
+class TestLockstep:
+    """Time passes only while everybody waits."""
+
+    def test_sleep_takes_no_time_of_the_machine(self, world: World, network: Network):
+        """A minute of the world is over as soon as its steps are done."""
+        began = clock.monotonic()
+        with clock.use(LockstepClock("/clock/rpc", "tester", network=network)):
+            clock.current().sleep(60.0)
+            assert clock.current().now() == pytest.approx(60.0)
+        assert world.steps == 60_000
+        assert clock.monotonic() - began < 30.0
+
+    def test_what_was_sent_before_the_end_of_a_sleep_is_there(self, world: World, network: Network):
+        """Exactly the messages of that time, none more."""
+        with BufferedPort("/reader", strict=True, network=network) as reader:
+            world.output.add_output("/reader")
+            with clock.use(LockstepClock("/clock/rpc", "tester", network=network)) as time:
+                for count in range(1, 20):
+                    time.sleep(0.005)
+                    assert [reader.poll()[0] for _ in range(5)] == [*range(5 * count - 4, 5 * count + 1)]  # type: ignore[index]
+                    assert reader.poll() is None
+
+    def test_the_slowest_participant_decides(self, world: World, network: Network):
+        """Two threads sleep in steps of their own; each sees its own moments, and time never runs ahead of either."""
+        seen: dict[float, list[float]] = {}
+
+        def live(step: float, time: LockstepClock) -> None:
+            seen[step] = []
+            for _ in range(20):
+                time.sleep(step)
+                seen[step].append(time.now())
+            time.leave()
+
+        time = LockstepClock("/clock/rpc", "tester", network=network)
+        threads = [threading.Thread(target=live, args=(step, time)) for step in (0.003, 0.005)]
+        for thread in threads:
+            thread.start()
+        eventually(lambda: len(seen) == 2, "a thread has not begun")
+        time.leave()
+        for thread in threads:
+            thread.join(10)
+        time.close()
+        for step, moments in seen.items():
+            start = moments[0] - step
+            assert moments == pytest.approx([start + step * count for count in range(1, 21)])
+
+    def test_participant_that_vanishes_is_dropped(self, world: World, network: Network):
+        """Its connection is its membership."""
+        lost = RpcClient("/lost", "/clock/rpc", network=network)
+        lost.call(Bottle(["join", "lost"]))
+        with clock.use(LockstepClock("/clock/rpc", "tester", network=network)) as time:
+            done = threading.Event()
+            thread = threading.Thread(target=lambda: (time.sleep(0.01), done.set()))
+            thread.start()
+            assert not done.wait(0.02)
+            lost.close()
+            time.leave()  # type: ignore[attr-defined]
+            assert done.wait(10)
+            thread.join()
+
+    def test_participant_that_never_waits_is_named(self, world: World, network: Network, said: list[str]):
+        """When it holds others up."""
+        idle = RpcClient("/idle", "/clock/rpc", network=network)
+        idle.call(Bottle(["join", "the idle one"]))
+        time = LockstepClock("/clock/rpc", "tester", network=network)
+        thread = threading.Thread(target=time.sleep, args=(0.01,))
+        thread.start()
+        time.leave()
+        eventually(lambda: any("the idle one does not wait" in line for line in said), "nobody was named")
+        idle.close()
+        thread.join(10)
+        time.close()
+
+    def test_nonsense_is_refused(self, world: World, network: Network):
+        """And changes nothing."""
+        with RpcClient("/client", "/clock/rpc", network=network) as client:
+            for question in ("", "until 99 1.0", "dance", "leave 7", "join"):
+                reply = client.call(Bottle.parse(question), timeout=5)
+                assert reply is not None
+
+
+class TestNetworkClock:
+    """Time that is published."""
+
+    def test_sleep_follows_the_publisher(self, network: Network):
+        """It ends when the published time has come, whatever the machine's clock says."""
+        with Port("/clock", network=network, inputs=False, outputs=True) as publisher:
+            time = NetworkClock("/clock", network=network)
+            publisher.write(Bottle([100, 0]))
+            assert time.now() == 100.0
+            woken: list[float] = []
+            thread = threading.Thread(target=lambda: (time.sleep(1.0), woken.append(time.now())))
+            thread.start()
+            publisher.write(Bottle([100, 999_999_999]))
+            assert not woken
+            eventually(lambda: publisher.write(Bottle([101, 500_000_000])) and woken, "the sleeper sleeps on")
+            assert woken == [101.5]
+            thread.join()
+            time.close()
+
+    def test_close_wakes_everybody(self, network: Network):
+        """Those who wait for the first message, too."""
+        time = NetworkClock("/clock", network=network)
+
+        def ask() -> None:
+            with pytest.raises(PortClosedError):
+                time.now()
+
+        thread = threading.Thread(target=ask)
+        thread.start()
+        time.close()
+        thread.join(5)
+        assert not thread.is_alive()
+
+
+def test_system_clock_is_the_default():
+    """And comes back when another one is done."""
+    assert isinstance(clock.current(), clock.SystemClock)
+    assert clock.current().now() == pytest.approx(clock.now(), abs=1.0)

@@ -1,0 +1,26 @@
+"""Waiting for what other threads and processes do: on a condition, never on luck."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf import clock
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def open_descriptors() -> int:
+    """How many descriptors this process has; the one for looking is counted each time."""
+    return len([*Path("/proc/self/fd").iterdir()])
+
+
+def eventually(condition: Callable[[], object], complaint: str, limit: float = 10.0) -> None:
+    """Wait until a condition holds."""
+    deadline = clock.Deadline.after(limit)
+    while not condition():
+        if deadline.expired:
+            raise AssertionError(f"{complaint}: {[thread.name for thread in threading.enumerate()]}")
+        clock.sleep(0.002)
