@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 def demo(words: Sequence[str]) -> ExitCode:
     """Run the demonstration in a folder of its own, and compare."""
     from rtf.cli import testrunner
+    from rtf.cli.talking import talk
+    from rtf.errors import RtfError
     from rtf.testing import replay
     from rtf.testing.plugins import shipped_folder
     from rtf.testing.results import RunResult
@@ -45,6 +47,10 @@ def demo(words: Sequence[str]) -> ExitCode:
         results.apply(event)
     wrong = compare(results, tomllib.loads((folder / "expected.toml").read_text(encoding="utf-8")))
     print()
+    try:
+        print("\n".join(talk()))
+    except (RtfError, OSError) as error:
+        wrong.append(f"two programs that talk: {error}")
     for line in wrong:
         print(f"not as expected: {line}")
     total = len(results.tests)

@@ -14,16 +14,21 @@ if TYPE_CHECKING:
 _HELP = """\
 usage: rtf TOOL ...
 
-tools:
-  run        run suites and tests (the same as testrunner)
-  describe   what a test or fixture is for, and its parameters
-  validate   everything that is wrong in suite files
-  report     write reports of a run that is over
-  page       the page of a run that is over, or still going on
-  history    what became of tests and measurements over the runs
-  where      where a parameter file is looked for, and which one wins
-  demo       run the demonstration suite and check every verdict
-  version    the version of the framework
+tests:
+  run         run suites and tests (the same as testrunner)
+  describe    what a test or fixture is for, and its parameters
+  validate    everything that is wrong in suite files
+  report      write reports of a run that is over
+  page        the page of a run that is over, or still going on
+  history     what became of tests and measurements over the runs
+  where FILE  where a parameter file is looked for, and which one wins
+  demo        run the demonstration suite and check every verdict
+
+network:
+{network}
+
+other:
+  version     the version of the framework
 
 Each tool has its own --help.
 """
@@ -34,23 +39,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     tool = words[0] if words else ""
     if tool in ("", "-h", "--help", "-?"):
-        print(_HELP, end="")
+        print(_help(), end="")
         return int(ExitCode.PASSED if tool else ExitCode.USAGE)
     if tool in ("version", "--version"):
         print(f"rtf version {rtf.__version__}")
         return int(ExitCode.PASSED)
+    from rtf.cli import network
+
+    # 'where' is asked two things: with a file where that is looked for, without one where the name server is.
+    if tool in network.TOOLS and (tool != "where" or words[1:] in ([], ["-h"], ["--help"])):
+        return int(network.run(tool, words[1:]))
+    return _run_tests(tool, words)
+
+
+def _run_tests(tool: str, words: list[str]) -> int:
+    from rtf.cli import testrunner
+
     if tool == "demo":
         from rtf.cli.demo import demo
 
         return int(demo(words[1:]))
-    from rtf.cli import testrunner
-
     if tool == "run":
         return testrunner.main(words[1:])
     if tool in testrunner.COMMANDS:
         return testrunner.main(words)
     print(f"rtf: there is no tool {tool!r}\nTry 'rtf --help'.", file=sys.stderr)
     return int(ExitCode.USAGE)
+
+
+def _help() -> str:
+    from rtf.cli.network import TOOLS
+
+    return _HELP.format(network="\n".join(f"  {word:<10}  {tool.summary}" for word, tool in TOOLS.items()))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,70 @@
+"""What the tools' command lines have in common: a help text that shows how, and words that are ports."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from typing import TYPE_CHECKING
+
+from rtf.cli.arguments import Parser, seconds
+from rtf.middleware.errors import AddressError
+from rtf.middleware.names import Contact
+
+if TYPE_CHECKING:
+    from rtf.middleware.network import Network
+
+__all__ = ["add_carrier", "add_timeout", "contact", "make_network", "make_parser", "own_name"]
+
+
+def make_parser(word: str, description: str, example: str) -> Parser:
+    """A parser whose help ends with an example: commands, a line each."""
+    return Parser(
+        prog=f"rtf {word}",
+        description=description,
+        epilog="example:\n" + textwrap.indent(textwrap.dedent(example).strip(), "  "),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+
+
+def add_carrier(parser: Parser) -> None:
+    """The carrier of a connection, for names that bring none."""
+    parser.add_argument("--carrier", metavar="C", default="", help="how it is made: tcp (default), fast_tcp, udp …")
+
+
+def add_timeout(parser: Parser, default: float | None, what: str) -> None:
+    """How long something may take."""
+    usual = f" (default {default:g})" if default is not None else ""
+    parser.add_argument("--timeout", metavar="S", type=seconds, default=default, help=f"{what}{usual}")
+
+
+def contact(text: str) -> Contact:
+    """Read a port that is there already: ``/name``, ``carrier://name`` or ``/host:port``."""
+    try:
+        found = Contact.parse(text)
+    except AddressError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    if not found.valid and (found.name.endswith("/") or any(map(str.isspace, found.name))):
+        raise argparse.ArgumentTypeError(f"{text!r} is no port: a name does not end with '/' and has no blanks in it")
+    return found
+
+
+def own_name(text: str) -> str:
+    """Read the name of a port that is to be opened; ``...`` leaves it to the name server, which is the empty name."""
+    if text == "...":
+        return ""
+    if contact(text) != Contact(text):
+        raise argparse.ArgumentTypeError(f"{text!r} cannot be opened: write a name alone, such as /tester/in")
+    return text
+
+
+def make_network(patience: float | None = None) -> Network:
+    """The network of the user's configuration. What becomes of its connections is told on stderr."""
+    from rtf.cli.network.terminal import report
+    from rtf.middleware.naming.configuration import find_network
+
+    network = find_network()
+    network.report = report
+    if patience is not None:
+        network.patience = patience
+    return network

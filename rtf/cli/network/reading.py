@@ -1,0 +1,152 @@
+"""``rtf read``: open a port and print what comes to it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+from rtf.bottle import Bottle, as_float, as_int
+from rtf.cli.network.options import add_carrier, contact, make_network, make_parser, own_name
+from rtf.cli.network.terminal import Bell, complain, opened, progress, say
+from rtf.middleware import remote
+from rtf.middleware.names import Contact
+from rtf.middleware.naming.configuration import opening
+from rtf.middleware.port import Port
+from rtf.testing.verdict import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.bottle import Value
+    from rtf.cli.arguments import Parser
+    from rtf.middleware.delivery import Delivery
+
+_KEYWORDS = ("envelope", "envelope2", "once")
+#: Characters that ``trim`` leaves of a message when it is not told how many.
+_TRIM = 80
+
+
+class _Wishes(NamedTuple):
+    """What the words behind the port's name ask for."""
+
+    sources: tuple[Contact, ...]
+    envelope: bool
+    once: bool
+    trim: int
+
+
+def read(words: Sequence[str]) -> ExitCode:
+    """Print messages until a signal, or until a message says that it is over."""
+    parser = make_parser(
+        "read",
+        "Open a port and print each message that comes to it, a line each, until Ctrl-C.",
+        "rtf read /viewer /camera/state:o\nrtf read ... fast_tcp://camera/state:o envelope once",
+    )
+    parser.add_argument("port", type=own_name, metavar="/PORT", help="the port to open; ... for any name")
+    parser.add_argument(
+        "words",
+        nargs="*",
+        metavar="/SOURCE|WORD",
+        help="ports to read from, and: once (one message), envelope (its envelope, too), trim [N] (N characters of it)",
+    )
+    add_carrier(parser)
+    options = parser.parse_args(words)
+    wishes = _wishes(parser, options.words)
+    network = make_network()
+    name = opening(os.environ, options.port).name
+    if name and remote.exists(network, Contact(name)):
+        complain(f"There is a port {name} already.", "choose another name, or end the program that has it")
+        return ExitCode.FAILURES
+    printer = _Printer(wishes)
+    make = partial(Port, options.port, printer.receive, network=network, outputs=False)
+    with contextlib.suppress(KeyboardInterrupt), opened(make) as port:
+        progress(f"Port {port.name} active at {port.contact}")
+        for source in wishes.sources:
+            progress(remote.connect(network, source, Contact(port.name), source.carrier or options.carrier))
+        printer.wait()
+    if printer.failure is not None:
+        raise printer.failure
+    return ExitCode.PASSED
+
+
+def _wishes(parser: Parser, words: Sequence[str]) -> _Wishes:
+    """Read YARP's words, which have no dashes in front of them."""
+    sources: list[Contact] = []
+    said: set[str] = set()
+    trim = 0
+    rest = [*words]
+    while rest:
+        word = rest.pop(0)
+        if word == "trim":
+            trim = int(rest.pop(0)) if rest and rest[0].isdecimal() else _TRIM
+        elif word in _KEYWORDS:
+            said.add(word)
+        elif "/" in word:
+            sources.append(contact(word))
+        else:
+            parser.error(f"{word!r} is neither a port nor one of {', '.join(_KEYWORDS)}, trim")
+    return _Wishes(tuple(sources), not said.isdisjoint(("envelope", "envelope2")), "once" in said, trim)
+
+
+class _Printer:
+    """Prints messages in the threads of their senders, which wait for it, so nothing is lost or piles up."""
+
+    def __init__(self, wishes: _Wishes) -> None:
+        self._wishes = wishes
+        self._printing = threading.Lock()
+        self._over = False
+        self._bell = Bell()
+        self.failure: OSError | None = None
+
+    def receive(self, delivery: Delivery) -> None:
+        """Print one message."""
+        message = delivery.read()
+        with self._printing:
+            if self._over:
+                return
+            try:
+                self._print(message, delivery.envelope)
+            except OSError as error:  # nobody reads what is printed, or the disk is full: for the main thread
+                self.failure = error
+                self._finish()
+
+    def _print(self, message: Bottle, envelope: str) -> None:
+        text = message.to_text()
+        code, words = message.get(0), message.get(1)
+        # What programs send that talk to people: a number, which is 1 at the end, and a line.
+        if len(message) == _SPEECH and type(code) is int and isinstance(words, str):
+            if code == 1:
+                self._finish()
+                return
+            text = words
+        if self._wishes.trim:
+            text = text[: self._wishes.trim]
+        say(f"{_envelope_text(envelope)} {text}" if self._wishes.envelope and envelope else text)
+        if self._wishes.once:
+            self._finish()
+
+    def wait(self) -> None:
+        """Return at the end: the last message was printed, or nobody reads what is printed."""
+        self._bell.wait()
+
+    def _finish(self) -> None:
+        self._over = True
+        self._bell.ring()
+
+
+_SPEECH = 2
+
+
+def _envelope_text(envelope: str) -> str:
+    """A stamp as a count and a time of four decimals, anything else as it is."""
+    parts = Bottle.parse(envelope)
+    if len(parts) == _SPEECH and all(map(_is_number, parts)):
+        return f"{as_int(parts[0])} {as_float(parts[1]):.4f}"
+    return envelope
+
+
+def _is_number(value: Value) -> bool:
+    return isinstance(value, int | float)

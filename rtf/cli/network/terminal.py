@@ -1,0 +1,223 @@
+"""How a tool begins, speaks and ends: lines in and out, signals, and what is said when something is wrong.
+
+Results go to stdout, one line at a time; prompts and progress only to a terminal. However a tool ends, its ports are
+closed and their names given back, with two exceptions: a second signal ends it at once, and nobody survives SIGKILL.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import select
+import signal
+import sys
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, NoReturn, TypeVar
+
+from rtf.bottle import is_complete
+from rtf.errors import RtfError
+from rtf.middleware.errors import NameNotFoundError
+from rtf.testing.verdict import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from types import FrameType, TracebackType
+
+    from rtf.middleware.port import Port
+
+P = TypeVar("P", bound="Port")
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+# The end ---------------------------------------------------------------------------------------------------------
+
+
+class Ending:
+    """Makes KeyboardInterrupt of the first signal that asks for the end, though not while it is held off.
+
+    A signal that was ignored when the program started, as in the background of a script, stays ignored. Whoever waits
+    for something without an end does so with ``wait``: Python alone may miss a signal that comes just before a wait.
+    """
+
+    def __init__(self) -> None:
+        self._held = 0
+        self._came = False
+        self._before: dict[signal.Signals, object] = {}
+        self._bell = (-1, -1)
+
+    def wait(self, descriptor: int) -> None:
+        """Wait until there is something to be read. Raises KeyboardInterrupt."""
+        poll = select.poll()
+        poll.register(descriptor, select.POLLIN)
+        poll.register(self._bell[0], select.POLLIN)
+        while descriptor not in [ready for ready, _ in poll.poll()]:
+            pass  # the handler runs now, and raises
+
+    def hold(self) -> None:
+        """Put it off: something is being made or given back, which has to be done whole."""
+        self._held += 1
+
+    def release(self) -> None:
+        """Let it come; raises KeyboardInterrupt if it has come meanwhile."""
+        self._held -= 1
+        if self._came and not self._held:
+            self._raise()
+
+    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
+        for number in self._before:
+            signal.signal(number, signal.SIG_DFL)
+        self._came = True
+        if not self._held:
+            self._raise()
+
+    def _raise(self) -> NoReturn:
+        self._came = False
+        raise KeyboardInterrupt
+
+    def __enter__(self) -> None:
+        self._bell = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        signal.set_wakeup_fd(self._bell[1], warn_on_full_buffer=False)
+        for number in _SIGNALS:
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                self._before[number] = signal.signal(number, self._on_signal)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        while self._before:
+            number, before = self._before.popitem()
+            signal.signal(number, before)  # type: ignore[arg-type]  # it came from the same module
+        signal.set_wakeup_fd(-1)
+        for descriptor in self._bell:
+            os.close(descriptor)
+
+
+class Bell:
+    """What the main thread waits for while others work: each ``ring`` lets one ``wait`` return."""
+
+    def __init__(self) -> None:
+        self._descriptor = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_SEMAPHORE)
+
+    def ring(self) -> None:
+        """Wake the main thread. From any thread."""
+        os.eventfd_write(self._descriptor, 1)
+
+    def wait(self) -> None:
+        """Wait for a ring. Raises KeyboardInterrupt."""
+        ENDING.wait(self._descriptor)
+        os.eventfd_read(self._descriptor)
+
+    def __del__(self) -> None:
+        os.close(self._descriptor)  # those who ring hold it, too
+
+
+ENDING = Ending()
+
+
+@contextmanager
+def opened(make: Callable[[], P]) -> Iterator[P]:
+    """A port for the time of a block. It is opened whole and closed whole, whatever signals come."""
+    ENDING.hold()
+    try:
+        port = make()
+        try:
+            ENDING.release()
+            yield port
+        finally:
+            ENDING.hold()
+            port.close()
+    finally:
+        ENDING.release()
+
+
+def run_to_its_end(word: str, tool: Callable[[Sequence[str]], int], words: Sequence[str]) -> int:
+    """Run a tool; returns its exit code. Nobody who reads its output is no error, and nothing is a traceback."""
+    for stream in (sys.stdin, sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # Bytes that are no UTF-8 come and go as they are, whatever the locale.
+            stream.reconfigure(encoding="utf-8", errors="surrogateescape")
+    try:
+        with ENDING:
+            code = tool(words)
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        return ExitCode.INTERRUPTED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python would complain at its end
+        return ExitCode.PASSED
+    except RtfError as error:
+        complain(f"rtf {word}: {error}", _KNOWN if isinstance(error, NameNotFoundError) else "")
+        return ExitCode.FAILURES
+    return code
+
+
+_KNOWN = "'rtf list' shows what is registered"
+
+
+# Speaking --------------------------------------------------------------------------------------------------------
+
+
+def say(text: str) -> None:
+    """Print a line for whoever uses the result, at once: it may be read by a program that waits for it."""
+    print(text, flush=True)
+
+
+def complain(text: str, mend: str = "") -> None:
+    """Say what is wrong, marked as YARP marks it, and on a line of its own what would mend it."""
+    print(f"[ERROR] {text}", file=sys.stderr)
+    if mend:
+        print(f"        {mend}", file=sys.stderr)
+
+
+def report(sentence: str) -> None:
+    """Say what became of a connection; for the network."""
+    print(f"[WARNING] {sentence}", file=sys.stderr, flush=True)
+
+
+def progress(text: str) -> None:
+    """Tell a person who looks on what is being waited for."""
+    if sys.stderr.isatty():
+        print(text, file=sys.stderr, flush=True)
+
+
+# Being spoken to -------------------------------------------------------------------------------------------------
+
+
+def typed(prompt: str = "") -> Iterator[str]:
+    """What is typed, or comes from a file or program: lines, joined while a list or quotes are open.
+
+    On a terminal there is a prompt, and lines can be edited and called back.
+    """
+    text = ""
+    for line in _edited(prompt) if sys.stdin.isatty() else _piped(sys.stdin.fileno()):
+        text = f"{text}\n{line}" if text else line
+        if is_complete(text):
+            yield text
+            text = ""
+    if text:
+        yield text
+
+
+def _edited(prompt: str) -> Iterator[str]:
+    import readline  # noqa: F401 - gives input() a memory
+
+    with suppress(EOFError):
+        while True:
+            yield input(prompt)
+
+
+def _piped(descriptor: int) -> Iterator[str]:
+    rest = b""
+    while True:
+        ENDING.wait(descriptor)
+        data = os.read(descriptor, _CHUNK)
+        *lines, rest = (rest + data).split(b"\n")
+        if not data and rest:
+            lines, rest = [rest], b""
+        for line in lines:
+            yield line.removesuffix(b"\r").decode("utf-8", "surrogateescape")
+        if not data:
+            return
+
+
+_CHUNK = 1 << 16

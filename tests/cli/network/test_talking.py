@@ -1,0 +1,255 @@
+"""Tools that talk to one another, each a process: read, write, connect, rpc; and how they end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from conftest import Net, Tool
+
+DATA = Path(__file__).parents[2] / "data" / "yarp_wire" / "3.12.3"
+
+
+@pytest.fixture
+def reader(net: Net) -> Iterator[Tool]:
+    """``rtf read /reader``, ended by Ctrl-C: nothing is left of it, and it has nothing to complain of."""
+    tool = net.opened("/reader", "read", "/reader")
+    yield tool
+    assert tool.end() == 0
+    assert "Traceback" not in tool.stderr
+    assert net.names.query("/reader") is None
+
+
+class TestReadAndWrite:
+    """``rtf read`` and ``rtf write``."""
+
+    def test_lines_arrive_as_yarp_prints_them(self, net: Net, reader: Tool):
+        """Every type of value that was typed in a recording is printed as it was printed there."""
+        recorded = (DATA / "tools_read.console.txt").read_text(encoding="utf-8")
+        assert net.run("write", "/writer", "/reader", lines=tuple(recorded.splitlines())).process.returncode == 0
+        reader.until_printed(recorded.splitlines()[-1])
+        assert reader.stdout == recorded
+
+    @pytest.mark.parametrize("carrier", ["fast_tcp", "udp", "mcast", "text", "text_ack", "unix_stream"])
+    def test_by_each_carrier(self, net: Net, reader: Tool, carrier: str):
+        """The carrier in front of the name is used; the writer ends at the end of its input."""
+        writer = net.start("write", "/writer", f"{carrier}://reader")
+        writer.until(lambda: net.answers("/writer"), "the writer")
+
+        def heard() -> bool:
+            writer.type(f"by {carrier}")  # datagrams may be lost, the first ones above all
+            return f"by {carrier}" in reader.stdout.splitlines()
+
+        writer.until(heard, "a message")
+        found = net.run("exists", "/writer", "/reader")
+        assert found.stdout == f"Connection found from /writer to /reader using carrier {carrier}\n"
+        assert writer.wait() == 0
+        assert writer.stderr == ""
+
+    def test_lines_are_joined_while_something_is_open(self, net: Net, reader: Tool):
+        """A list over two lines is one message."""
+        net.run(
+            "write",
+            "/writer",
+            "/reader",
+            lines=(
+                "(1",
+                "2) 3",
+            ),
+        )
+        reader.until_printed("(1 2) 3")
+
+    def test_bytes_that_are_no_text_come_through(self, net: Net, reader: Tool):
+        """What is no UTF-8 is printed as the bytes it was, in any locale."""
+        writer = net.start("write", "/writer", "/reader", LC_ALL="C")
+        writer.process.stdin.write(b'"\xff\xfe" \xc3\xa4\n')
+        assert writer.wait() == 0
+        reader.until(lambda: reader._out.read_bytes() == b'"\xff\xfe" "\xc3\xa4"\n', "the bytes")
+
+    def test_once_and_envelope_and_trim(self, net: Net):
+        """One message, with its stamp as YARP prints stamps, cut after some characters."""
+        once = net.opened("/once", "read", "/once", "envelope", "trim", "5", "once")
+        line = "CONNECT x\r\nd 7 99.5\r\n1 2 3 4 5\r\n"
+        _send(net, "/once", line)
+        assert once.wait() == 0
+        assert once.stdout == "7 99.5000 1 2 3\n"
+
+    def test_messages_to_people(self, net: Net):
+        """Of a number and a text only the text is printed, and the number 1 ends it."""
+        tool = net.opened("/people", "read", "/people")
+        net.run("write", "/writer", "/people", lines=('0 "good morning"', "0 7", '1 "good night"'))
+        assert tool.wait() == 0
+        assert tool.stdout == "good morning\n0 7\n"
+
+    def test_reading_from_a_source(self, net: Net):
+        """The reader has the source connected, by the carrier that stands in front of it."""
+        writer = net.opened("/writer", "write", "/writer", "--await-reader", "20")
+        reader = net.start("read", "...", "fast_tcp://writer", "once")
+        writer.type("[set] 1")
+        assert reader.wait() == 0
+        assert reader.stdout == "[set] 1\n"
+        assert writer.wait() == 0
+
+    def test_a_port_that_is_there_already(self, net: Net, reader: Tool):
+        """The name of a port that answers is not taken from it."""
+        second = net.run("read", "/reader")
+        assert second.process.returncode == 1
+        assert "There is a port /reader already" in second.stderr
+        assert net.run("exists", "/reader").process.returncode == 0
+
+    def test_a_target_that_is_missing(self, net: Net):
+        """The port is named, and where names are found; nothing stays open."""
+        done = net.run("write", "/writer", "/nowhere")
+        assert done.process.returncode == 1
+        assert "/nowhere" in done.stderr
+        assert "rtf list" in done.stderr
+
+    def test_a_prefix(self, net: Net):
+        """``YARP_PORT_PREFIX`` stands in front of what is opened, not of what is connected to."""
+        tool = net.start("read", "/in", "once", YARP_PORT_PREFIX="/lab")
+        tool.until(lambda: net.answers("/lab/in"), "the port")
+        second = net.run("read", "/in", YARP_PORT_PREFIX="/lab")
+        assert "There is a port /lab/in already" in second.stderr
+        net.run("write", "/out", "/lab/in", lines=("hello",))
+        assert tool.wait() == 0
+        assert tool.stdout == "hello\n"
+
+
+class TestEnds:
+    """How tools end, and what others notice of it."""
+
+    @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+    def test_other_signals(self, net: Net, number: int):
+        """They end a tool as Ctrl-C does; names are given back."""
+        tool = net.opened("/writer", "write", "/writer")
+        assert tool.end(number) == 0
+        assert tool.stderr == ""
+
+    def test_nobody_who_reads_the_output(self, net: Net):
+        """A pipe that is closed ends the tool without a word."""
+        out, into = os.pipe()
+        tool = net.opened("/piped", "read", "/piped")
+        tool.end()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "rtf.cli.tools", "read", "/piped"],
+            env=net.environment,
+            stdin=subprocess.DEVNULL,
+            stdout=into,
+            stderr=subprocess.PIPE,
+        )
+        os.close(into)
+        os.close(out)
+        tool.until(lambda: net.answers("/piped"), "the port")
+        net.run("write", "/writer", "/piped", lines=("one", "two"))
+        assert process.communicate(timeout=30) == (None, b"")
+        assert process.returncode == 0
+
+    def test_a_reader_that_is_killed(self, net: Net, reader: Tool):
+        """The writer says which reader is gone, and goes on for the others."""
+        victim = net.opened("/victim", "read", "/victim")
+        writer = net.opened("/writer", "write", "/writer", "/victim", "fast_tcp://reader")
+        writer.type("before")
+        victim.until_printed("before")
+        victim.process.kill()
+        victim.process.wait()
+
+        def noticed() -> bool:
+            writer.type("after")
+            return "/victim" in writer.stderr
+
+        writer.until(noticed, "a word about the reader")
+        writer.type("last")
+        reader.until_printed("last")
+        assert writer.wait() == 0
+        assert "Traceback" not in writer.stderr
+        assert net.run("clean", "--timeout", "5").stdout.count("removing port /victim") == 1
+
+    def test_a_writer_that_is_killed(self, net: Net, reader: Tool):
+        """The reader goes on with the next one."""
+        writer = net.opened("/writer", "write", "/writer", "/reader")
+        writer.type("first")
+        reader.until_printed("first")
+        writer.process.kill()
+        writer.process.wait()
+        assert net.run("write", "/writer", "/reader", lines=("second",)).process.returncode == 0
+        reader.until_printed("second")
+
+    def test_without_a_name_server(self, net: Net, tmp_path: Path):
+        """Every tool says where it looked and what would help, and ends."""
+        (tmp_path / "yarp.conf").write_text("127.0.0.1 1 yarp\n")
+        for words in (["list"], ["read", "/r"], ["name", "list"], ["where"]):
+            done = net.run(*words, YARP_CONFIG_HOME=str(tmp_path))
+            assert done.process.returncode == 1
+            assert "rtf nameserver" in done.stderr
+            assert "Traceback" not in done.stderr
+
+
+class TestAsking:
+    """``rtf rpc``, ``rtf rpcserver`` and ``rtf admin rpc``."""
+
+    def test_answers_are_printed_as_yarp_prints_them(self, net: Net):
+        """A list of lines begins with ``Responses:``; the texts are those of a recording."""
+        recorded = (DATA / "tools_rpc.console.txt").read_text(encoding="utf-8")
+        many = "[many] " + " ".join(f'"{line.strip()}"' for line in recorded.splitlines()[1:10])
+        doc = (
+            '[many] "bool yarprobotinterfaceRpc::is_ready()" "Returns true if yarprobotinterface is ready'
+            r' (all startup actions\nperformed and no interrupt called)."'
+        )
+        server = net.opened("/oracle", "rpcserver", "/oracle")
+        server.type(many, "run", "0", "icubSim", "[ok]", doc, "[fail]")
+        questions = ("help", "get_phase", "get_level", "get_robot", "is_ready", "help is_ready", "bogus")
+        asked = net.run("rpc", "/oracle", lines=questions)
+        assert asked.process.returncode == 0, asked.stderr
+        assert asked.stdout == recorded
+        assert server.stdout == "".join(f"Message: {question}\n" for question in questions)
+        assert server.end() == 0
+        assert server.stderr == ""
+
+    def test_one_question_on_the_command_line(self, net: Net, reader: Tool):
+        """It is asked, and nothing is read."""
+        assert net.run("admin", "rpc", "/reader", "[ver]").stdout == "Response: [ver] 1 2 3\n"
+        assert net.run("admin", "/reader", "[list]", "[in]").stdout == "Response: anon_rpc\n"
+
+    def test_a_server_without_answers_left(self, net: Net):
+        """It ends, and the one who asked hears of it."""
+        server = net.opened("/oracle", "rpcserver", "/oracle")
+        asking = net.start("rpc", "/oracle", "why")
+        server.until_printed("Message: why")
+        assert server.wait() == 0
+        assert asking.wait() == 1
+        assert "/oracle did not answer 'why'" in asking.stderr
+
+    def test_an_answer_that_takes_too_long(self, net: Net):
+        """The time is bounded where it is asked for."""
+        server = net.opened("/oracle", "rpcserver", "/oracle")
+        asking = net.run("rpc", "/oracle", "why", "--timeout", "100ms")
+        assert asking.process.returncode == 1
+        assert server.end(signal.SIGTERM) == 0
+
+    def test_ctrl_c_while_it_waits(self, net: Net):
+        """The wait for an answer can be ended."""
+        server = net.opened("/oracle", "rpcserver", "/oracle")
+        asking = net.start("rpc", "/oracle", "why")
+        server.until_printed("Message: why")
+        assert asking.end() == 2
+        assert asking.stderr == ""
+        assert server.end() == 0
+
+
+def _send(net: Net, name: str, text: str) -> None:
+    """Type at a port as a person with telnet does."""
+    contact = net.names.query(name)
+    assert contact is not None
+    with socket.create_connection((contact.host, contact.port), 10) as connection:
+        connection.sendall(text.encode())
+        connection.recv(100)
