@@ -29,6 +29,8 @@ benchmark: .venv/installed-for-tests
 	$(BIN)/python tests/benchmarks/run_benchmarks.py
 	$(BIN)/python tests/benchmarks/run_page_benchmarks.py
 	$(BIN)/python tests/benchmarks/run_browser_benchmarks.py
+	$(BIN)/python tests/benchmarks/run_codec_benchmarks.py
+	$(BIN)/python tests/benchmarks/run_middleware_benchmarks.py
 
 wheel: .venv/installed-for-tests
 	$(BIN)/python -m build --wheel --outdir dist
