@@ -173,6 +173,11 @@ _HOMES: tuple[tuple[Any, str, str], ...] = (
 )
 
 
+def other_dialect(dialect: Dialect) -> Dialect:
+    """The one of the two that this is not."""
+    return Dialect.YARP4 if dialect is Dialect.YARP3 else Dialect.YARP3
+
+
 def codec_of(value: object) -> Codec[Any]:  # of whatever type the value has
     """The codec for an object that is given to a port without saying which. Raises ProtocolError."""
     known = _KNOWN.get(type(value))

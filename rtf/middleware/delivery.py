@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
-from rtf.middleware.codecs import BOTTLE, codec_of
+from rtf.errors import RtfError
+from rtf.middleware.codecs import BOTTLE, codec_of, other_dialect
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,9 +25,10 @@ class Delivery:
 
     ``read`` and ``reply`` are for the thread that was given the delivery, and before it returns it: the data lie in a
     buffer that the next message will use. ``wants_reply`` says whether the sender waits for one.
+    ``dialect`` is the one that the sender is taken to speak; reading may find out that it is the other one.
     """
 
-    __slots__ = ("_answer", "_data", "_dialect", "_own", "_text", "envelope", "sender", "wants_reply")
+    __slots__ = ("_answer", "_data", "_own", "_text", "dialect", "envelope", "sender", "wants_reply")
 
     def __init__(
         self,
@@ -42,7 +45,7 @@ class Delivery:
         self.envelope = envelope
         self.wants_reply = wants_reply
         self._data = data
-        self._dialect = dialect
+        self.dialect = dialect
         self._text = text
         self._own = own  # nobody else will use the data
         self._answer = _NOTHING
@@ -55,9 +58,18 @@ class Delivery:
         """What the message holds. Raises a RtfError when it is something else."""
         if self._text:
             return codec.from_text(bytes(self._data).decode("utf-8", "surrogateescape"))
-        if self._own:
-            return codec.adopt(self._data, self._dialect)
-        return codec.decode(self._data, self._dialect)
+        try:
+            return self._decode(codec, self.dialect)
+        except RtfError:
+            # Nothing on the wire says which dialect a peer speaks; what makes no sense in one may do so in the other.
+            with contextlib.suppress(RtfError):
+                value = self._decode(codec, other_dialect(self.dialect))
+                self.dialect = other_dialect(self.dialect)
+                return value
+            raise
+
+    def _decode(self, codec: Codec[Any], dialect: Dialect) -> Any:
+        return codec.adopt(self._data, dialect) if self._own else codec.decode(self._data, dialect)
 
     def reply(self, value: object, codec: Codec[object] | None = None) -> None:
         """Give the reply; without ``wants_reply`` nobody hears it. The last one counts."""
@@ -67,7 +79,7 @@ class Delivery:
         if self._text:
             self._answer = ((codec.to_text(value) + "\r\n").encode("utf-8", "surrogateescape"),)
         else:
-            self._answer = tuple(codec.encode(value, self._dialect))
+            self._answer = tuple(codec.encode(value, self.dialect))
 
     @property
     def answer(self) -> Sequence[Buffer]:

@@ -34,6 +34,8 @@ class Input(Connection):
         self.link: InputLink | None = None
         self.official = False  # the port has been told of it
         self._closing = False
+        #: What the caller is taken to speak; found out as soon as it says something that is only possible in one.
+        self.dialect = port.network.dialect
         self._turned = False  # the stream is an output's now
         self._stream = Stream(connection)
         self._thread = threading.Thread(target=self._run, name=f"rtf-input {port.name}", daemon=True)

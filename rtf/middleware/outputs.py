@@ -5,6 +5,8 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
+from rtf.bottle import BottleError
+from rtf.middleware.codecs import other_dialect
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.qos import Connection
 
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
     import socket as sockets
     from collections.abc import Callable, Sequence
 
+    from rtf.bottle import Dialect
     from rtf.middleware.carriers.base import OutputLink
     from rtf.middleware.codecs import Codec
     from rtf.middleware.names import Contact
@@ -27,6 +30,8 @@ class Output(Connection):
         self.lock = threading.Lock()
         self.closed = False
         self._timeout: float | None = None
+        #: What the other end is known to speak, from its replies.
+        self.dialect: Dialect | None = None
 
     @property
     def peer(self) -> str:
@@ -55,7 +60,12 @@ class Output(Connection):
                 self.link.limit_waiting(timeout)
                 self._timeout = timeout
             self.link.send(message)
-            reply = self.link.receive_reply(codec, message.dialect)
+            try:
+                reply = self.link.receive_reply(codec, message.dialect)
+            except BottleError:
+                # It makes no sense in one dialect, and is still there to be read in the other.
+                reply = self.link.receive_reply(codec, other_dialect(message.dialect))
+                self.dialect = other_dialect(message.dialect)
             self.link.finish()
             return reply
 

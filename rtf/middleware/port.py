@@ -135,7 +135,7 @@ class Port:
         with self._writing:
             return send_to_all(outputs, message, self._lost)
 
-    def _lost(self, output: Output, error: MiddlewareError) -> None:
+    def _lost(self, output: Output, error: RtfError) -> None:
         """An output broke while it was written to."""
         self._forget(output)
         output.close(politely=False)
@@ -299,15 +299,16 @@ class Port:
                 link.sender,
                 text,
                 data,
-                self.network.dialect,
+                caller.dialect,
                 wants_reply=key == "d",
                 text=link.carrier.text,
                 own=len(data) > link.reuses,
             )
             self.deliver(delivery)
+            caller.dialect = delivery.dialect
             return delivery.answer or (_NO_REPLY if key == "d" and not link.carrier.text else ())
         if key == "a":
-            delivery = Delivery(link.sender, "", data, self.network.dialect, wants_reply=True, text=link.carrier.text)
+            delivery = Delivery(link.sender, "", data, caller.dialect, wants_reply=True, text=link.carrier.text)
             delivery.reply(admin.answer(self, delivery.read()))
             return delivery.answer
         answer = describe.answer(self, key, text)

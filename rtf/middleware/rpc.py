@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
+from rtf.errors import RtfError
 from rtf.middleware.codecs import BOTTLE, codec_of
 from rtf.middleware.errors import ConnectError, MiddlewareError
 from rtf.middleware.outgoing import Outgoing
@@ -80,9 +81,10 @@ class RpcClient(Port):
         if not outputs:
             raise ConnectError(f"{self.name} is not connected to a server")
         output = outputs[0]
-        message = Outgoing("d", question, codec or codec_of(question), self.network.dialect, self.envelope)
+        dialect = output.dialect or self.network.dialect
+        message = Outgoing("d", question, codec or codec_of(question), dialect, self.envelope)
         try:
             return output.call(message, answer, timeout)
-        except MiddlewareError as error:
+        except RtfError as error:
             self._lost(output, error)
             raise

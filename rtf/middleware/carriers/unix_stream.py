@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.bottle.binary import TruncatedBottleError
+from rtf.bottle.errors import BottleSyntaxError
 from rtf.bottle.extent import Scanner
 from rtf.middleware import wire
 from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
 from rtf.middleware.carriers.tcp import read_sender
-from rtf.middleware.codecs import Arriving
+from rtf.middleware.codecs import Arriving, other_dialect
 from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError
 from rtf.middleware.stream import CHUNK, Stream
 
@@ -74,11 +75,17 @@ class UnixInput(InputLink):
     def _whole_bottle(self, start: int) -> int:
         """Wait until the bottle at ``start`` of the window is all there; returns where it ends."""
         scanner = Scanner(self._dialect, start)
+        other: Dialect | None = other_dialect(self._dialect)
         while True:
             try:
                 return scanner.end(self._stream.window())
             except TruncatedBottleError as error:
                 self._stream.more_towards(start + error.needed)
+            except BottleSyntaxError:
+                if other is None:
+                    raise
+                # It may be one in the dialect that was not expected; then the sender speaks that one.
+                scanner, self._dialect, other = Scanner(other, start), other, None
 
     def answer(self, *reply: Buffer) -> None:
         """See the base."""

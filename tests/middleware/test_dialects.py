@@ -1,0 +1,58 @@
+"""Peers that speak the other dialect are understood, and answered in theirs."""
+
+from __future__ import annotations
+
+import pytest
+
+from rtf.bottle import Bottle, Dialect
+from rtf.errors import RtfError
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.network import Network
+from rtf.middleware.port import Port
+from rtf.middleware.rpc import RpcClient, RpcServer
+
+DIALECTS = [Dialect.YARP3, Dialect.YARP4]
+
+
+@pytest.fixture
+def other(network: Network) -> Network:
+    """The same names, spoken to in the dialect of YARP 4."""
+    return Network(network.names, dialect=Dialect.YARP4, report=network.report)
+
+
+@pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "udp", "unix_stream"])
+def test_messages_of_the_other_dialect_are_read(network: Network, other: Network, carrier: str):
+    """Numbers with a point are what differs: alone, in lists, and beside other things."""
+    with BufferedPort("/reader", strict=True, network=network) as reader, Port("/writer", network=other) as writer:
+        writer.add_output("/reader", carrier)
+        for text in ("1.5 2.5 3.5", "[set] [pos] 0 10.5", "(a (1.5 b)) 7", "no numbers", "0.25"):
+            writer.write(Bottle.parse(text))
+            assert reader.read(timeout=5) == Bottle.parse(text)
+
+
+def test_questions_and_answers_across_dialects(network: Network, other: Network):
+    """A server learns the dialect from a question, a client from an answer."""
+    with RpcServer("/server", lambda question: Bottle([*question, 0.5]), network=network):
+        with RpcClient("/four", "/server", network=other) as client:
+            for _ in range(3):
+                assert client.call(Bottle([1.5, "x"]), timeout=5) == Bottle([1.5, "x", 0.5])
+        with RpcClient("/three", "/server", network=network) as client:
+            assert client.call(Bottle([1.5, "x"]), timeout=5) == Bottle([1.5, "x", 0.5])
+    with (
+        RpcServer("/server", lambda question: Bottle([*question, 0.5]), network=other),
+        RpcClient("/three", "/server", network=network) as client,
+    ):
+        assert client.call(Bottle(["get"]), timeout=5) == Bottle(["get", 0.5])
+        assert client.outputs[0].dialect in (None, Dialect.YARP4)
+        assert client.call(Bottle([2.5]), timeout=5) == Bottle([2.5, 0.5])
+
+
+def test_what_is_none_in_either_is_an_error(network: Network):
+    """And it is the error of the dialect that was expected."""
+    with BufferedPort("/reader", network=network) as reader, Port("/writer", network=network) as writer:
+        from rtf.middleware.codecs import RAW
+
+        writer.add_output("/reader")
+        writer.write(b"\x00\x01\x00\x00\x01\x00\x00\x00\x63\x00\x00\x00", RAW)
+        with pytest.raises(RtfError):
+            reader.read(timeout=0.3)

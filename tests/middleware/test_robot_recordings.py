@@ -1,0 +1,110 @@
+"""What real robots said and were asked, replayed: a stream with envelopes, and questions with their answers."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.bottle import Bottle, Dialect
+from rtf.bottle.binary import decode_from
+from rtf.cli.network.asking import Caller
+from rtf.middleware import wire
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.errors import MiddlewareError
+from rtf.middleware.names import Contact
+from rtf.middleware.types import VECTOR, Stamp
+
+if TYPE_CHECKING:
+    from rtf.middleware.network import Network
+
+DATA = Path(__file__).parents[1] / "data" / "yarp_wire"
+VERSIONS = {"3.12.3": Dialect.YARP3, "4.0.0": Dialect.YARP4}
+RECORDED = {version: json.loads((DATA / version / "robot.json").read_text(encoding="utf-8")) for version in VERSIONS}
+QUESTIONS = [(version, number) for version in VERSIONS for number in range(len(RECORDED[version]["questions"]))]
+
+
+def segments(conversation: list[list[str]]) -> list[tuple[str, bytes]]:
+    """Directions and bytes."""
+    return [(way, bytes.fromhex(data)) for way, data in conversation]
+
+
+def receive(connection: socket.socket, size: int) -> bytes:
+    """So many bytes, or what there is until the end."""
+    data = b""
+    while len(data) < size and (part := connection.recv(size - len(data))):
+        data += part
+    return data
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("expected", [Dialect.YARP3, Dialect.YARP4])
+def test_state_of_an_arm_streams_in(network: Network, version: str, expected: Dialect):
+    """Vectors and stamps, acknowledged as recorded, also when the other dialect was expected."""
+    network.dialect = expected
+    talk = segments(RECORDED[version]["state"])
+    with BufferedPort("/rd", VECTOR, strict=True, network=network) as reader:
+        with socket.create_connection((reader.contact.host, reader.contact.port), timeout=10) as connection:
+            for number, (way, data) in enumerate(talk):
+                if way == ">":
+                    connection.sendall(data)
+                else:
+                    wanted = data if number > 1 else wire.yarp_number(reader.contact.port)
+                    assert receive(connection, len(data)) == wanted
+        received = [reader.receive(timeout=5) for _ in range(reader.pending)]
+    assert len(received) > 20
+    stamps = [Stamp.parse(one.envelope) for one in received]
+    assert [stamp.count for stamp in stamps] == [*range(stamps[0].count, stamps[0].count + len(stamps))]
+    assert all(later.time > earlier.time for earlier, later in pairwise(stamps))
+    assert {one.value.shape for one in received} == {(16,)}
+
+
+@pytest.mark.parametrize(("version", "number"), QUESTIONS, ids=str)
+def test_questions_are_put_as_recorded(network: Network, version: str, number: int):
+    """The same bytes go out, and the answer, of whatever service, is read whole."""
+    network.dialect = VERSIONS[version]
+    talk = segments(RECORDED[version]["questions"][number])
+    sent: list[tuple[bytes, bytes]] = []
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        thread = threading.Thread(target=play, args=(listening, talk, sent))
+        thread.start()
+        try:
+            with Caller(network, Contact("/robot", *listening.getsockname())) as caller:
+                for question, answer in pairs(talk, network.dialect):
+                    assert caller.ask("d", question, timeout=5) == answer
+        except MiddlewareError:
+            thread.join(10)
+            raise
+        thread.join(10)
+    for expected, got in sent:
+        assert got == expected
+
+
+def pairs(talk: list[tuple[str, bytes]], dialect: Dialect) -> list[tuple[Bottle, Bottle | None]]:
+    """The questions of a conversation, and what was answered."""
+    found = []
+    for (way, question), (_, answer) in pairwise(talk):
+        if way == ">" and question.startswith(wire.yarp_number(10)) and b"~d\0\1" in question[:42]:
+            at = question.index(b"~d\0\1") + 4
+            nothing = answer.startswith(wire.ACK)  # the service had no answer to give
+            found.append(
+                (decode_from(question, at, dialect)[0], None if nothing else decode_from(answer, 0, dialect)[0])
+            )
+    return found
+
+
+def play(listening: socket.socket, talk: list[tuple[str, bytes]], sent: list[tuple[bytes, bytes]]) -> None:
+    """Be the recorded server; note what should have been sent, and what was."""
+    connection, _ = listening.accept()
+    with connection:
+        connection.settimeout(10)
+        for way, data in talk:
+            if way == "<":
+                connection.sendall(data)
+            else:
+                sent.append((data, receive(connection, len(data))))
