@@ -19,7 +19,6 @@ from rtf import clock
 if TYPE_CHECKING:
     from live_page import LiveRun
 
-#: Words of which an answer must hold none: they would tell of the inside.
 #: What would tell of the server's own code; the run's journal, which everybody may read, has none of it.
 TELLTALE = (b"Traceback", b'File "', b"site-packages", b"rtf/page", b"starlette", b"uvicorn", b"Error:")
 
