@@ -510,6 +510,7 @@ class Nursery(Brood):
         if process is not None:
             process.control.close()
             if _await_exit(process.pid, timeout):
+                end_orphans(process.mark)  # somebody may have killed it before it had ended what tests left behind
                 self._process = None
             else:
                 self.abandon()
