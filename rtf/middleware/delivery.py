@@ -58,18 +58,16 @@ class Delivery:
         """What the message holds. Raises a RtfError when it is something else."""
         if self._text:
             return codec.from_text(bytes(self._data).decode("utf-8", "surrogateescape"))
+        decode = codec.adopt if self._own else codec.decode
         try:
-            return self._decode(codec, self.dialect)
+            return decode(self._data, self.dialect)
         except RtfError:
             # Nothing on the wire says which dialect a peer speaks; what makes no sense in one may do so in the other.
             with contextlib.suppress(RtfError):
-                value = self._decode(codec, other_dialect(self.dialect))
+                value = decode(self._data, other_dialect(self.dialect))
                 self.dialect = other_dialect(self.dialect)
                 return value
             raise
-
-    def _decode(self, codec: Codec[Any], dialect: Dialect) -> Any:
-        return codec.adopt(self._data, dialect) if self._own else codec.decode(self._data, dialect)
 
     def reply(self, value: object, codec: Codec[object] | None = None) -> None:
         """Give the reply; without ``wants_reply`` nobody hears it. The last one counts."""

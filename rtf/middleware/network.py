@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Dialect
+from rtf.middleware.dialing import dial
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
-from rtf.middleware.naming import authentication
-from rtf.middleware.stream import Stream
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.middleware.names import Contact
     from rtf.middleware.naming.book import Names
+    from rtf.middleware.stream import Stream
 
 _BACKLOG = 128
 
@@ -73,23 +73,11 @@ class Network:
 
         It waits no longer than ``patience`` for anything; None: that of the network. Raises ConnectError.
         """
-        patience = self.patience if patience is None else patience
         try:
-            connection = socket.create_connection((target.host, target.port), timeout=patience)
-        except (OSError, UnicodeError) as error:
-            where = target.name or target
-            raise ConnectError(f"Cannot connect to {where}: {getattr(error, 'strerror', None) or error}") from None
-        connection.settimeout(None)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        stream = Stream(connection)
-        try:
-            stream.limit_waiting(patience)
-            if self.key:
-                authentication.connect(stream, self.key)
-        except (MiddlewareError, OSError) as error:
-            stream.close()
-            raise ConnectError(f"Cannot connect to {target.name or target}: {error}") from None
-        return stream
+            return dial(target.host, target.port, self.patience if patience is None else patience, self.key)
+        except (OSError, UnicodeError, MiddlewareError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise ConnectError(f"Cannot connect to {target.name or target}: {why}") from None
 
     def open_address(self, name: str, promise: str = "") -> tuple[socket.socket, Contact]:
         """Register a name and listen where the name server says; returns the socket and the contact."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from rtf.bottle import BottleError
-from rtf.middleware.codecs import other_dialect
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.qos import Connection
 
@@ -28,9 +26,8 @@ class Output(Connection):
         self.link = link
         self.target = target
         self.lock = threading.Lock()
-        self.closed = False
         self._timeout: float | None = None
-        #: What the other end is known to speak, from its replies.
+        #: What the other end is taken to speak, since it replied.
         self.dialect: Dialect | None = None
 
     @property
@@ -60,18 +57,12 @@ class Output(Connection):
                 self.link.limit_waiting(timeout)
                 self._timeout = timeout
             self.link.send(message)
-            try:
-                reply = self.link.receive_reply(codec, message.dialect)
-            except BottleError:
-                # It makes no sense in one dialect, and is still there to be read in the other.
-                reply = self.link.receive_reply(codec, other_dialect(message.dialect))
-                self.dialect = other_dialect(message.dialect)
+            reply, self.dialect = self.link.receive_reply_in_any(codec, message.dialect)
             self.link.finish()
             return reply
 
     def close(self, *, politely: bool = True) -> None:
         """End the connection."""
-        self.closed = True
         if not politely or not self.lock.acquire(timeout=1.0):
             self.link.close(politely=False)  # somebody is waiting in it: that wait ends now
             return

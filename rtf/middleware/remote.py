@@ -5,11 +5,11 @@ These are the dialogues of YARP's own tools, over ``text_ack``.
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+import contextlib
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Property, Vocab, as_int, as_string
-from rtf.middleware.carriers.text import TextOutput
+from rtf.middleware.carriers.text import TextAck, TextOutput
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError
 from rtf.middleware.qos import Qos
 
@@ -22,22 +22,14 @@ if TYPE_CHECKING:
 _ADMIN = "admin"
 
 
-@contextmanager
+@contextlib.contextmanager
 def talk(network: Network, target: Contact, label: str = _ADMIN, patience: float | None = None) -> Iterator[TextOutput]:
     """A text connection to a port, under a label that is no port's name. Raises ConnectError."""
-    from rtf.middleware.carriers import registry
-
     found = network.resolve(target)
     if found is None:
         raise NameNotFoundError(f"no port {target.name} is registered")
-    carrier = registry.by_name("text_ack")
-    stream = network.reach(found, patience)
-    try:
-        stream.send(carrier.header + f"{label}\r\n".encode())
-        stream.take_line()
-        yield TextOutput(carrier, stream)
-    finally:
-        stream.close()
+    with contextlib.closing(network.reach(found, patience)) as stream:
+        yield TextAck().call(stream, label)
 
 
 def administer(network: Network, target: Contact, request: Bottle, patience: float | None = None) -> Bottle:

@@ -73,8 +73,7 @@ class Stream:
 
     def peek(self, size: int) -> memoryview:
         """The next ``size`` bytes (at most a buffer), which stay unread. The view holds until the next call."""
-        while self.end - self.start < size:
-            self._fill(size)
+        self.await_size(size)
         return self.view[self.start : self.start + size]
 
     def window(self) -> memoryview:

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import socket
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Vocab, to_string
 from rtf.cli.network.options import add_timeout, contact, make_network, make_parser
 from rtf.cli.network.terminal import ENDING, complain, say, typed
-from rtf.middleware import wire
-from rtf.middleware.carriers import registry
-from rtf.middleware.carriers.tcp import TcpOutput
+from rtf.middleware.carriers.tcp import Tcp
 from rtf.middleware.codecs import BOTTLE
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError
-from rtf.middleware.naming import authentication
 from rtf.middleware.outgoing import Outgoing
-from rtf.middleware.stream import Stream
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -91,40 +86,28 @@ class Caller:
     """
 
     def __init__(self, network: Network, target: Contact) -> None:
-        self._network = network
         found = network.resolve(target)
         if found is None:
             raise NameNotFoundError(f"no port {target.name} is registered")
         try:
-            connection = socket.create_connection((found.host, found.port), network.patience)
-        except OSError as error:
-            raise ConnectError(
-                f"cannot reach {target.name or found}: {error.strerror or error};"
-                " 'rtf clean' forgets ports that are gone"
-            ) from None
-        connection.settimeout(None)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        stream = Stream(connection)
-        carrier = registry.by_name("tcp")
-        self._link = TcpOutput(carrier, stream)
+            stream = network.reach(found)
+        except ConnectError as error:
+            raise ConnectError(f"{error}; 'rtf clean' forgets ports that are gone") from None
         try:
-            stream.limit_waiting(network.patience)
-            if network.key:
-                authentication.connect(stream, network.key)
-            stream.send(carrier.header + wire.sender(_LABEL))
-            stream.take(_HEADER)
+            self._link = Tcp().call(stream, _LABEL)
         except MiddlewareError:
-            self._link.close(politely=False)
+            stream.close()
             raise
+        self._dialect = network.dialect
 
     def ask(self, key: str, question: Bottle, timeout: float | None = None) -> Bottle | None:
         """Ask, and wait for the answer; None when the other side has none to give. Raises MiddlewareError."""
         link = self._link
         link.limit_waiting(timeout)
-        link.send(Outgoing(key, question, BOTTLE, self._network.dialect))
+        link.send(Outgoing(key, question, BOTTLE, self._dialect))
         if timeout is None and link.endpoint is not None:
             ENDING.wait(link.endpoint.fileno())
-        answer = link.receive_reply(BOTTLE, self._network.dialect)  # type: ignore[arg-type]  # a codec of what it reads
+        answer, self._dialect = link.receive_reply_in_any(BOTTLE, self._dialect)
         link.finish()
         return answer  # type: ignore[return-value]  # which is what BOTTLE reads
 
@@ -135,6 +118,3 @@ class Caller:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._link.close(politely=kind is None)
-
-
-_HEADER = 8

@@ -8,7 +8,10 @@ for whatever a peer does.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+
+from rtf.bottle import BottleError
+from rtf.middleware.codecs import other_dialect
 
 if TYPE_CHECKING:
     import socket as sockets
@@ -65,8 +68,16 @@ class OutputLink(ABC):
         """Send one message. It may not have arrived yet."""
 
     @abstractmethod
-    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
+    def receive_reply(self, codec: Codec[Any], dialect: Dialect) -> object | None:
         """The reply to the message that was sent last; None when the peer had none to give."""
+
+    def receive_reply_in_any(self, codec: Codec[Any], expected: Dialect) -> tuple[object | None, Dialect]:
+        """The same in the dialect that is expected, or else in the other; returns the one that the peer speaks, too."""
+        try:
+            return self.receive_reply(codec, expected), expected
+        except BottleError:
+            other = other_dialect(expected)  # what makes no sense in the one is still there to be read
+            return self.receive_reply(codec, other), other
 
     @abstractmethod
     def finish(self) -> None:
@@ -88,7 +99,6 @@ class Carrier(ABC):
     #: The eight bytes by which a connection of this kind begins.
     header: ClassVar[bytes]
     acknowledged: ClassVar[bool] = False
-    can_reply: ClassVar[bool] = True
     #: Messages are datagrams: nobody hears when the other end is gone, and it has to be told by another way.
     connectionless: ClassVar[bool] = False
     #: Data are text, a line each.

@@ -215,7 +215,6 @@ class DatagramOutput(OutputLink):
 class Datagrams(Carrier):
     """What udp and mcast have in common."""
 
-    can_reply = False
     connectionless = True
 
     def matches(self, header: bytes) -> bool:

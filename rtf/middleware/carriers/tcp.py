@@ -5,16 +5,13 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from rtf.bottle.binary import TruncatedBottleError
 from rtf.middleware import wire
 from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
-from rtf.middleware.codecs import Arriving
-from rtf.middleware.errors import MiddlewareError, ProtocolError
+from rtf.middleware.carriers.streamed import StreamInput, StreamOutput
+from rtf.middleware.errors import ProtocolError
 from rtf.middleware.stream import CHUNK, JOINED
 
 if TYPE_CHECKING:
-    from rtf.bottle import Dialect
-    from rtf.middleware.codecs import Codec
     from rtf.middleware.names import Contact
     from rtf.middleware.outgoing import Outgoing
     from rtf.middleware.port import Port
@@ -31,18 +28,11 @@ _KEYS = {wire.command(letter): letter for letter in "dDaq"}
 _read_usual = _USUAL.unpack_from
 
 
-class TcpInput(InputLink):
+class TcpInput(StreamInput):
     """The receiving end of tcp and fast_tcp."""
 
     reuses = CHUNK
-
-    def __init__(self, carrier: Carrier, stream: Stream, sender: str, modifiers: str) -> None:
-        self.carrier = carrier
-        self.sender = sender
-        self.modifiers = modifiers
-        self._stream = stream
-        self.endpoint = stream.socket
-        self._acknowledged = carrier.acknowledged
+    acknowledgement = _ACK
 
     def receive(self) -> Message:
         """See the base.
@@ -77,29 +67,18 @@ class TcpInput(InputLink):
         return command.key, command.text, data[command.data :]
 
     def answer(self, *reply: Buffer) -> None:
-        """See the base."""
-        if self._acknowledged:
-            if reply:
-                self._stream.send(*reply, _ACK)
-            else:
-                self._stream.send_bytes(_ACK)
-        elif reply:
-            self._stream.send(*reply)
-
-    def close(self) -> None:
-        """See the base."""
-        self._stream.close()
+        """See the base; what most messages get is the acknowledgement alone."""
+        if self._acknowledged and not reply:
+            self._stream.send_bytes(_ACK)
+        else:
+            super().answer(*reply)
 
 
-class TcpOutput(OutputLink):
+class TcpOutput(StreamOutput):
     """The sending end of tcp and fast_tcp."""
 
     def __init__(self, carrier: Carrier, stream: Stream) -> None:
-        self.carrier = carrier
-        self._stream = stream
-        self.endpoint = stream.socket
-        self._acknowledged = carrier.acknowledged
-        self._due = False
+        super().__init__(carrier, stream, _NO_REPLY)
 
     def send(self, message: Outgoing) -> None:
         """See the base."""
@@ -111,26 +90,6 @@ class TcpOutput(OutputLink):
             self._stream.send_bytes(front + blocks[0])
         else:
             self._stream.send(front, *blocks)
-
-    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
-        """See the base. A reply has no frame: it is read until it is whole."""
-        stream = self._stream
-        if not stream.buffered:
-            stream.more()
-        arriving: Arriving[object] | None = None
-        while True:
-            window = stream.window()
-            if stream.memory.startswith(_NO_REPLY, stream.start, stream.end):
-                return None
-            try:
-                # Nearly always all of it is there, and nothing has to be remembered of what was read already.
-                reply, size = arriving.read(window) if arriving else codec.decode_from(window, dialect)
-            except TruncatedBottleError as error:
-                arriving = arriving or Arriving(codec, dialect)
-                stream.more_towards(error.needed)
-                continue
-            stream.start += size
-            return reply
 
     def finish(self) -> None:
         """See the base."""
@@ -149,27 +108,14 @@ class TcpOutput(OutputLink):
             stream.take(extra)
         self._due = False
 
-    def limit_waiting(self, seconds: float | None) -> None:
-        """See the base."""
-        self._stream.limit_waiting(seconds)
-
-    def close(self, *, politely: bool = True) -> None:
-        """See the base."""
-        if politely:
-            try:
-                command = wire.command_text("q")
-                self._stream.limit_waiting(_PATIENCE)
-                self._stream.send(wire.index(len(command)) + command)
-                self._due = self._acknowledged
-                self.finish()
-            except (MiddlewareError, OSError):
-                pass  # it is gone already, which is what was wanted
-        self._stream.close()
+    def _take_leave(self) -> None:
+        command = wire.command_text("q")
+        self._stream.send(wire.index(len(command)) + command)
+        self._due = self._acknowledged
+        self.finish()
 
 
 _MOST_EXTRA = 10_000
-#: Seconds that a peer has to take its leave.
-_PATIENCE = 1.0
 
 
 class Tcp(Carrier):
@@ -193,8 +139,12 @@ class Tcp(Carrier):
         return TcpInput(self, stream, sender, modifiers)
 
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
-        """Say who calls; what the peer answers means nothing."""
-        stream.send(self.header + wire.sender(port.name))
+        """See the base."""
+        return self.call(stream, port.name)
+
+    def call(self, stream: Stream, name: str) -> TcpOutput:
+        """Say who calls, a port or a label; what the peer answers means nothing."""
+        stream.send(self.header + wire.sender(name))
         wire.read_number(stream.take(8))
         return TcpOutput(self, stream)
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 from rtf.bottle import Balance, Bottle
 from rtf.bottle.binary import encode
 from rtf.middleware import wire
-from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
-from rtf.middleware.errors import MiddlewareError, ProtocolError
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.streamed import StreamInput, StreamOutput
+from rtf.middleware.errors import ProtocolError
 from rtf.middleware.stream import MAX_LINE
 
 if TYPE_CHECKING:
@@ -23,15 +24,10 @@ _ACK = b"<ACK>\r\n"
 _WITH_DATA = ("d", "D", "a")
 
 
-class TextInput(InputLink):
+class TextInput(StreamInput):
     """The receiving end: a line with the command, and for some a line with data."""
 
-    def __init__(self, carrier: Carrier, stream: Stream, sender: str, modifiers: str) -> None:
-        self.carrier = carrier
-        self.sender = sender
-        self.modifiers = modifiers
-        self._stream = stream
-        self.endpoint = stream.socket
+    acknowledgement = _ACK
 
     def receive(self) -> Message:
         """See the base. Lines are joined while a parenthesis or quote is open."""
@@ -53,26 +49,9 @@ class TextInput(InputLink):
                 raise ProtocolError(f"data of more than {MAX_LINE} bytes in text")
         return b"\n".join(lines)
 
-    def answer(self, *reply: Buffer) -> None:
-        """See the base."""
-        if self.carrier.acknowledged:
-            self._stream.send(*reply, _ACK)
-        elif reply:
-            self._stream.send(*reply)
 
-    def close(self) -> None:
-        """See the base."""
-        self._stream.close()
-
-
-class TextOutput(OutputLink):
+class TextOutput(StreamOutput):
     """The sending end."""
-
-    def __init__(self, carrier: Carrier, stream: Stream) -> None:
-        self.carrier = carrier
-        self._stream = stream
-        self.endpoint = stream.socket
-        self._due = False
 
     def send(self, message: Outgoing) -> None:
         """See the base."""
@@ -81,7 +60,7 @@ class TextOutput(OutputLink):
 
     def send_lines(self, *lines: str) -> None:
         """Send a command, and data if it has some, as they are."""
-        self._due = self.carrier.acknowledged
+        self._due = self._acknowledged
         self._stream.send("".join(f"{line}\r\n" for line in lines).encode("utf-8", "surrogateescape"))
 
     def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
@@ -108,20 +87,9 @@ class TextOutput(OutputLink):
         """See the base."""
         self.receive_lines()
 
-    def limit_waiting(self, seconds: float | None) -> None:
-        """See the base."""
-        self._stream.limit_waiting(seconds)
-
-    def close(self, *, politely: bool = True) -> None:
-        """See the base."""
-        if politely:
-            try:
-                self._stream.limit_waiting(1.0)
-                self.send_lines("q")
-                self.finish()
-            except (MiddlewareError, OSError):
-                pass  # it is gone already, which is what was wanted
-        self._stream.close()
+    def _take_leave(self) -> None:
+        self.send_lines("q")
+        self.finish()
 
 
 class Text(Carrier):
@@ -137,9 +105,13 @@ class Text(Carrier):
         stream.send(f"Welcome {name}\r\n".encode("utf-8", "surrogateescape"))
         return TextInput(self, stream, name, modifiers)
 
-    def connect(self, stream: Stream, port: Port, target: Contact) -> TextOutput:  # noqa: ARG002
-        """Say who calls, and be welcomed."""
-        stream.send(self.header + f"{port.name}\r\n".encode("utf-8", "surrogateescape"))
+    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
+        """See the base."""
+        return self.call(stream, port.name)
+
+    def call(self, stream: Stream, name: str) -> TextOutput:
+        """Say who calls, a port or a label, and be welcomed."""
+        stream.send(self.header + f"{name}\r\n".encode("utf-8", "surrogateescape"))
         stream.take_line()
         return TextOutput(self, stream)
 

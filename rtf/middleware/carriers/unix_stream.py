@@ -6,7 +6,6 @@ where it ends. The ports meet at a socket in the user's runtime folder that the 
 
 from __future__ import annotations
 
-import contextlib
 import os
 import socket
 from pathlib import Path
@@ -17,15 +16,15 @@ from rtf.bottle.binary import TruncatedBottleError
 from rtf.bottle.errors import BottleSyntaxError
 from rtf.bottle.extent import Scanner
 from rtf.middleware import wire
-from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.streamed import StreamInput, StreamOutput
 from rtf.middleware.carriers.tcp import read_sender
-from rtf.middleware.codecs import Arriving, other_dialect
-from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError
+from rtf.middleware.codecs import other_dialect
+from rtf.middleware.errors import ConnectError, ProtocolError
 from rtf.middleware.stream import CHUNK, Stream
 
 if TYPE_CHECKING:
     from rtf.bottle import Dialect
-    from rtf.middleware.codecs import Codec
     from rtf.middleware.names import Contact
     from rtf.middleware.outgoing import Outgoing
     from rtf.middleware.port import Port
@@ -36,18 +35,15 @@ _MEETING = 5.0
 _LOOK_AGAIN = 0.001
 
 
-class UnixInput(InputLink):
+class UnixInput(StreamInput):
     """The receiving end."""
 
     reuses = CHUNK
+    acknowledgement = _ACK
 
     def __init__(self, carrier: Carrier, stream: Stream, sender: str, modifiers: str, dialect: Dialect) -> None:
+        super().__init__(carrier, stream, sender, modifiers)
         self._dialect = dialect
-        self.carrier = carrier
-        self.sender = sender
-        self.modifiers = modifiers
-        self.endpoint = stream.socket
-        self._stream = stream
         self._read = 0
         self._lent = 0
 
@@ -87,48 +83,17 @@ class UnixInput(InputLink):
                 # It may be one in the dialect that was not expected; then the sender speaks that one.
                 scanner, self._dialect, other = Scanner(other, start), other, None
 
-    def answer(self, *reply: Buffer) -> None:
-        """See the base."""
-        if self.carrier.acknowledged:
-            self._stream.send(*reply, _ACK)
-        elif reply:
-            self._stream.send(*reply)
 
-    def close(self) -> None:
-        """See the base."""
-        self._stream.close()
-
-
-class UnixOutput(OutputLink):
+class UnixOutput(StreamOutput):
     """The sending end."""
 
     def __init__(self, carrier: Carrier, stream: Stream) -> None:
-        self.carrier = carrier
-        self.endpoint = stream.socket
-        self._stream = stream
-        self._due = False
+        super().__init__(carrier, stream, _ACK if carrier.acknowledged else b"")
 
     def send(self, message: Outgoing) -> None:
         """See the base."""
-        self._due = self.carrier.acknowledged
+        self._due = self._acknowledged
         self._stream.send(wire.command(message.key, message.envelope), *message.blocks)
-
-    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
-        """See the base."""
-        stream = self._stream
-        if stream.peek(len(_ACK)) == _ACK and self._due:
-            return None
-        arriving: Arriving[object] | None = None
-        while True:
-            window = stream.window()
-            try:
-                reply, size = arriving.read(window) if arriving else codec.decode_from(window, dialect)
-            except TruncatedBottleError as error:
-                arriving = arriving or Arriving(codec, dialect)
-                stream.more_towards(error.needed)
-                continue
-            stream.skip(size)
-            return reply
 
     def finish(self) -> None:
         """See the base."""
@@ -137,17 +102,8 @@ class UnixOutput(OutputLink):
                 raise ProtocolError("something else than an acknowledgement came")
             self._due = False
 
-    def limit_waiting(self, seconds: float | None) -> None:
-        """See the base."""
-        self._stream.limit_waiting(seconds)
-
-    def close(self, *, politely: bool = True) -> None:
-        """See the base."""
-        if politely:
-            with contextlib.suppress(MiddlewareError, OSError):
-                self._stream.limit_waiting(1.0)
-                self._stream.send(wire.command_text("q"))
-        self._stream.close()
+    def _take_leave(self) -> None:
+        self._stream.send(wire.command_text("q"))
 
 
 class UnixStream(Carrier):

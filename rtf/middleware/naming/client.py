@@ -6,25 +6,25 @@ see :mod:`rtf.middleware.naming.keeping`.
 
 from __future__ import annotations
 
+import contextlib
 import os
-import socket
 from typing import TYPE_CHECKING, TypeAlias
 
 from rtf import clock
 from rtf.bottle import Bottle, to_string
 from rtf.middleware.carriers import registry
+from rtf.middleware.dialing import dial
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError, ProtocolError
-from rtf.middleware.naming import authentication
 from rtf.middleware.naming.book import Names
 from rtf.middleware.naming.interfaces import own_addresses
 from rtf.middleware.naming.keeping import Keeper, Record
 from rtf.middleware.naming.lines import PREFIX, command, read_registration, register_command
-from rtf.middleware.stream import Stream
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.middleware.names import Contact
+    from rtf.middleware.stream import Stream
 
 #: In a class that has a method called list, the type is not called so.
 Lines: TypeAlias = list[str]
@@ -145,13 +145,7 @@ class RemoteNames(Names):
     def _ask(self, line: str, ending: str = "\n") -> Lines:
         """Give one command; returns the lines of the answer, the last one included."""
         try:
-            with socket.create_connection((self.contact.host, self.contact.port), self._patience) as connection:
-                connection.settimeout(None)
-                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                stream = Stream(connection)
-                stream.limit_waiting(self._patience)
-                if self._key:
-                    authentication.connect(stream, self._key)
+            with contextlib.closing(dial(self.contact.host, self.contact.port, self._patience, self._key)) as stream:
                 stream.send(f"{PREFIX} {line}{ending}".encode("utf-8", "surrogateescape"))
                 return _answer(stream, clock.Deadline.after(self._patience), one_line=_is_one_line(line))
         except (OSError, MiddlewareError) as error:
