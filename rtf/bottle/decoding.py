@@ -19,16 +19,18 @@ from rtf.bottle.tags import (
     LIST,
     MAX_ELEMENTS,
     TAGS,
+    Scalar,
     Tags,
     TruncatedBottleError,
     int32,
     pair,
-    vocab,
+    several,
     vocabs,
 )
 from rtf.bottle.values import Dialect
 
 _INT32, _STRING, _VOCAB32, _BLOB = 1, 4, 9, 12
+_TEXTS = (_STRING, _BLOB)
 _double = struct.Struct("<d")
 _pair_at, _int32_at, _double_at = pair.unpack_from, int32.unpack_from, _double.unpack_from
 
@@ -58,6 +60,10 @@ def decode_from(
     tags = TAGS[dialect]
     try:
         code, count = _pair_at(data, start)
+        alike = tags.lists.get(code)
+        if alike is not None and 0 <= count <= MAX_ELEMENTS:
+            # The words of a command, the numbers of a vector: nothing else has to be set up for these.
+            return Bottle.adopt(_scalars(data, start + 8, count, alike)), start + 8 + count * alike.size
         if code & tags.not_list or not code & GROUP:
             raise BottleSyntaxError(f"{code} is not the code of a list")
         items, end = _Reader(data, tags).items(count, code & tags.unit, start + 8, 0)
@@ -85,7 +91,7 @@ class _Reader:
             raise BottleLimitError(f"a list of {count} elements is too long for a message")
         if depth > MAX_DEPTH:
             raise BottleLimitError(f"a bottle is nested more than {MAX_DEPTH} levels deep")
-        return self._alike(count, sub, at, depth) if sub else self._mixed(count, at, depth)
+        return self._alike(count, sub, at) if sub else self._mixed(count, at, depth)
 
     def _mixed(self, count: int, at: int, depth: int) -> tuple[list[Value], int]:
         if at + 4 * count > self.size:
@@ -103,8 +109,7 @@ class _Reader:
             code, number = _pair_at(data, at)
             at += 8
             if code == _VOCAB32:
-                found = vocabs.get(number)
-                append(found if found is not None else vocab(number))
+                append(vocabs[number])
             elif code == float64:
                 append(_double_at(data, at - 4)[0])
                 at += 4
@@ -124,18 +129,31 @@ class _Reader:
                 append(value)
         return items, at
 
-    def _alike(self, count: int, code: int, at: int, depth: int) -> tuple[list[Value], int]:
+    def _alike(self, count: int, code: int, at: int) -> tuple[list[Value], int]:
         fixed = self.tags.fixed.get(code)
         if fixed is not None:
-            values = struct.unpack_from(f"<{count}{fixed.letter}", self.data, at)
-            end, make = at + count * fixed.one.size, fixed.make
-            return [*values] if make is None else [make(value) for value in values], end
+            return _scalars(self.data, at, count, fixed), at + count * fixed.size
         if at + 4 * count > self.size:
             raise _CutOffError
-        items = []
+        if code in _TEXTS:
+            return self._texts(count, code, at)
+        if count:
+            raise BottleSyntaxError(f"{code} is not the code of a value")
+        return [], at
+
+    def _texts(self, count: int, code: int, at: int) -> tuple[list[Value], int]:
+        """So many strings or blobs in a row, each behind its length."""
+        data, size = self.data, self.size
+        items: list[Value] = []
         for _ in range(count):
-            value, at = self._element(code, at, depth)
-            items.append(value)
+            (length,) = _int32_at(data, at)
+            at += 4
+            end = at + length
+            if length < 0 or end > size:
+                raise _bad_length(length, at)
+            raw = data[at:end]
+            items.append(str(raw, "utf-8", "surrogateescape") if code == _STRING else bytes(raw))
+            at = end
         return items, at
 
     def _element(self, code: int, at: int, depth: int) -> tuple[Value, int]:
@@ -143,15 +161,10 @@ class _Reader:
         fixed = self.tags.fixed.get(code)
         if fixed is not None:
             (value,) = fixed.one.unpack_from(self.data, at)
-            return value if fixed.make is None else fixed.make(value), at + fixed.one.size
-        if code in (_STRING, _BLOB):
-            (length,) = _int32_at(self.data, at)
-            at += 4
-            end = at + length
-            if length < 0 or end > self.size:
-                raise _bad_length(length, at)
-            raw = self.data[at:end]
-            return str(raw, "utf-8", "surrogateescape") if code == _STRING else bytes(raw), end
+            return value if fixed.make is None else fixed.make(value), at + fixed.size
+        if code in _TEXTS:
+            texts, end = self._texts(1, code, at)
+            return texts[0], end
         if code & DICT and not code & ~GROUP:
             inner, count = _pair_at(self.data, at)
             if not inner & GROUP or inner & self.tags.not_list:
@@ -163,6 +176,13 @@ class _Reader:
             items, end = self.items(count, code & self.tags.unit, at + 4, depth + 1)
             return Bottle.adopt(items), end
         raise BottleSyntaxError(f"{code} is not the code of a value")
+
+
+def _scalars(data: bytes | bytearray | memoryview, at: int, count: int, scalar: Scalar) -> list[Value]:
+    """So many elements of one type of fixed size."""
+    values = several(count, scalar.letter).unpack_from(data, at)
+    make = scalar.make
+    return [*values] if make is None else [*map(make, values)]
 
 
 def _bad_length(length: int, at: int) -> Exception:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rtf.bottle.containers import MAX_DEPTH, Container, Value, kind_of
 from rtf.bottle.errors import BottleLimitError
-from rtf.bottle.tags import DICT, LIST, TAGS, int32, pair
+from rtf.bottle.tags import DICT, LIST, TAGS, int32, pair, several
 from rtf.bottle.values import INT32_MAX, INT32_MIN, Dialect, Kind, Vocab, Vocab64, utf8
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rtf.bottle.tags import Scalar, Tags
 
 #: From this size on a blob is handed on as it is instead of being copied.
@@ -18,6 +20,8 @@ LARGE_BLOB = 64 << 10
 #: Blocks that a bottle is handed on in; the kernel takes about a thousand in one call.
 MAX_BLOCKS = 200
 _INT32, _STRING, _VOCAB32, _BLOB = 1, 4, 9, 12
+#: The codes of rows of what is no number of a fixed size.
+_ROWS: dict[type, int] = {str: _STRING, bytes: _BLOB, Vocab64: _VOCAB32}
 _pack_pair = pair.pack
 _pack_double = struct.Struct("<id").pack
 
@@ -33,9 +37,16 @@ def encode(bottle: Container, dialect: Dialect = Dialect.YARP3) -> bytes:
 
 def encode_blocks(bottle: Container, dialect: Dialect = Dialect.YARP3) -> list[bytes]:
     """As :func:`encode`, in blocks that follow each other: large blobs are blocks of their own and not copied."""
-    items = bottle.elements()
+    items, tags = bottle.elements(), TAGS[dialect]
+    # The words of a command, the numbers of a vector: nothing else has to be set up for these.
+    alike = None
+    if items and type(items[0]) is type(items[-1]) and type(items[0]) in tags.numbers:
+        alike = _scalars(items, tags)
+    if alike is not None:
+        (scalar, numbers), count = alike, len(items)
+        return [several(count, scalar.letter, "ii").pack(LIST | scalar.code, count, *numbers)]
     parts = [b""]
-    writer = _Writer(TAGS[dialect], parts)
+    writer = _Writer(tags, parts)
     sub = writer.items(items, 0)
     parts[0] = _pack_pair(LIST | sub, len(items))
     large = writer.large[: MAX_BLOCKS // 2]
@@ -95,34 +106,25 @@ class _Writer:
     def _alike(self, items: list[Value]) -> int:
         """Append the elements without codes and return their code, if they are scalars of one type; else 0."""
         cls = type(items[0])
+        if cls in self.tags.numbers:
+            alike = _scalars(items, self.tags)
+            if alike is None:
+                return 0
+            scalar, numbers = alike
+            self.parts.append(several(len(items), scalar.letter).pack(*numbers))
+            return scalar.code
         if len(items) > 1 and len(set(map(type, items))) > 1:
             return 0
-        scalar = self.tags.classes.get(cls)
-        if scalar is None and cls is int:
-            scalar = self._integer(items)  # type: ignore[arg-type]
-        if scalar is not None:
-            numbers = map(int, items) if issubclass(cls, Vocab) else items  # type: ignore[arg-type]
-            self.parts.append(struct.pack(f"<{len(items)}{scalar.letter}", *numbers))
-            return scalar.code
         if cls is str:
             for value in items:
                 raw = utf8(value)  # type: ignore[arg-type]
                 self.parts.append(int32.pack(len(raw)) + raw)
-            return _STRING
-        if cls is bytes:
+        elif cls is bytes:
             for value in items:
                 self._blob(int32.pack(len(value)), value)  # type: ignore[arg-type]
-            return _BLOB
-        if cls is Vocab64:
-            self.parts.append(struct.pack(f"<{len(items)}i", *map(_first_word, items)))
-            return _VOCAB32
-        return 0
-
-    def _integer(self, items: list[int]) -> Scalar | None:
-        """What plain integers have in common: 32 bits, or that each of them needs 64."""
-        if min(items) >= INT32_MIN and max(items) <= INT32_MAX:
-            return self.tags.int32
-        return None if any(INT32_MIN <= value <= INT32_MAX for value in items) else self.tags.int64
+        elif cls is Vocab64:
+            self.parts.append(several(len(items), "i").pack(*map(_first_word, items)))
+        return _ROWS.get(cls, 0)
 
     def element(self, value: Value, depth: int) -> None:
         """Append one element of any type, with its code."""
@@ -152,6 +154,32 @@ class _Writer:
         if len(raw) >= LARGE_BLOB:
             self.large.append(len(self.parts))
         self.parts.append(raw)
+
+
+def _scalars(items: list[Value], tags: Tags) -> tuple[Scalar, Sequence[Any]] | None:
+    """The type that all elements have if it is one of fixed size, and the numbers that are written for them."""
+    cls = type(items[0])
+    if cls is Vocab:
+        numbers: list[int] = []
+        for value in items:
+            if type(value) is not Vocab:
+                return None
+            numbers.append(value._value)  # noqa: SLF001 - one package
+        return tags.classes[cls], numbers
+    for value in items:
+        if type(value) is not cls:
+            return None
+    if cls is int:
+        scalar = _integer(items, tags)  # type: ignore[arg-type]
+        return None if scalar is None else (scalar, items)
+    return tags.classes[cls], [int(value) for value in items] if cls is Vocab64 else items  # type: ignore[arg-type]
+
+
+def _integer(items: list[int], tags: Tags) -> Scalar | None:
+    """What plain integers have in common: 32 bits, or that each of them needs 64."""
+    if min(items) >= INT32_MIN and max(items) <= INT32_MAX:
+        return tags.int32
+    return None if any(INT32_MIN <= value <= INT32_MAX for value in items) else tags.int64
 
 
 def _first_word(value: Value) -> int:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 from rtf.bottle.errors import BottleSyntaxError
 from rtf.bottle.values import Dialect, Float32, Int8, Int16, Int64, Kind, Vocab, Vocab64
@@ -35,7 +37,8 @@ class TruncatedBottleError(BottleSyntaxError):
         self.needed = needed
 
 
-class Scalar(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Scalar:
     """A type of values that all have the same size: its code, its letter in the struct module, and what makes one."""
 
     code: int
@@ -43,10 +46,12 @@ class Scalar(NamedTuple):
     make: Callable[[Any], Value] | None  # None: what is unpacked is the value
     one: struct.Struct
     with_code: struct.Struct
+    size: int
 
 
 def _scalar(code: int, letter: str, make: Callable[[Any], Value] | None) -> Scalar:
-    return Scalar(code, letter, make, struct.Struct(f"<{letter}"), struct.Struct(f"<i{letter}"))
+    one = struct.Struct(f"<{letter}")
+    return Scalar(code, letter, make, one, struct.Struct(f"<i{letter}"), one.size)
 
 
 class Tags:
@@ -63,31 +68,41 @@ class Tags:
             Int8: _scalar(Kind.INT8.value, "b", Int8),
             Int16: _scalar(Kind.INT16.value, "h", Int16),
             Int64: self.int64,
-            Vocab: _scalar(Kind.VOCAB32.value, "i", vocab),
+            Vocab: _scalar(Kind.VOCAB32.value, "i", vocabs.__getitem__),
             Float32: _scalar(single, "f", _single),
             float: _scalar(double, "d", None),
         }
         if dialect is Dialect.YARP4:
             self.classes[Vocab64] = _scalar(Kind.VOCAB64.value, "q", Vocab64)
+        #: Classes of which the values in a row may be written as a row of numbers.
+        self.numbers = frozenset((int, *self.classes))
         self.fixed = {scalar.code: scalar for scalar in (self.int32, *self.classes.values())}
-        self.sizes = {code: scalar.one.size for code, scalar in self.fixed.items()}
+        self.sizes = {code: scalar.size for code, scalar in self.fixed.items()}
+        #: The same by the code of a list of which they are all the elements.
+        self.lists = {LIST | code: scalar for code, scalar in self.fixed.items()}
+
+
+@lru_cache(maxsize=256)  # of peers that count on and on the last few stay
+def several(count: int, letter: str, front: str = "") -> struct.Struct:
+    """So many numbers in a row, behind others; looking it up takes less than writing down the format of it."""
+    return struct.Struct(f"<{front}{count}{letter}")
 
 
 def _single(value: float) -> Value:
     return float.__new__(Float32, value)  # it has single precision already
 
 
-vocabs: dict[int, Vocab] = {}
+class _Vocabs(dict[int, Vocab]):
+    """Vocabs by their numbers. The words of a robot's vocabulary are few and never change, so they are kept."""
+
+    def __missing__(self, value: int) -> Vocab:
+        made = Vocab(value)
+        if len(self) < _VOCABS_KEPT:
+            self[value] = made
+        return made
 
 
-def vocab(value: int) -> Vocab:
-    """The vocab of a number. The words of a robot's vocabulary are few and never change, so they are kept."""
-    found = vocabs.get(value)
-    if found is None:
-        found = Vocab(value)
-        if len(vocabs) < _VOCABS_KEPT:
-            vocabs[value] = found
-    return found
+vocabs = _Vocabs()
 
 
 TAGS = {dialect: Tags(dialect) for dialect in Dialect}
