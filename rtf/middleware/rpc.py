@@ -77,7 +77,7 @@ class RpcClient(Port):
         must not be taken for that to the next question.
         """
         self._check_open()
-        outputs = self.outputs
+        outputs = self._outputs
         if not outputs:
             raise ConnectError(f"{self.name} is not connected to a server")
         output = outputs[0]

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
 
 LARGE = 3 * CHUNK
+#: Bytes in front of a block: with one of them it lies to where the kernel copies it as it should not.
+FRONTS = range(0, 4096, 31)
 np = pytest.importorskip("numpy")
 
 
@@ -100,6 +102,22 @@ class TestKeeping:
         stream.wake()
         with pytest.raises(StreamClosedError):
             stream.take(2 * LARGE)
+
+    def test_large_blocks_wherever_they_lie(self):
+        """What is sent arrives as it is, also a block that is copied first as the kernel would be slow to do it."""
+        near, far = socket.socketpair()
+        stream, reader = Stream(near), Stream(far)
+        one, two = (bytes([number]) * LARGE for number in range(2))
+        one_at, two_at = (np.frombuffer(block, np.uint8).ctypes.data for block in (one, two))
+        between = b"y" * ((two_at - one_at - LARGE) % 4096)  # so that both are slow at the same time
+        sender = threading.Thread(target=lambda: [stream.send(b"x" * front, one, between, two) for front in FRONTS])
+        sender.start()
+        arrived = [bytes(reader.take(front + 2 * LARGE + len(between))) for front in FRONTS]
+        sender.join()
+        stream.close()
+        reader.close()
+        rest = one + between + two
+        assert all(heard == b"x" * front + rest for heard, front in zip(arrived, FRONTS, strict=True))
 
     @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "unix_stream", "unix_stream+ack"])
     def test_images_that_a_reader_keeps(self, network: Network, carrier: str):

@@ -61,11 +61,11 @@ class StreamOutput(OutputLink):
         """See the base. A reply has no frame: it is read until it is whole."""
         stream = self._stream
         no_reply = self._no_reply
-        if not stream.buffered:
+        if stream.start == stream.end:
             stream.more()
         arriving: Arriving[object] | None = None
         while True:
-            window = stream.window()
+            window = stream.view[stream.start : stream.end]
             if no_reply and stream.memory.startswith(no_reply, stream.start, stream.end):
                 return None
             try:

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from rtf.middleware.port import Port
     from rtf.middleware.stream import Stream
 
-_ACK = wire.ACK
+# Under names of this module, which are found sooner.
+_ACK, _ACK_SIZE = wire.ACK, len(wire.ACK)
+_INDEX_SIZE, _COMMAND_SIZE, _MAX_MESSAGE = wire.INDEX_SIZE, wire.COMMAND_SIZE, wire.MAX_MESSAGE
+_front, _join = wire.front, b"".join
 #: The first bytes of an acknowledgement are no bottle's: a peer that begins with them has no reply.
 _NO_REPLY = wire.ACK[:4]
 #: Index and command of a message of two blocks, which is what nearly all are. What stands between is not looked at.
@@ -41,21 +44,23 @@ class TcpInput(StreamInput):
         function of ours is a hundredth of the whole round trip.
         """
         stream = self._stream
-        stream.await_size(wire.INDEX_SIZE)
+        while stream.end - stream.start < _INDEX_SIZE:
+            stream.more(_INDEX_SIZE)
         start, end = stream.start, stream.end
         if end - start < _USUAL_SIZE:
             return self._receive_any()
         head, first, size, command = _read_usual(stream.memory, start)
-        if head != _USUAL_HEAD or first != wire.COMMAND_SIZE or command not in _KEYS:
+        key = _KEYS.get(command)
+        if head != _USUAL_HEAD or first != _COMMAND_SIZE or key is None:
             return self._receive_any()
-        if not 0 <= size <= wire.MAX_MESSAGE:
-            raise ProtocolError(f"a message of {size} bytes; at most {wire.MAX_MESSAGE} are taken")
+        if not 0 <= size <= _MAX_MESSAGE:
+            raise ProtocolError(f"a message of {size} bytes; at most {_MAX_MESSAGE} are taken")
         start += _USUAL_SIZE
         if start + size > end:
             stream.start = start
-            return _KEYS[command], "", stream.take(size)
+            return key, "", stream.take(size)
         stream.start = start + size
-        return _KEYS[command], "", stream.view[start : start + size]
+        return key, "", stream.view[start : start + size]
 
     def _receive_any(self) -> Message:
         stream = self._stream
@@ -67,11 +72,15 @@ class TcpInput(StreamInput):
         return command.key, command.text, data[command.data :]
 
     def answer(self, *reply: Buffer) -> None:
-        """See the base; what most messages get is the acknowledgement alone."""
-        if self._acknowledged and not reply:
-            self._stream.send_bytes(_ACK)
-        else:
+        """See the base; what most messages get is the acknowledgement alone, or a short reply in front of it."""
+        if not self._acknowledged:
             super().answer(*reply)
+        elif not reply:
+            self._stream.send_bytes(_ACK)
+        elif len(reply) == 1 and len(reply[0]) <= JOINED:
+            self._stream.send_bytes(_join((reply[0], _ACK)))
+        else:
+            self._stream.send(*reply, _ACK)
 
 
 class TcpOutput(StreamOutput):
@@ -83,25 +92,25 @@ class TcpOutput(StreamOutput):
     def send(self, message: Outgoing) -> None:
         """See the base."""
         blocks = message.blocks
-        size = message.size
-        front = wire.front(message.key, message.envelope, size)
         self._due = self._acknowledged
-        if size <= JOINED and len(blocks) == 1:
-            self._stream.send_bytes(front + blocks[0])
+        if len(blocks) == 1 and len(blocks[0]) <= JOINED:
+            block = blocks[0]
+            self._stream.send_bytes(_front(message.key, message.envelope, len(block)) + block)
         else:
-            self._stream.send(front, *blocks)
+            self._stream.send(_front(message.key, message.envelope, message.size), *blocks)
 
     def finish(self) -> None:
         """See the base."""
         if not self._due:
             return
         stream = self._stream
-        stream.await_size(len(_ACK))
+        while stream.end - stream.start < _ACK_SIZE:
+            stream.more(_ACK_SIZE)
         if stream.memory.startswith(_ACK, stream.start):  # as nearly always
-            stream.start += len(_ACK)
+            stream.start += _ACK_SIZE
             self._due = False
             return
-        extra = wire.read_number(stream.take(len(_ACK)))
+        extra = wire.read_number(stream.take(_ACK_SIZE))
         if not 0 <= extra <= _MOST_EXTRA:
             raise ProtocolError(f"an acknowledgement with {extra} bytes")
         if extra:
