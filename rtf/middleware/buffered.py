@@ -89,12 +89,14 @@ class BufferedPort(Port, Generic[T]):
     def receive(self, timeout: float | None = None) -> Received[T]:
         """The next object with its sender and envelope; errors as for ``read``."""
         deadline = clock.Deadline.after(timeout)
+        before = self.interruptions
         with self._arrived:
             while not self._queue:
-                if self.interrupted:
+                if self.interrupted or self.interruptions > before:
                     raise PortClosedError(f"{self.name} was interrupted while it was read")
-                if not self._arrived.wait(None if timeout is None else deadline.remaining()) and deadline.expired:
+                if deadline.expired:  # and nothing is there: what woke it last may have been for it alone
                     raise WaitTimeoutError(f"nothing came to {self.name} within {timeout:g} s")
+                self._arrived.wait(None if timeout is None else deadline.remaining())
             return self._queue.popleft()
 
     def deliver(self, delivery: Delivery) -> None:
@@ -154,7 +156,7 @@ class BufferedPort(Port, Generic[T]):
         if strict:
             for sender in senders:
                 sender.wait()
-        return sum([sender.offer(message) for sender in senders])
+        return sum([sender.offer(message, patiently=strict) for sender in senders])
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until everything that was written is sent; False when that takes too long."""
@@ -166,7 +168,8 @@ class BufferedPort(Port, Generic[T]):
     def connected(self, output: Output) -> None:
         """See Port: each output gets a thread."""
         with self._lock:
-            self._senders[output] = Sender(output, self._lost)
+            if output in self._outputs:  # and has not been removed meanwhile
+                self._senders[output] = Sender(output, self._lost)
 
     def disconnected(self, output: Output) -> None:
         """See Port."""

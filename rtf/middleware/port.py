@@ -75,6 +75,7 @@ class Port:
         self.promise = promise
         self.properties = Property()
         self.interrupted = False
+        self.interruptions = 0  # so that who waits knows of one that is over already
         self.envelope = ""
         self._receive = receive
         self._rendezvous = Rendezvous(name)
@@ -180,11 +181,15 @@ class Port:
     def _take_in(self, output: Output) -> None:
         with self._lock:
             welcome = not self._closed
+            older = [one for one in self._outputs if one.peer == output.peer]  # which somebody else has just made
             if welcome:
                 self._outputs = (*self._outputs, output)
         if not welcome:
             output.close(politely=False)
             raise PortClosedError(f"{self.name} is closed")
+        for one in older:
+            self._forget(one)
+            one.close()
         self.network.notice(f"Sending output from {self.name} to {output.peer} using {output.carrier}")
         self.connected(output)
 
@@ -295,18 +300,11 @@ class Port:
         link = caller.link
         assert link is not None
         if key in _DATA:
-            delivery = Delivery(
-                link.sender,
-                text,
-                data,
-                caller.dialect,
-                wants_reply=key == "d",
-                text=link.carrier.text,
-                own=len(data) > link.reuses,
-            )
+            asks, in_lines, own = key == "d", link.carrier.text, len(data) > link.reuses
+            delivery = Delivery(link.sender, text, data, caller.dialect, asks, in_lines, own)
             self.deliver(delivery)
             caller.dialect = delivery.dialect
-            return delivery.answer or (_NO_REPLY if key == "d" and not link.carrier.text else ())
+            return delivery.answer or (_NO_REPLY if asks and not in_lines else ())
         if key == "a":
             delivery = Delivery(link.sender, "", data, caller.dialect, wants_reply=True, text=link.carrier.text)
             delivery.reply(admin.answer(self, delivery.read()))
@@ -352,13 +350,17 @@ class Port:
 
     def interrupt(self) -> None:
         """Wake whoever waits in the port. Messages that arrive are thrown away until ``resume``."""
-        self.interrupted = True
-        self._rendezvous.set_open(is_open=False)
+        with self._lock:
+            self.interrupted = True
+            self.interruptions += 1
+            self._rendezvous.set_open(is_open=False)
 
     def resume(self) -> None:
-        """Take messages again."""
-        self.interrupted = False
-        self._rendezvous.set_open(is_open=True)
+        """Take messages again. A port that is closed stays so."""
+        with self._lock:
+            if not self._closed:
+                self.interrupted = False
+                self._rendezvous.set_open(is_open=True)
 
     def close(self) -> None:
         """Take leave of everybody and give the name back. Doing so again changes nothing."""

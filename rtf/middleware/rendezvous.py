@@ -24,6 +24,7 @@ class Rendezvous:
         self._waiting: Delivery | None = None  # brought by an input, not yet taken
         self._taken: Delivery | None = None  # being read
         self._open = True
+        self._interruptions = 0  # a reader is woken by one that is over before it has its turn
 
     def bring(self, delivery: Delivery) -> None:
         """Wait until somebody has read this message, or the port is interrupted. In the thread of an input."""
@@ -49,11 +50,13 @@ class Rendezvous:
         """
         deadline = clock.Deadline.after(timeout)
         with self._changed:
+            before = self._interruptions
             while self._waiting is None or self._taken is not None:
-                if not self._open:
+                if not self._open or self._interruptions > before:
                     raise PortClosedError(f"{self._whose} was interrupted while it was read")
-                if not self._changed.wait(None if timeout is None else deadline.remaining()) and deadline.expired:
+                if deadline.expired:
                     raise WaitTimeoutError(f"nothing came to {self._whose} within {timeout:g} s")
+                self._changed.wait(None if timeout is None else deadline.remaining())
             delivery = self._taken = self._waiting
             self._waiting = None
         try:
@@ -67,4 +70,5 @@ class Rendezvous:
         """Wake everybody, and let messages pass unread until it is open again."""
         with self._changed:
             self._open = is_open
+            self._interruptions += not is_open
             self._changed.notify_all()

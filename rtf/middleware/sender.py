@@ -27,9 +27,11 @@ class Sender:
         self._thread = threading.Thread(target=self._run, name=f"rtf-sender {output.peer}", daemon=True)
         self._thread.start()
 
-    def offer(self, message: Outgoing) -> bool:
-        """Send a message, unless the one before is still on its way; then it is skipped."""
+    def offer(self, message: Outgoing, *, patiently: bool = False) -> bool:
+        """Send a message, unless the one before is still on its way; then skip it, or ``patiently`` wait."""
         with self._changed:
+            if patiently:  # here, since several may write at the same time
+                self._changed.wait_for(lambda: self._message is None or not self._open)
             if self._message is not None or not self._open:
                 self.skipped += 1
                 return False

@@ -6,14 +6,12 @@ the byte.
 
 from __future__ import annotations
 
-import json
 import socket
-import threading
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from replaying import VERSIONS, playing, receive, recordings, segments
 from rtf.bottle import Bottle, Dialect, same
 from rtf.bottle.binary import decode_from
 from rtf.middleware import wire
@@ -25,8 +23,6 @@ from waiting import eventually
 if TYPE_CHECKING:
     from rtf.middleware.network import Network
 
-DATA = Path(__file__).parents[1] / "data" / "yarp_wire"
-VERSIONS = {"3.12.3": Dialect.YARP3, "4.0.0": Dialect.YARP4}
 TALK = '1 2.5 hello "two words" (1 2 3) [pos] {10 20 30} -7 "say \\"hi\\"" (1.5 2.5) (a (b c) [ok]) true 3000000000'
 MESSAGES = (TALK, "[get] [encs]", "end")
 
@@ -35,16 +31,7 @@ version = pytest.mark.parametrize("version", VERSIONS)
 
 def recorded(version: str, name: str) -> list[tuple[str, bytes]]:
     """A conversation: directions and bytes."""
-    text = (DATA / version / "ports.json").read_text(encoding="utf-8")
-    return [(way, bytes.fromhex(data)) for way, data in json.loads(text)[name]]
-
-
-def receive(connection: socket.socket, size: int) -> bytes:
-    """So many bytes, or what there is until the end."""
-    data = b""
-    while len(data) < size and (part := connection.recv(size - len(data))):
-        data += part
-    return data
+    return segments(recordings(version, "ports.json")[name])
 
 
 @version
@@ -73,30 +60,17 @@ class TestWriterAndReader:
     def test_writer_sends_as_recorded(self, network: Network, version: str, carrier: str):
         """Our port takes the place of the writer: against the recorded answers it sends the same bytes."""
         network.dialect = VERSIONS[version]
-        sent: list[tuple[bytes, bytes]] = []
-        with socket.create_server(("127.0.0.1", 0)) as listening:
-            thread = threading.Thread(target=play, args=(listening, recorded(version, carrier), sent))
-            thread.start()
-            with Port(f"/wr_{carrier}", network=network) as writer:
-                writer.add_output(Contact(f"/rd_{carrier}", *listening.getsockname(), carrier))
-                for text in MESSAGES:
-                    assert writer.write(Bottle.parse(text)) == 1
-            thread.join(10)
+        with (
+            socket.create_server(("127.0.0.1", 0)) as listening,
+            playing(listening, recorded(version, carrier)) as sent,
+            Port(f"/wr_{carrier}", network=network) as writer,
+        ):
+            writer.add_output(Contact(f"/rd_{carrier}", *listening.getsockname(), carrier))
+            for text in MESSAGES:
+                assert writer.write(Bottle.parse(text)) == 1
         assert len(sent) == sum(way == ">" for way, _ in recorded(version, carrier))
         for expected, got in sent:
             assert got == expected
-
-
-def play(listening: socket.socket, segments: list[tuple[str, bytes]], sent: list[tuple[bytes, bytes]]) -> None:
-    """Be the recorded server; note what should have been sent, and what was."""
-    connection, _ = listening.accept()
-    with connection:
-        connection.settimeout(10)
-        for way, data in segments:
-            if way == "<":
-                connection.sendall(data)
-            else:
-                sent.append((data, receive(connection, len(data))))
 
 
 @version
@@ -135,20 +109,14 @@ def test_datagrams_are_sent_as_recorded(network: Network, version: str):
         receiving.settimeout(10)
         answer = [*recorded(version, "udp")]
         answer[1] = ("<", wire.yarp_number(receiving.getsockname()[1]))
-        sent: list[tuple[bytes, bytes]] = []
-        thread = threading.Thread(target=play, args=(listening, answer, sent))
-        thread.start()
-        writer.add_output(Contact("/rd_udp", *listening.getsockname(), "udp"))
-        thread.join(10)
+        with playing(listening, answer) as sent:
+            writer.add_output(Contact("/rd_udp", *listening.getsockname(), "udp"))
         assert sent[0][0] == sent[0][1]
         for text in MESSAGES:
             writer.write(Bottle.parse(text))
         assert [receiving.recv(1 << 16) for _ in MESSAGES] == [data for _, data in recorded(version, "udp datagrams")]
-        end: list[tuple[bytes, bytes]] = []
-        thread = threading.Thread(target=play, args=(listening, recorded(version, "udp end"), end))
-        thread.start()
-        writer.remove_output("/rd_udp")
-        thread.join(10)
+        with playing(listening, recorded(version, "udp end")) as end:
+            writer.remove_output("/rd_udp")
         assert end[0][0] == end[0][1]
 
 

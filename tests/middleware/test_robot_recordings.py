@@ -2,44 +2,26 @@
 
 from __future__ import annotations
 
-import json
 import socket
-import threading
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from replaying import VERSIONS, playing, receive, recordings, segments
 from rtf.bottle import Bottle, Dialect
 from rtf.bottle.binary import decode_from
 from rtf.cli.network.asking import Caller
 from rtf.middleware import wire
 from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.names import Contact
 from rtf.middleware.types import VECTOR, Stamp
 
 if TYPE_CHECKING:
     from rtf.middleware.network import Network
 
-DATA = Path(__file__).parents[1] / "data" / "yarp_wire"
-VERSIONS = {"3.12.3": Dialect.YARP3, "4.0.0": Dialect.YARP4}
-RECORDED = {version: json.loads((DATA / version / "robot.json").read_text(encoding="utf-8")) for version in VERSIONS}
+RECORDED = {version: recordings(version, "robot.json") for version in VERSIONS}
 QUESTIONS = [(version, number) for version in VERSIONS for number in range(len(RECORDED[version]["questions"]))]
-
-
-def segments(conversation: list[list[str]]) -> list[tuple[str, bytes]]:
-    """Directions and bytes."""
-    return [(way, bytes.fromhex(data)) for way, data in conversation]
-
-
-def receive(connection: socket.socket, size: int) -> bytes:
-    """So many bytes, or what there is until the end."""
-    data = b""
-    while len(data) < size and (part := connection.recv(size - len(data))):
-        data += part
-    return data
 
 
 @pytest.mark.parametrize("version", VERSIONS)
@@ -69,18 +51,13 @@ def test_questions_are_put_as_recorded(network: Network, version: str, number: i
     """The same bytes go out, and the answer, of whatever service, is read whole."""
     network.dialect = VERSIONS[version]
     talk = segments(RECORDED[version]["questions"][number])
-    sent: list[tuple[bytes, bytes]] = []
-    with socket.create_server(("127.0.0.1", 0)) as listening:
-        thread = threading.Thread(target=play, args=(listening, talk, sent))
-        thread.start()
-        try:
-            with Caller(network, Contact("/robot", *listening.getsockname())) as caller:
-                for question, answer in pairs(talk, network.dialect):
-                    assert caller.ask("d", question, timeout=5) == answer
-        except MiddlewareError:
-            thread.join(10)
-            raise
-        thread.join(10)
+    with (
+        socket.create_server(("127.0.0.1", 0)) as listening,
+        playing(listening, talk) as sent,
+        Caller(network, Contact("/robot", *listening.getsockname())) as caller,
+    ):
+        for question, answer in pairs(talk, network.dialect):
+            assert caller.ask("d", question, timeout=5) == answer
     for expected, got in sent:
         assert got == expected
 
@@ -96,15 +73,3 @@ def pairs(talk: list[tuple[str, bytes]], dialect: Dialect) -> list[tuple[Bottle,
                 (decode_from(question, at, dialect)[0], None if nothing else decode_from(answer, 0, dialect)[0])
             )
     return found
-
-
-def play(listening: socket.socket, talk: list[tuple[str, bytes]], sent: list[tuple[bytes, bytes]]) -> None:
-    """Be the recorded server; note what should have been sent, and what was."""
-    connection, _ = listening.accept()
-    with connection:
-        connection.settimeout(10)
-        for way, data in talk:
-            if way == "<":
-                connection.sendall(data)
-            else:
-                sent.append((data, receive(connection, len(data))))

@@ -1,0 +1,326 @@
+"""Ports and a model of what they promise, driven side by side through any sequence of calls: they always agree.
+
+The ports are real, and so are their connections. Calls that wait are made in threads of their own and have begun to
+wait before the next call is made, so that the model knows what must come of them; orders of what happens at the same
+moment are left to the schedules that are explored elsewhere.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
+
+from rtf.bottle import Bottle
+from rtf.errors import RtfError
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.errors import NameNotFoundError, PortClosedError, WaitTimeoutError
+from rtf.middleware.naming.local import LocalNames
+from rtf.middleware.network import Network
+from rtf.middleware.port import Port
+from waiting import eventually
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+PLAIN, STRICT, NEWEST = "plain", "strict", "newest"
+WRITERS = ("/writer/0", "/writer/1")
+CARRIERS = st.sampled_from(["tcp", "local"])
+#: Seconds for what comes at once.
+SOON = 5.0
+
+
+@dataclass
+class Model:
+    """What a port that is read from promises. Results are values, numbers, or the classes of errors."""
+
+    kind: str
+    connected: set[str] = field(default_factory=set)
+    interrupted: bool = False
+    closed: bool = False
+    dropped: int = 0
+    #: What can be read: of a plain port with the writers that wait for it, of a buffered one without.
+    queue: list[tuple[str, int]] = field(default_factory=list)
+
+    @property
+    def busy(self) -> set[str]:
+        """The writers that wait until their message is read."""
+        return {writer for writer, _ in self.queue} if self.kind == PLAIN else set()
+
+    @property
+    def pending(self) -> int:
+        """What a buffered port keeps."""
+        return len(self.queue)
+
+    def arrives(self, writer: str) -> bool:
+        """Whether what is written now can be read."""
+        return writer in self.connected and not self.interrupted
+
+    def write(self, writer: str, value: int) -> int:
+        """How many have it, once the write comes back."""
+        if self.arrives(writer):
+            if self.kind == NEWEST and self.queue:
+                self.queue.clear()
+                self.dropped += 1
+            self.queue.append((writer, value))
+        return int(writer in self.connected)
+
+    def read(self) -> int | type[Exception]:
+        """The first value, or why there is none."""
+        if self.queue and not (self.kind == PLAIN and self.closed):
+            return self.queue.pop(0)[1]
+        return PortClosedError if self.interrupted else WaitTimeoutError
+
+    def interrupt(self) -> None:
+        """Writers wait no longer: a plain port has nothing that could be kept."""
+        self.interrupted = True
+        if self.kind == PLAIN:
+            self.queue.clear()
+
+    def resume(self) -> None:
+        """Only of use while it is open."""
+        self.interrupted = self.closed
+
+    def close(self) -> None:
+        """As if it was interrupted for good, and alone."""
+        self.interrupt()
+        self.closed = True
+        self.connected.clear()
+
+
+class Call:
+    """A call in a thread of its own, and what came of it."""
+
+    def __init__(self, work: Callable[[], object]) -> None:
+        self._work = work
+        self._result: object = None
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def result(self) -> object:
+        """What it returned, or the class of the error that it raised; it must have come back by now, or soon."""
+        self._thread.join(SOON)
+        assert not self._thread.is_alive(), "the call has not come back"
+        return self._result
+
+    @property
+    def waits(self) -> bool:
+        """Whether it has not come back."""
+        return self._thread.is_alive()
+
+    def _run(self) -> None:
+        self._result = outcome(self._work)
+
+
+def outcome(work: Callable[[], object]) -> object:
+    """The result of a call, or the class of its error."""
+    try:
+        return work()
+    except RtfError as error:
+        return type(error)
+
+
+class Ports(RuleBasedStateMachine):
+    """One port that is read from and two that write to it, beside the model."""
+
+    kind = PLAIN
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.network = Network(LocalNames())
+        self.written = 0
+        self.writes: dict[str, Call] = {}
+        self.reading: Call | None = None
+
+    @initialize(carriers=st.tuples(CARRIERS, CARRIERS))
+    def open(self, carriers: tuple[str, str]) -> None:
+        """Make the ports, and connect them."""
+        kind = self.kind
+        self.model = Model(kind)
+        self.reader: Any = (
+            Port("/reader", network=self.network)
+            if kind == PLAIN
+            else BufferedPort("/reader", strict=kind == STRICT, network=self.network)
+        )
+        self.writers = {name: Port(name, network=self.network) for name in WRITERS}
+        for writer, carrier in zip(WRITERS, carriers, strict=True):
+            self.connect(writer, carrier)
+
+    # What writers do
+
+    @rule(writer=st.sampled_from(WRITERS), carrier=CARRIERS)
+    def reconnect(self, writer: str, carrier: str) -> None:
+        """At any time."""
+        self.connect(writer, carrier)
+
+    def connect(self, writer: str, carrier: str) -> None:
+        """A connection that is there is replaced; to a port that is closed there is none."""
+        if writer in self.model.busy:
+            return
+        made = outcome(lambda: self.writers[writer].add_output("/reader", carrier).name)
+        if self.model.closed:
+            assert made is NameNotFoundError
+        else:
+            assert made == "/reader"
+            self.model.connected.add(writer)
+            eventually(lambda: self.listed() == sorted(self.model.connected), "the reader does not list its callers")
+
+    @precondition(lambda self: self.written % 4 == 3)  # so that most of what is written arrives
+    @rule(writer=st.sampled_from(WRITERS))
+    def disconnect(self, writer: str) -> None:
+        """It says whether there was a connection; to a port that is closed there may still be half of one."""
+        if writer in self.model.busy:
+            return
+        was = self.writers[writer].remove_output("/reader")
+        assert was == (writer in self.model.connected) or self.model.closed
+        self.model.connected.discard(writer)
+
+    @rule(writers=st.lists(st.sampled_from(WRITERS), min_size=1, max_size=3))
+    def write(self, writers: list[str]) -> None:
+        """Several times in a row."""
+        for writer in writers:
+            self.write_once(writer)
+
+    def write_once(self, writer: str) -> None:
+        """To a plain port it waits, and everything else comes back."""
+        if writer in self.model.busy:
+            return
+        number = self.written = self.written + 1
+        first = not self.model.queue
+        call = Call(lambda: self.writers[writer].write(Bottle([number])))
+        expected = self.model.write(writer, number)
+        if not self.model.arrives(writer) or self.model.kind != PLAIN:
+            assert call.result() == expected
+        else:
+            self.writes[writer] = call
+        if self.reading is not None and self.model.queue:
+            self.end_reading()
+        elif first and writer in self.model.busy:
+            eventually(lambda: self.reader._rendezvous._waiting is not None, "the message does not come")
+
+    # What the reader does
+
+    @precondition(lambda self: self.reading is None)
+    @rule()
+    def read(self) -> None:
+        """It gets what comes next, and its writer goes on; or it hears why not."""
+        limit = SOON if self.model.queue else 0.0
+        self.compare_reading(outcome(lambda: self.reader.read(timeout=limit)[0]))
+
+    @precondition(lambda self: self.reading is None and not self.model.queue and not self.model.interrupted)
+    @rule()
+    def begin_to_read(self) -> None:
+        """It waits, until something comes or somebody says that nothing will."""
+        plain = self.model.kind == PLAIN
+        changed = self.reader._rendezvous._changed if plain else self.reader._arrived
+        self.reading = Call(lambda: self.reader.read()[0])
+        eventually(lambda: changed._waiters, "nobody waits")
+
+    @precondition(lambda self: self.reading is None and self.model.kind != PLAIN)
+    @rule()
+    def poll(self) -> None:
+        """It never waits, and never raises."""
+        got = self.reader.poll()
+        assert (None if got is None else got[0]) == (self.model.read() if self.model.queue else None)
+
+    @precondition(lambda self: self.written % 3 == 2)
+    @rule(how_often=st.integers(1, 2))
+    def interrupt(self, how_often: int) -> None:
+        """All who wait go on."""
+        for _ in range(how_often):
+            self.reader.interrupt()
+        self.model.interrupt()
+        self.end_waiting({1})
+
+    @rule()
+    def interrupt_and_resume(self) -> None:
+        """Whoever reads is woken, however short it was; what a writer waits with need not be thrown away."""
+        if self.model.busy:
+            return
+        self.reader.interrupt()
+        self.reader.resume()
+        reading, self.reading = self.reading, None
+        assert reading is None or reading.result() is PortClosedError
+        self.model.resume()
+
+    @rule()
+    def resume(self) -> None:
+        """It changes nothing for a port that is closed."""
+        self.reader.resume()
+        self.model.resume()
+
+    @precondition(lambda self: self.written > 4)  # else most sequences are those of closed ports
+    @rule()
+    def close(self) -> None:
+        """All who wait go on; a write that was not read may have been cut off."""
+        self.reader.close()
+        self.model.close()
+        self.end_waiting({0, 1})
+
+    @invariant()
+    def agree(self) -> None:
+        """Everything that can be looked at is as the model has it."""
+        assert self.reader.interrupted == self.model.interrupted
+        assert self.reader.closed == self.model.closed
+        if self.model.kind != PLAIN:
+            assert (self.reader.pending, self.reader.dropped) == (self.model.pending, self.model.dropped)
+        eventually(lambda: self.listed() == sorted(self.model.connected), "the reader does not list its callers")
+        assert {writer for writer, call in self.writes.items() if call.waits} >= self.model.busy
+        if not self.model.closed:
+            assert {name for name, port in self.writers.items() if port.outputs} == self.model.connected
+
+    # How results are compared
+
+    def listed(self) -> list[str]:
+        """The callers that the reader lists."""
+        return sorted(one.sender for one in self.reader.inputs)
+
+    def compare_reading(self, got: object) -> None:
+        """What a read came to; a writer that waited for it has come back."""
+        before = self.model.busy
+        assert got == self.model.read()
+        for writer in before - self.model.busy:
+            assert self.writes.pop(writer).result() == 1
+
+    def end_reading(self) -> None:
+        """The read that waited comes back."""
+        assert self.reading is not None
+        got, self.reading = self.reading.result(), None
+        self.compare_reading(got)
+
+    def end_waiting(self, written: set[int]) -> None:
+        """Nobody waits any longer."""
+        if self.reading is not None:
+            self.end_reading()
+        for call in self.writes.values():
+            assert call.result() in written
+        self.writes.clear()
+
+    def teardown(self) -> None:
+        """Close everything."""
+        if hasattr(self, "reader"):
+            for port in (self.reader, *self.writers.values()):
+                port.close()
+
+
+@pytest.mark.parametrize("kind", [PLAIN, STRICT, NEWEST])
+def test_ports_keep_what_the_model_promises(network: Network, kind: str):
+    """Values, their order, counts and errors are the model's; afterwards no thread and no descriptor is left."""
+    run_state_machine_as_test(
+        type("Ports", (Ports,), {"kind": kind}),
+        settings=settings(
+            max_examples=60, stateful_step_count=25, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+        ),
+    )

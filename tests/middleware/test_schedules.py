@@ -1,0 +1,448 @@
+"""What ports promise to threads, under every schedule of small programs.
+
+Ports are connected by ``local`` and without a handshake, so that nothing but threads of the program takes part.
+"""
+
+from __future__ import annotations
+
+import socket
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
+from unittest import mock
+
+import pytest
+
+from rtf.bottle import Bottle
+from rtf.middleware import buffered, outputs, port, rendezvous, sender
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.carriers import local
+from rtf.middleware.errors import PortClosedError, WaitTimeoutError
+from rtf.middleware.outputs import Output
+from rtf.middleware.port import Port
+from rtf.middleware.stream import Stream
+from schedules import explore, start, together
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from rtf.middleware.network import Network
+    from schedules import Control
+
+MODULES = (port, buffered, outputs, rendezvous, sender, local)
+#: What ports and their parts look at without a lock.
+SHARED = {Port: ("interrupted", "_closed", "_outputs"), BufferedPort: ("_ended", "_queue")}
+
+
+class Deaf:
+    """In place of the listener, whose thread has nothing to do where nobody calls."""
+
+    def add(self, listening: socket.socket, take: object) -> None:
+        """See Listener."""
+
+    def remove(self, listening: socket.socket) -> None:
+        """See Listener."""
+        listening.close()
+
+
+class Scene:
+    """A network for the ports of a program."""
+
+    def __init__(self, network: Network) -> None:
+        self.network = network
+
+    def explore(self, program: Callable[[Control], None], preemptions: int = 2) -> None:
+        """All schedules of a program with ports."""
+        with mock.patch.object(port, "SHARED", Deaf()):
+            explore(program, *MODULES, preemptions=preemptions, shared=SHARED)
+
+    @contextmanager
+    def pair(
+        self, control: Control, reader: Callable[[], Port], writer: type[Port] = Port, *, connected: bool = True
+    ) -> Iterator[tuple[Any, Any]]:
+        """Two ports that are made, connected and closed undisturbed."""
+        with control.undisturbed():
+            reads, writes = reader(), writer("/writer", network=self.network)
+            if connected:
+                writes.adopt(output_to(writes, reads))
+        yield reads, writes
+        with control.undisturbed():
+            writes.close()
+            reads.close()
+
+    def reader(self, **options: object) -> BufferedPort[Bottle]:
+        """One that keeps all."""
+        return BufferedPort("/reader", network=self.network, strict=True, **options)  # type: ignore[arg-type]
+
+    def plain(self) -> Port:
+        """One whose messages wait for whoever reads them."""
+        return Port("/reader", network=self.network)
+
+
+def output_to(writer: Port, reader: Port) -> Output:
+    """A connection within this process that nobody needed to ask for."""
+    link = local.LocalOutput(local.Local(), Stream(socket.socket()), writer.name, reader)
+    return Output(link, reader.contact.by("local"))
+
+
+@pytest.fixture
+def scene(network: Network) -> Scene:
+    """Where the programs play."""
+    return Scene(network)
+
+
+class Readings:
+    """What readings of a port came to."""
+
+    def __init__(self, port: Port) -> None:
+        self.port = port
+        self.got: list[object] = []
+        self.closed = 0
+        self.late = 0
+
+    def read(self, timeout: float | None = None) -> None:
+        """Read once."""
+        try:
+            self.got.append(self.port.read(timeout=timeout)[0])
+        except PortClosedError:
+            self.closed += 1
+        except WaitTimeoutError:
+            self.late += 1
+
+
+class TestPort:
+    """A plain port."""
+
+    def test_write_write_read_close(self, scene: Scene):
+        """Whatever is written is read first, or nobody holds the writer up."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, scene.plain) as (reader, writer):
+                readings = Readings(reader)
+                done = []
+
+                def write() -> None:
+                    done.extend(writer.write(Bottle([number])) for number in range(2))
+
+                def read_and_close() -> None:
+                    readings.read()
+                    reader.close()
+
+                together(control, write, read_and_close)
+                assert readings.got == [0]
+                assert done[0] == 1
+                assert len(done) == 2
+
+        scene.explore(program)
+
+    def test_read_with_a_limit_and_write_and_close(self, scene: Scene):
+        """A message is read, or left unread at the end; the reader is told which."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, scene.plain) as (reader, writer):
+                readings = Readings(reader)
+
+                def read() -> None:
+                    readings.read(timeout=1.0)
+
+                def write() -> None:
+                    writer.write(Bottle([7]))
+
+                together(control, read, write, reader.close)
+                assert len(readings.got) + readings.closed + readings.late == 1
+
+        scene.explore(program)
+
+    def test_two_readers_of_which_one_does_not_wait_long(self, scene: Scene):
+        """A message is for one of them, and never for none."""
+        scene.explore(two_readers(scene, scene.plain))
+
+    def test_interrupt_wakes_whoever_reads(self, scene: Scene):
+        """Also when the port is resumed at once, before the reader has had its turn."""
+        scene.explore(interrupted_reader(scene, scene.plain))
+
+    def test_interrupt_and_resume_at_the_same_time(self, scene: Scene):
+        """The port is either, altogether."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, scene.plain) as (reader, _):
+                together(control, reader.interrupt, reader.resume)
+                with control.undisturbed():
+                    assert reader.interrupted is not reader._rendezvous._open
+
+        scene.explore(program)
+
+    def test_resume_does_not_open_what_is_closed(self, scene: Scene):
+        """Whoever reads a port while it is closed is told, whatever a third thread does."""
+        scene.explore(resumed_while_closed(scene, scene.plain))
+
+    def test_connecting_twice_leaves_one_connection(self, scene: Scene):
+        """A connection to the same port is replaced, also when two threads make one."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, scene.plain) as (reader, writer):
+
+                def connect() -> None:
+                    writer.adopt(output_to(writer, reader))
+
+                together(control, connect, connect)
+                with control.undisturbed():
+                    assert [output.peer for output in writer.outputs] == ["/reader"]
+
+        scene.explore(program)
+
+
+class TestBuffered:
+    """A buffered port, which keeps all that comes."""
+
+    def test_strict_writes_are_read_whatever_happens_to_the_writer(self, scene: Scene):
+        """No message is lost, doubled, or overtaken by another one, when reads and interrupts come in between."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, scene.reader, BufferedPort) as (reader, writer):
+                readings = Readings(reader)
+
+                def write() -> None:
+                    assert writer.write(Bottle([0]), strict=True) == 1
+                    writer.interrupt()
+                    assert writer.write(Bottle([1]), strict=True) == 1
+
+                def read() -> None:
+                    readings.read()
+                    readings.read()
+
+                together(control, read, write)
+                assert readings.got == [0, 1]
+
+        scene.explore(program)
+
+    def test_strict_writers_wait_for_each_other(self, scene: Scene):
+        """Neither is skipped because the other one's message is still on its way."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, scene.reader, BufferedPort) as (reader, writer):
+                taken = []
+
+                def write() -> None:
+                    taken.append(writer.write(Bottle([1]), strict=True))
+
+                together(control, write, write)
+                assert taken == [1, 1]
+                with control.undisturbed():
+                    assert writer.wait()
+                    assert reader.pending == 2
+
+        scene.explore(program)
+
+    def test_read_and_interrupt(self, scene: Scene):
+        """A reader gets what came before the interrupt, in order, or is told."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, scene.reader) as (reader, writer):
+                readings = Readings(reader)
+
+                def write() -> None:
+                    assert [writer.write(Bottle([number])) for number in range(2)] == [1, 1]
+
+                def read() -> None:
+                    readings.read()
+                    readings.read()
+
+                together(control, write, read, reader.interrupt)
+                assert readings.got == [0, 1][: len(readings.got)]
+                assert len(readings.got) + readings.closed == 2
+
+        scene.explore(program)
+
+    def test_read_with_a_limit_and_write_and_close(self, scene: Scene):
+        """What was written before the end and not read waits still, or was thrown away by the end."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, scene.reader) as (reader, writer):
+                readings = Readings(reader)
+
+                def read() -> None:
+                    readings.read(timeout=1.0)
+
+                def write() -> None:
+                    writer.write(Bottle([7]))
+
+                together(control, read, write, reader.close)
+                assert len(readings.got) + readings.closed + readings.late == 1
+
+        scene.explore(program)
+
+    def test_two_readers_of_which_one_does_not_wait_long(self, scene: Scene):
+        """An object is for one of them, and never for none."""
+        scene.explore(two_readers(scene, scene.reader))
+
+    def test_interrupt_wakes_whoever_reads(self, scene: Scene):
+        """Also when the port is resumed at once, before the reader has had its turn."""
+        scene.explore(interrupted_reader(scene, scene.reader))
+
+    def test_resume_does_not_open_what_is_closed(self, scene: Scene):
+        """Whoever reads a port while it is closed is told, whatever a third thread does."""
+        scene.explore(resumed_while_closed(scene, scene.reader))
+
+    def test_callback_interrupt_and_close(self, scene: Scene):
+        """Its thread ends with the port, and calls for each object once at most."""
+
+        def program(control: Control) -> None:
+            called = []
+
+            def make() -> Port:
+                return scene.reader(callback=lambda received: called.append(received.value[0]))
+
+            with scene.pair(control, make) as (reader, writer):
+
+                def write() -> None:
+                    writer.write(Bottle([0]))
+
+                def write_and_interrupt() -> None:
+                    write()
+                    reader.interrupt()
+
+                together(control, write_and_interrupt, reader.close)
+            assert called in ([], [0])
+
+        scene.explore(program)
+
+    def test_callback_interrupt_and_resume(self, scene: Scene):
+        """What came before is not lost, but called for when the port is resumed."""
+
+        def program(control: Control) -> None:
+            called = []
+            full = control.Event()
+
+            def call(received: object) -> None:
+                called.append(received.value[0])  # type: ignore[attr-defined]
+                if len(called) == 2:
+                    full.set()
+
+            with scene.pair(control, lambda: scene.reader(callback=call)) as (reader, writer):
+                with control.undisturbed():
+                    writer.write(Bottle([0]))
+
+                def write_later() -> None:
+                    reader.interrupt()
+                    reader.resume()
+                    writer.write(Bottle([1]))
+
+                together(control, write_later)
+                full.wait()
+            assert called == [0, 1]
+
+        scene.explore(program)
+
+    def test_connect_and_close(self, scene: Scene):
+        """No thread is left for a connection that was made while the port was closed."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, scene.reader, BufferedPort, connected=False) as (reader, writer):
+
+                def connect() -> None:
+                    with suppress(PortClosedError):
+                        writer.adopt(output_to(writer, reader))
+
+                together(control, connect, writer.close)
+                control.pause("be the only thread", lambda: len(control.enumerate()) == 1)
+                with control.undisturbed():
+                    assert writer.outputs == ()
+
+        scene.explore(program)
+
+    def test_connect_and_disconnect(self, scene: Scene):
+        """What is written goes to the outputs that are listed, and to no other."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, scene.reader, BufferedPort, connected=False) as (reader, writer):
+
+                def connect() -> None:
+                    writer.adopt(output_to(writer, reader))
+
+                def disconnect() -> None:
+                    writer.remove_output("/reader")
+
+                together(control, connect, disconnect)
+                with control.undisturbed():
+                    assert writer.write(Bottle([1]), strict=True) == len(writer.outputs)
+
+        scene.explore(program)
+
+    def test_strict_write_and_disconnect(self, scene: Scene):
+        """A connection that ends while it is written to holds nobody up, and its thread ends."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, scene.reader, BufferedPort) as (reader, writer):
+
+                def write() -> None:
+                    writer.write(Bottle([7]), strict=True)
+
+                def disconnect() -> None:
+                    writer.remove_output("/reader")
+
+                together(control, write, disconnect)
+                control.pause("be the only thread", lambda: len(control.enumerate()) == 1)
+                with control.undisturbed():
+                    assert reader.pending <= 1
+
+        scene.explore(program)
+
+
+def two_readers(scene: Scene, make: Callable[[], Port]) -> Callable[[Control], None]:
+    """One that waits for a second, one that waits for good, and a message; another one if the first has it."""
+
+    def program(control: Control) -> None:
+        with scene.pair(control, make) as (reader, writer):
+            quick, patient = Readings(reader), Readings(reader)
+
+            def quickly() -> None:
+                quick.read(timeout=1.0)
+
+            def patiently() -> None:
+                patient.read()
+
+            def write() -> None:
+                writer.write(Bottle([1]))
+
+            short, long = start(control, quickly, patiently)
+            control.pause("write", lambda: all(one.what == "be notified" or not one.alive for one in (short, long)))
+            write()
+            short.join()
+            if quick.got:
+                write()
+            long.join()
+            assert patient.got == [1]
+
+    return program
+
+
+def interrupted_reader(scene: Scene, make: Callable[[], Port]) -> Callable[[Control], None]:
+    """One that reads while the port is interrupted and resumed; a second interrupt is for it only if it came late."""
+
+    def program(control: Control) -> None:
+        with scene.pair(control, make) as (reader, _):
+            readings = Readings(reader)
+            (reading,) = start(control, readings.read)
+            control.pause("interrupt")
+            with control.undisturbed():
+                waited = reading.what == "be notified"
+                reader.interrupt()
+                reader.resume()
+            if not waited:
+                reader.interrupt()
+            reading.join()
+            assert readings.closed == 1
+
+    return program
+
+
+def resumed_while_closed(scene: Scene, make: Callable[[], Port]) -> Callable[[Control], None]:
+    """One that reads, one that closes, and one that resumes."""
+
+    def program(control: Control) -> None:
+        with scene.pair(control, make) as (reader, _):
+            readings = Readings(reader)
+            together(control, readings.read, reader.close, reader.resume)
+            assert readings.closed == 1
+
+    return program
