@@ -1,11 +1,16 @@
 """The server of lockstep time: it lets time pass when everybody waits. The simulator is built on it.
 
 It knows nothing of what happens in time; ``advance(until)`` does that, and returns how far it came: everything that was
-to happen up to then has happened, and everything that was to be published has been delivered.
+to happen up to then has happened, and everything that was to be published has been delivered. Its port also publishes
+the time, as YARP's clocks do, for those who live by it without taking part.
+
+Beside what takes part (:mod:`rtf.middleware.time`) it answers those who direct the time: ``pause``, ``continue``,
+``step SECONDS`` while it is paused, ``reset``, and ``participants``.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,12 +21,16 @@ from rtf.middleware.port import Port
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.bottle import Value
     from rtf.middleware.delivery import Delivery
     from rtf.middleware.inputs import Input
     from rtf.middleware.network import Network
+    from rtf.middleware.outputs import Output
 
 _OK, _FAIL = Vocab("ok"), Vocab("fail")
+_NANOSECONDS = 1_000_000_000
+_DIGITS = 9  # nanoseconds are the finest that YARP's clocks tell
+_LONGEST_STEP = 3600.0
+_LISTENING = 5.0
 
 
 @dataclass(slots=True)
@@ -34,10 +43,14 @@ class Participant:
 
 
 class LockstepServer:
-    """Serves time at the port ``name``. ``advance`` is called in one thread at a time, while all participants wait.
+    """Serves time at the port ``name``. ``advance`` is called in one thread, while all participants wait.
 
-    A participant that does not wait for ``patience`` seconds of the machine's time, while others do, is told of by
-    ``complain``.
+    It returns a time that is not before the one it was given.
+
+    When nobody takes part time stands still, or goes on in steps of ``idle`` seconds. A participant that does not wait
+    for ``patience`` seconds of the machine's time, while others do, is told of by ``complain``. ``reset`` is called in
+    the same thread as ``advance`` when somebody asks for it; without it that is refused. An error in either ends the
+    time: it is kept as ``broken``, and those who wait are told.
     """
 
     def __init__(
@@ -47,11 +60,16 @@ class LockstepServer:
         *,
         network: Network,
         start: float = 0.0,
+        idle: float | None = None,
         patience: float = 10.0,
         complain: Callable[[str], None] | None = None,
+        reset: Callable[[], None] | None = None,
     ) -> None:
         self.now = start
+        self.broken: BaseException | None = None
         self._advance = advance
+        self._idle = idle
+        self._reset = reset
         self._patience = patience
         self._complain = complain or network.report
         self._changed = threading.Condition()
@@ -59,6 +77,19 @@ class LockstepServer:
         self._next = 1
         self._closed = False
         self._paused = False
+        self._step_until: float | None = None
+        self._reset_wanted = False
+        self._questions = {
+            "join": self._join,
+            "until": self._until,
+            "leave": self._leave,
+            "now": self._now,
+            "pause": self._pause,
+            "continue": self._continue,
+            "step": self._step,
+            "reset": self._ask_for_reset,
+            "participants": self._tell_participants,
+        }
         self._port = _ClockPort(name, self._answer, self._left, network=network)
         self._thread = threading.Thread(target=self._run, name=f"rtf-lockstep {name}", daemon=True)
         self._thread.start()
@@ -73,6 +104,16 @@ class LockstepServer:
         """Who takes part."""
         with self._changed:
             return tuple(self._participants.values())
+
+    @property
+    def heard(self) -> bool:
+        """Whether somebody is connected who wants to be sent the time."""
+        return bool(self._port.outputs)
+
+    def publish(self, now: float) -> None:
+        """Send the time to those who are connected; to be called while time passes, as often as it is to be heard."""
+        seconds, nanoseconds = divmod(round(now * _NANOSECONDS), _NANOSECONDS)
+        self._port.write(Bottle([seconds, nanoseconds]))
 
     def pause(self) -> None:
         """Let no time pass until ``resume``."""
@@ -93,65 +134,136 @@ class LockstepServer:
         self._port.close()
         self._thread.join()
 
-    def _run(self) -> None:
-        while True:
-            with self._changed:
-                while not self._closed and not self._everybody_waits():
-                    if not self._changed.wait(self._patience):
-                        self._name_the_late()
-                if self._closed:
-                    return
-                until = min(one.until for one in self._participants.values() if one.until is not None)
-            reached = self._advance(until)
-            with self._changed:
-                self.now = reached
-                self._changed.notify_all()
+    # Time passes, in a thread of its own -------------------------------------------------------------------------
 
-    def _everybody_waits(self) -> bool:
+    def _run(self) -> None:
+        try:
+            while (until := self._wait_for_work()) is not None:
+                reached = round(self._advance(until), _DIGITS) if until > self.now else self.now
+                with self._changed:
+                    self.now = reached
+                    if self._step_until is not None and reached >= self._step_until:
+                        self._step_until = None
+                    self._changed.notify_all()
+        except BaseException as error:  # noqa: BLE001 - whoever waits must hear of it, and nobody else would
+            with self._changed:
+                self.broken = error
+                self._closed = True
+                self._changed.notify_all()
+            self._complain(f"time ends at {self.now:.6g} s: {type(error).__name__}: {error}")
+
+    def _wait_for_work(self) -> float | None:
+        """Wait until time may pass; returns up to when, or None at the end."""
+        with self._changed:
+            while not self._closed:
+                if self._reset_wanted:
+                    assert self._reset is not None
+                    self._reset()
+                    self._reset_wanted = False
+                    self._changed.notify_all()
+                until = self._next_moment()
+                if until is not None:
+                    return until
+                if not self._changed.wait(self._patience):
+                    self._name_the_late()
+            return None
+
+    def _next_moment(self) -> float | None:
+        """Up to when time may pass now."""
+        if self._paused:
+            return self._step_until
         waiting = [one.until for one in self._participants.values()]
-        return bool(waiting) and not self._paused and all(until is not None and until > self.now for until in waiting)
+        if not waiting:
+            return None if self._idle is None else round(self.now + self._idle, _DIGITS)
+        wanted = [until for until in waiting if until is not None and until > self.now]
+        return min(wanted) if len(wanted) == len(waiting) else None
 
     def _name_the_late(self) -> None:
         late = [one.name for one in self._participants.values() if one.until is None]
         if late and len(late) < len(self._participants):
             self._complain(f"time stands still at {self.now:.6g} s: {', '.join(late)} does not wait for it")
 
+    # Questions, each in the thread of who asks ------------------------------------------------------------------
+
     def _answer(self, delivery: Delivery) -> None:
         question = delivery.read()
         word = as_string(question.get(0))
-        if word == "join":
-            delivery.reply(self._join(as_string(question.get(1)), delivery.sender))
-        elif word == "until":
-            delivery.reply(self._until(question.get(1), as_float(question.get(2))))
-        elif word == "leave":
-            delivery.reply(self._leave(as_int(question.get(1))))
-        elif word == "now":
-            delivery.reply(Bottle([_OK, self.now]))
+        asked = self._questions.get(word)
+        if asked is None:
+            delivery.reply(Bottle([_FAIL, f"{word!r} is none of {', '.join(self._questions)}"]))
         else:
-            delivery.reply(Bottle([_FAIL, f"{word!r} is none of join, until, leave, now"]))
+            delivery.reply(asked(question, delivery.sender))
 
-    def _join(self, name: str, sender: str) -> Bottle:
+    def _join(self, question: Bottle, sender: str) -> Bottle:
         with self._changed:
             number, self._next = self._next, self._next + 1
-            self._participants[number] = Participant(name or sender, sender)
+            self._participants[number] = Participant(as_string(question.get(1)) or sender, sender)
             return Bottle([_OK, number, self.now])
 
-    def _until(self, number: Value | None, time: float) -> Bottle:
+    def _until(self, question: Bottle, sender: str) -> Bottle:
+        # Sums of decimal fractions differ from them in the last bit; nobody means that.
+        time = round(as_float(question.get(2)), _DIGITS)
         with self._changed:
-            participant = self._participants.get(as_int(number))
-            if participant is None:
+            participant = self._participants.get(as_int(question.get(1)))
+            if participant is None or participant.sender != sender:
                 return Bottle([_FAIL, "join first"])
+            if not math.isfinite(time):
+                return Bottle([_FAIL, f"{time} is no time"])
             participant.until = time
             self._changed.notify_all()
             self._changed.wait_for(lambda: self.now >= time or self._closed)
             participant.until = None
-            return Bottle([_FAIL, "the clock was closed"]) if self._closed else Bottle([_OK, self.now])
+            if self._closed:
+                return Bottle([_FAIL, "the clock was closed" if self.broken is None else f"time ended: {self.broken}"])
+            return Bottle([_OK, self.now])
 
-    def _leave(self, number: int) -> Bottle:
+    def _leave(self, question: Bottle, sender: str) -> Bottle:
         with self._changed:
-            self._participants.pop(number, None)
+            number = as_int(question.get(1))
+            participant = self._participants.get(number)
+            if participant is not None and participant.sender == sender:
+                del self._participants[number]
             self._changed.notify_all()
         return Bottle([_OK])
+
+    def _now(self, _question: Bottle, _sender: str) -> Bottle:
+        return Bottle([_OK, self.now])
+
+    def _pause(self, _question: Bottle, _sender: str) -> Bottle:
+        self.pause()
+        return Bottle([_OK, self.now])
+
+    def _continue(self, _question: Bottle, _sender: str) -> Bottle:
+        self.resume()
+        return Bottle([_OK, self.now])
+
+    def _step(self, question: Bottle, _sender: str) -> Bottle:
+        """Let so much time pass while it is paused; it need not be waited for."""
+        seconds = as_float(question.get(1))
+        with self._changed:
+            if not self._paused:
+                return Bottle([_FAIL, "pause first"])
+            if not 0 < seconds <= _LONGEST_STEP:
+                return Bottle([_FAIL, f"a step is from 0 to {_LONGEST_STEP:g} seconds, not {seconds:g}"])
+            until = self._step_until = round(self.now + seconds, _DIGITS)
+            self._changed.notify_all()
+            self._changed.wait_for(lambda: self.now >= until or self._closed or not self._paused)
+            return Bottle([_OK, self.now])
+
+    def _ask_for_reset(self, _question: Bottle, _sender: str) -> Bottle:
+        if self._reset is None:
+            return Bottle([_FAIL, "there is nothing to reset"])
+        with self._changed:
+            self._reset_wanted = True
+            self._changed.notify_all()
+            self._changed.wait_for(lambda: not self._reset_wanted or self._closed)
+            return Bottle([_OK, self.now])
+
+    def _tell_participants(self, _question: Bottle, _sender: str) -> Bottle:
+        """The name of each, and what it waits for: a time, or the word ``works``."""
+        with self._changed:
+            people = [Bottle([one.name, "works" if one.until is None else one.until]) for one in self.participants]
+            return Bottle([_OK, *people])
 
     def _left(self, sender: str) -> None:
         """A connection is gone, and with it whoever it stood for."""
@@ -167,7 +279,11 @@ class _ClockPort(Port):
         self, name: str, answer: Callable[[Delivery], None], gone: Callable[[str], None], *, network: Network
     ) -> None:
         self._gone = gone
-        super().__init__(name, answer, network=network, outputs=False, rpc=True)
+        super().__init__(name, answer, network=network)
+
+    def connected(self, output: Output) -> None:
+        """See Port: time does not wait long for who listens to it."""
+        output.link.limit_waiting(_LISTENING)
 
     def left(self, caller: Input) -> None:
         """See Port."""

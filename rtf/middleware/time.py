@@ -103,8 +103,9 @@ class NetworkClock(Clock):
 class LockstepClock(Clock):
     """A simulator's time: it goes on while all who take part sleep, as fast as the simulator can.
 
-    Each thread that sleeps takes part on its own. A thread that neither sleeps nor ends keeps the time standing still;
-    it has to ``leave`` when it is done with the robot.
+    The thread that makes it takes part, and each other one that sleeps, on its own. A thread that takes part and neither
+    sleeps nor ends keeps the time standing still; it has to ``leave`` when it is done with the robot. Others may ask for
+    the time, and are told the latest that somebody here knows.
     """
 
     def __init__(self, server: str, name: str, *, network: Network) -> None:
@@ -114,6 +115,7 @@ class LockstepClock(Clock):
         self._local = threading.local()
         self._members: list[_Member] = []
         self._lock = threading.Lock()
+        self._left_at = 0.0  # the latest time of those who have left
         self._member()
 
     def _member(self) -> _Member:
@@ -125,8 +127,12 @@ class LockstepClock(Clock):
         return member
 
     def now(self) -> float:
-        """See Clock. It needs no question: the time changes only while this thread sleeps."""
-        return self._member().now
+        """See Clock. It needs no question: the time changes only while those who take part sleep."""
+        member: _Member | None = getattr(self._local, "member", None)
+        if member is not None:
+            return member.now
+        with self._lock:
+            return max([self._left_at, *(member.now for member in self._members)])
 
     def sleep(self, seconds: float) -> None:
         """See Clock; messages that were sent before the end of the sleep have been delivered when it returns."""
@@ -141,6 +147,7 @@ class LockstepClock(Clock):
             self._local.member = None
             with self._lock:
                 self._members.remove(member)
+                self._left_at = max(self._left_at, member.now)
             member.close()
 
     def close(self) -> None:
