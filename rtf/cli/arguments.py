@@ -194,6 +194,11 @@ def _how(group: argparse._ArgumentGroup) -> None:
         "--feature", metavar="WORD", action="append", default=[], help="grant what tests require by a bare word"
     )
     group.add_argument(
+        "--allow-motion",
+        action="store_true",
+        help="let tests move a real robot (a simulated one needs no leave); the operator is asked before each",
+    )
+    group.add_argument(
         "--answer",
         metavar="TEXT",
         help="answer operator questions with this, instead of asking ('default': their defaults)",

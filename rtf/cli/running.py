@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from rtf.testing import run_folder
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files, plugin_files, suite_files, suite_of_plugins
+from rtf.testing.plugins import facts_of
 from rtf.testing.suite.model import Isolation, SuiteError, TestSuite, Timeouts, number_suites
 from rtf.testing.verdict import ExitCode, Severity
 
@@ -102,7 +103,7 @@ def _failed_last_time(runs: Path) -> frozenset[str]:
 
 
 def list_plan(plan: Plan) -> ExitCode:
-    """Print the tests of a plan, a line each: id, plug-in, tags, what is missing."""
+    """Print the tests of a plan, a line each: id, plug-in, tags, what it does to the robot, what is missing."""
     show_diagnostics(plan.diagnostics)
     total = 0
     for planned in plan.suites:
@@ -115,7 +116,9 @@ def list_plan(plan: Plan) -> ExitCode:
             total += 1
             tags = f"  [{' '.join(test.entry.tags)}]" if test.entry.tags else ""
             missing = "  NOT FOUND" if test.plugin is None else ""
-            print(f"  {test.entry.id}  {test.entry.name}{tags}{missing}")
+            facts = facts_of(test.plugin) if test.plugin is not None else None
+            safety = f"  safety: {facts.safety}" if facts is not None and facts.safety else ""
+            print(f"  {test.entry.id}  {test.entry.name}{tags}{safety}{missing}")
     print(f"{total} test{'s' if total != 1 else ''}")
     return ExitCode.USAGE if plan.refused else ExitCode.PASSED
 

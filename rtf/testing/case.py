@@ -94,6 +94,11 @@ class TestCase(Declared):
         folder.mkdir(parents=True, exist_ok=True)
         return folder
 
+    @property
+    def failing(self) -> bool:
+        """Whether something has failed, or gone wrong, so far; and whether the test was stopped."""
+        return bool(self._session.tally.failures or self._session.tally.errors or self._session.stopped)
+
     def rename(self, name: str, description: str = "") -> None:
         """Report under another name from now on."""
         self._session.emit(TestRenamed(test=self._session.test, name=name, description=description))

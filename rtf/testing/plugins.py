@@ -202,6 +202,7 @@ class ClassFacts:
     requires: tuple[str, ...] = ()
     timeout: float | None = None
     description: str = ""
+    safety: str = ""
 
 
 _declared: dict[tuple[str, int], dict[str, ClassFacts]] = {}
@@ -246,6 +247,9 @@ def _class_facts(node: ast.ClassDef) -> tuple[ClassFacts, list[str]]:
         else:
             continue
         if isinstance(target, ast.Name) and target.id in _FACTS:
+            if isinstance(value, ast.Attribute):  # a member of an enumeration, such as Safety.MOTION
+                literals[target.id] = value.attr.lower()
+                continue
             with contextlib.suppress(ValueError):  # a value that must be computed is no fact yet
                 literals[target.id] = ast.literal_eval(value)
     timeout = literals.get("timeout")
@@ -255,11 +259,12 @@ def _class_facts(node: ast.ClassDef) -> tuple[ClassFacts, list[str]]:
         _strings(literals.get("requires")),
         float(timeout) if isinstance(timeout, int | float) else None,
         (ast.get_docstring(node) or "").partition("\n")[0],
+        str(literals.get("safety", "")),
     )
     return facts, [*_strings(literals.get("plugin_name")), *_strings(literals.get("aliases"))]
 
 
-_FACTS = frozenset({"plugin_name", "aliases", "tags", "requires", "timeout"})
+_FACTS = frozenset({"plugin_name", "aliases", "tags", "requires", "timeout", "safety"})
 
 
 def _strings(value: object) -> tuple[str, ...]:

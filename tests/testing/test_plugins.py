@@ -93,7 +93,7 @@ def test_what_is_not_found_says_where_it_was_looked_for(folder: Path):
 
 def test_a_wrong_case_is_suggested_first(folder: Path):
     """Names are compared exactly, as file systems do, but a slip in case is recognised."""
-    with pytest.raises(PluginNotFoundError, match=r"did you mean JointLimits\?"):
+    with pytest.raises(PluginNotFoundError, match=r"did you mean JointLimits\b"):
         find("test", "jointlimits", beside=folder)
 
 
