@@ -67,13 +67,12 @@ class Listener:
         with self._lock:
             changed, self._changed = self._changed, []
             for listening in changed:
-                known = listening.fileno() >= 0 and listening in selector.get_map()
-                if listening in self._takers and not known:
-                    selector.register(listening, selectors.EVENT_READ)
-                elif listening not in self._takers:
-                    if known:
+                if listening not in self._takers:
+                    with contextlib.suppress(KeyError, ValueError):  # it was removed before it was taken over
                         selector.unregister(listening)
                     listening.close()
+                elif listening.fileno() >= 0:
+                    _register(selector, listening)
             return self._thread is threading.current_thread()
 
     def _accept(self, listening: socket.socket) -> None:
@@ -87,6 +86,16 @@ class Listener:
             return  # the caller has gone again, or there are no descriptors left: it may try again
         connection.setblocking(True)
         take(connection)
+
+
+def _register(selector: selectors.BaseSelector, listening: socket.socket) -> None:
+    """Wait on a socket, whatever its descriptor stood for before: somebody may have closed that one behind our back."""
+    known = selector.get_map().get(listening.fileno())
+    if known is not None and known.fileobj is listening:
+        return
+    if known is not None:
+        selector.unregister(known.fileobj)
+    selector.register(listening, selectors.EVENT_READ)
 
 
 #: The one of this process.

@@ -22,18 +22,41 @@ import threading
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Vocab, as_float, as_int, as_string
-from rtf.clock import Clock
+from rtf.clock import Clock, SystemClock
 from rtf.middleware import remote
 from rtf.middleware.buffered import BufferedPort, Received
-from rtf.middleware.errors import ConnectError, MiddlewareError, PortClosedError
+from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError, PortClosedError
 from rtf.middleware.names import Contact
 from rtf.middleware.rpc import RpcClient
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rtf.middleware.network import Network
 
 _NANO = 1e-9
 CLOCK_PORT = "/clock"
+#: Which clock the robot of this process lives by: ``lockstep:/clock``, or the name of a port that publishes the time.
+CLOCK_VARIABLE, YARP_CLOCK_VARIABLE = "RTF_CLOCK", "YARP_CLOCK"
+_LOCKSTEP = "lockstep:"
+
+
+def clock_from_environment(network: Network, environment: Mapping[str, str] | None = None) -> Clock:
+    """The clock that ``RTF_CLOCK`` says, else the port that ``YARP_CLOCK`` says, else the machine's own.
+
+    ``lockstep:/clock`` takes part in a simulator's time, which stands still whenever this process works; to be closed
+    when that is over. Raises AddressError for what names no clock, and ConnectError when it is not there.
+    """
+    given = os.environ if environment is None else environment
+    text = given.get(CLOCK_VARIABLE) or given.get(YARP_CLOCK_VARIABLE, "")
+    if not text:
+        return SystemClock()
+    name = text.removeprefix(_LOCKSTEP)
+    if not name.startswith("/"):
+        raise AddressError(f"{CLOCK_VARIABLE} is {text!r}; write lockstep:/clock, or /clock, or nothing")
+    if name == text:
+        return NetworkClock(name, network=network)
+    return LockstepClock(name, f"process {os.getpid()}", network=network)
 
 
 class NetworkClock(Clock):
@@ -103,9 +126,9 @@ class NetworkClock(Clock):
 class LockstepClock(Clock):
     """A simulator's time: it goes on while all who take part sleep, as fast as the simulator can.
 
-    The thread that makes it takes part, and each other one that sleeps, on its own. A thread that takes part and neither
-    sleeps nor ends keeps the time standing still; it has to ``leave`` when it is done with the robot. Others may ask for
-    the time, and are told the latest that somebody here knows.
+    The thread that makes it takes part, and each other one that sleeps, on its own. A thread that takes part and
+    neither sleeps nor ends keeps the time standing still; it has to ``leave`` when it is done with the robot. Others
+    may ask for the time, and are told the latest that somebody here knows.
     """
 
     def __init__(self, server: str, name: str, *, network: Network) -> None:

@@ -76,7 +76,8 @@ class NameServer:
             raise AddressError(f"{port} is no number to listen at; write one from 1 to {_HIGHEST}, or 0 for any")
         with contextlib.ExitStack() as undo:
             listening = _take_address(host, port)
-            undo.callback(listening.close)
+            until_taken = undo.enter_context(contextlib.ExitStack())
+            until_taken.callback(listening.close)
             self.contact = Contact(namespace, host, listening.getsockname()[1], "tcp")
             store = Database(portdb) if portdb else Memory()
             undo.callback(store.close)
@@ -101,6 +102,7 @@ class NameServer:
                 undo.callback(_start_discovery(self.contact, discovery).close)
             self._port: _ServerPort | None = None
             self._port = own = _ServerPort(commands, network, namespace)
+            until_taken.pop_all()  # the port closes it now
             undo.callback(own.close)
             self._undo = undo.pop_all()
 

@@ -353,3 +353,11 @@ def test_survives_in_a_file(tmp_path, say: Say):
         assert second.names.query("/a") == there
         assert second.names.query("/root") is None
         assert [contact.name for contact in second.names.list()] == ["/a", "/other", "fallback"]
+
+
+def test_a_server_answers_though_another_one_had_its_descriptor(network: Network):
+    """A name server that was closed leaves nothing that keeps the next one, or any port, from being called."""
+    with Port("/keeps/the/listener", network=network):
+        for _ in range(3):
+            with NameServer() as server:
+                assert RemoteNames(server.contact, patience=5).query("/root") is not None
