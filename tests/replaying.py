@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _DATA = Path(__file__).parent / "data" / "yarp_wire"
 #: The releases of YARP that were recorded, and what they speak.
 VERSIONS = {"3.12.3": Dialect.YARP3, "4.0.0": Dialect.YARP4}
+#: Seconds in which the other end connects, and says what it has to say.
+_PATIENCE = 10.0
 
 
 def recordings(version: str, file: str) -> dict[str, Any]:
@@ -44,18 +46,22 @@ def receive(connection: socket.socket, size: int) -> bytes:
 def playing(listening: socket.socket, talk: list[Segment]) -> Iterator[list[tuple[bytes, bytes]]]:
     """Be the recorded server in a thread. When the block is left, what should have been sent to it and what was."""
     sent: list[tuple[bytes, bytes]] = []
-    thread = threading.Thread(target=_play, args=(listening, talk, sent))
+    listening.settimeout(_PATIENCE)
+    thread = threading.Thread(target=_play, args=(listening, talk, sent), daemon=True)
     thread.start()
     try:
         yield sent
     finally:
-        thread.join(10)
+        thread.join(_PATIENCE)
 
 
 def _play(listening: socket.socket, talk: list[Segment], sent: list[tuple[bytes, bytes]]) -> None:
-    connection, _ = listening.accept()
+    try:
+        connection, _ = listening.accept()
+    except TimeoutError:  # the test failed before it connected, or else misses what should have been sent
+        return
     with connection:
-        connection.settimeout(10)
+        connection.settimeout(_PATIENCE)
         for way, data in talk:
             if way == "<":
                 connection.sendall(data)

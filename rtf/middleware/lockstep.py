@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import dataclass
+from threading import get_ident
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Vocab, as_float, as_int, as_string
@@ -39,6 +40,7 @@ class Participant:
 
     name: str
     sender: str
+    caller: int  # the thread that serves its connection; names may soon be somebody else's
     until: float | None = None
 
 
@@ -197,7 +199,7 @@ class LockstepServer:
     def _join(self, question: Bottle, sender: str) -> Bottle:
         with self._changed:
             number, self._next = self._next, self._next + 1
-            self._participants[number] = Participant(as_string(question.get(1)) or sender, sender)
+            self._participants[number] = Participant(as_string(question.get(1)) or sender, sender, get_ident())
             return Bottle([_OK, number, self.now])
 
     def _until(self, question: Bottle, sender: str) -> Bottle:
@@ -265,10 +267,10 @@ class LockstepServer:
             people = [Bottle([one.name, "works" if one.until is None else one.until]) for one in self.participants]
             return Bottle([_OK, *people])
 
-    def _left(self, sender: str) -> None:
-        """A connection is gone, and with it whoever it stood for."""
+    def _left(self) -> None:
+        """A connection is gone, and with it whoever it stood for. In the thread that served it."""
         with self._changed:
-            self._participants = {key: one for key, one in self._participants.items() if one.sender != sender}
+            self._participants = {key: one for key, one in self._participants.items() if one.caller != get_ident()}
             self._changed.notify_all()
 
 
@@ -276,7 +278,7 @@ class _ClockPort(Port):
     """The port of the server: it notices who hangs up."""
 
     def __init__(
-        self, name: str, answer: Callable[[Delivery], None], gone: Callable[[str], None], *, network: Network
+        self, name: str, answer: Callable[[Delivery], None], gone: Callable[[], None], *, network: Network
     ) -> None:
         self._gone = gone
         super().__init__(name, answer, network=network)
@@ -288,5 +290,4 @@ class _ClockPort(Port):
     def left(self, caller: Input) -> None:
         """See Port."""
         super().left(caller)
-        if caller.sender:
-            self._gone(caller.sender)
+        self._gone()

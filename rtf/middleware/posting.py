@@ -21,51 +21,57 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 #: Seconds that a reader may take for a message before it is cut off.
 PATIENCE = 5.0
+#: Messages that are on their way to a reader before it is waited for.
+MOST = 16
 
 
 class PostingPort(Port):
-    """A port that one thread writes to. A reader that takes longer than ``patience`` for a message is cut off."""
+    """A port that one thread writes to. A reader that takes longer than ``patience`` for a message is cut off.
+
+    Where the carrier allows it several messages are on their way to a reader, :data:`MOST` at the most.
+    """
 
     def __init__(
         self, name: str, codec: Codec[Any] | None = None, *, network: Network | None = None, patience: float = PATIENCE
     ) -> None:
         self._codec = codec
         self._patience = patience
-        self._owing: list[Output] = []
+        self._posted = 0  # since it was settled
         super().__init__(name, network=network, inputs=False, promise=codec.promise if codec else "")
 
     def write(self, value: object, codec: Codec[Any] | None = None, *, envelope: str | None = None) -> int:
-        """Send an object to every output; returns to how many. They may be still at work upon it.
-
-        A reader gets the next message only when it has dealt with the one before.
-        """
+        """Send an object to every output; returns to how many. They may be still at work upon it."""
         self._check_open()
         if envelope is not None:
             self.envelope = envelope
-        outputs = self.outputs
+        outputs = self._outputs
         if not outputs:
             return 0
         message = Outgoing("D", value, codec or self._codec or codec_of(value), self.network.dialect, self.envelope)
-        if self._owing:
+        if self._posted >= MOST:
             self.settle()
-        return sum([self._post(output, message) for output in outputs])
-
-    def _post(self, output: Output, message: Outgoing) -> bool:
-        try:
-            with output.lock:
-                output.link.send(message)
-        except MiddlewareError as error:
-            self._lost(output, error)
-            return False
-        if output.link.carrier.acknowledged:
-            self._owing.append(output)
-        return True
+        self._posted += 1
+        sent = 0
+        for output in outputs:
+            link = output.link
+            try:
+                with output.lock:
+                    if not link.queues:
+                        link.finish()
+                    link.send(message)
+            except MiddlewareError as error:
+                self._lost(output, error)
+            else:
+                sent += 1
+        return sent
 
     def settle(self, timeout: float | None = None) -> bool:
         """Wait until all that was sent has been dealt with; its own patience bounds that, whatever ``timeout`` says."""
         del timeout
-        owing, self._owing = self._owing, []
-        for output in owing:
+        if not self._posted:
+            return True
+        self._posted = 0
+        for output in self._outputs:
             try:
                 with output.lock:
                     output.link.finish()

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
 
 _NANO = 1e-9
+_DIGITS = 9
 CLOCK_PORT = "/clock"
 #: Which clock the robot of this process lives by: ``lockstep:/clock``, or the name of a port that publishes the time.
 CLOCK_VARIABLE, YARP_CLOCK_VARIABLE = "RTF_CLOCK", "YARP_CLOCK"
@@ -87,7 +88,8 @@ class NetworkClock(Clock):
             remote.connect(network, Contact.parse(self.source), Contact.parse(self._port.name))
 
     def _heard(self, received: Received[Bottle]) -> None:
-        time = as_int(received.value.get(0)) + as_int(received.value.get(1)) * _NANO
+        # To the nanosecond: a sum of fractions that is a bit more than the time would let somebody wake up too late.
+        time = round(as_int(received.value.get(0)) + as_int(received.value.get(1)) * _NANO, _DIGITS)
         with self._changed:
             if self._now is not None and time < self._now:
                 self._jumped += self._now - time

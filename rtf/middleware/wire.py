@@ -78,6 +78,10 @@ INDEX_SIZE = 18
 #: that never changes, the size of the data, and no replies with the command. One call makes or reads it.
 _plain = struct.Struct("<22si12s")
 _BEFORE_SIZE = _HEADS[2] + _int32.pack(8)
+#: The same of a command with a text, up to that: all that never changes, the sizes of both blocks, no replies, the size
+#: of the text, and the mark of a command.
+_enveloped = struct.Struct("<18siiii4s")
+_TEXT = b"~\0\0\1"
 _BEHIND_SIZE = {letter: _NO_REPLIES + b"\0\0\0\0~" + letter.encode() + b"\0\1" for letter in "dDaq"}
 
 
@@ -121,14 +125,14 @@ def front(key: str, envelope: str, size: int) -> bytes:
     """All that stands before the data of a message: index and command."""
     if not envelope:
         return _plain.pack(_BEFORE_SIZE, size, _BEHIND_SIZE[key])
-    words = command_text(f"{key} {envelope}")
-    return index_of_two(len(words), size) + words
+    raw = f"{key} {envelope}\0".encode("utf-8", "surrogateescape")
+    return _enveloped.pack(_HEADS[2], COMMAND_SIZE + len(raw), size, 0, len(raw), _TEXT) + raw
 
 
 def command_text(text: str) -> bytes:
     """Write a command that is a text, such as ``~/name``."""
     raw = text.encode("utf-8", "surrogateescape") + b"\0"
-    return _int32.pack(len(raw)) + b"~\0\0\1" + raw
+    return _int32.pack(len(raw)) + _TEXT + raw
 
 
 def command_text_size(head: bytes | bytearray | memoryview) -> int:
@@ -166,9 +170,8 @@ def text_command(text: str, data: int = 0) -> Command:
     if key in ("d", "D"):
         # "d ENVELOPE"; control characters end an envelope.
         envelope = text[2:]
-        for place, letter in enumerate(envelope):
-            if letter < " ":
-                envelope = envelope[:place]
-                break
+        if not envelope.isprintable():
+            end = next((place for place, letter in enumerate(envelope) if letter < " "), len(envelope))
+            envelope = envelope[:end]
         return Command(key, envelope, data)
     return Command(key, text, data)

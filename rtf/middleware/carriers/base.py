@@ -62,6 +62,8 @@ class OutputLink(ABC):
 
     carrier: Carrier
     endpoint: sockets.socket | None = None
+    #: Whether a message may be sent before the one before it has been dealt with; ``finish`` then waits for all.
+    queues = False
 
     @abstractmethod
     def send(self, message: Outgoing) -> None:

@@ -47,7 +47,7 @@ class StreamInput(InputLink):
 
 
 class StreamOutput(OutputLink):
-    """The sending end. ``_due`` says that an acknowledgement is still to come."""
+    """The sending end. ``_due`` says whether, or how many, acknowledgements are still to come."""
 
     def __init__(self, carrier: Carrier, stream: Stream, no_reply: bytes = b"") -> None:
         self.carrier = carrier
@@ -55,7 +55,7 @@ class StreamOutput(OutputLink):
         self._stream = stream
         self._acknowledged = carrier.acknowledged
         self._no_reply = no_reply  # by which a peer begins that has no reply to give
-        self._due = False
+        self._due = 0
 
     def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
         """See the base. A reply has no frame: it is read until it is whole."""

@@ -20,12 +20,13 @@ if TYPE_CHECKING:
 # Under names of this module, which are found sooner.
 _ACK, _ACK_SIZE = wire.ACK, len(wire.ACK)
 _INDEX_SIZE, _COMMAND_SIZE, _MAX_MESSAGE = wire.INDEX_SIZE, wire.COMMAND_SIZE, wire.MAX_MESSAGE
-_front, _join = wire.front, b"".join
+_front, _read_command, _join = wire.front, wire.read_command, b"".join
 #: The first bytes of an acknowledgement are no bottle's: a peer that begins with them has no reply.
 _NO_REPLY = wire.ACK[:4]
 #: Index and command of a message of two blocks, which is what nearly all are. What stands between is not looked at.
 _USUAL = struct.Struct("<10s8xii4x8s")
 _USUAL_SIZE = _USUAL.size
+_BLOCKS_AT = _USUAL_SIZE - _COMMAND_SIZE
 _USUAL_HEAD = wire.front("D", "", 0)[:10]
 _KEYS = {wire.command(letter): letter for letter in "dDaq"}
 _read_usual = _USUAL.unpack_from
@@ -50,9 +51,11 @@ class TcpInput(StreamInput):
         if end - start < _USUAL_SIZE:
             return self._receive_any()
         head, first, size, command = _read_usual(stream.memory, start)
-        key = _KEYS.get(command)
-        if head != _USUAL_HEAD or first != _COMMAND_SIZE or key is None:
+        if head != _USUAL_HEAD:
             return self._receive_any()
+        key = _KEYS.get(command)
+        if first != _COMMAND_SIZE or key is None:
+            return self._receive_with_text(first, size)
         if not 0 <= size <= _MAX_MESSAGE:
             raise ProtocolError(f"a message of {size} bytes; at most {_MAX_MESSAGE} are taken")
         start += _USUAL_SIZE
@@ -62,14 +65,26 @@ class TcpInput(StreamInput):
         stream.start = start + size
         return key, "", stream.view[start : start + size]
 
+    def _receive_with_text(self, first: int, size: int) -> Message:
+        """A message of two blocks of these sizes whose command has a text, an envelope as a rule."""
+        stream = self._stream
+        start = stream.start + _BLOCKS_AT
+        end = start + first + size
+        if first < 0 or size < 0 or end > stream.end:
+            return self._receive_any()
+        data = stream.view[start:end]
+        key, text, begin = _read_command(data)
+        stream.start = end
+        return key, text, data[begin:]
+
     def _receive_any(self) -> Message:
         stream = self._stream
         blocks, rest = wire.index_rest(stream.peek(wire.INDEX_SIZE))
         stream.skip(wire.INDEX_SIZE)
         size = wire.message_size(stream.take(rest), 0, blocks)
         data = stream.take(size)
-        command = wire.read_command(data)
-        return command.key, command.text, data[command.data :]
+        key, text, begin = _read_command(data)
+        return key, text, data[begin:]
 
     def answer(self, *reply: Buffer) -> None:
         """See the base; what most messages get is the acknowledgement alone, or a short reply in front of it."""
@@ -84,7 +99,9 @@ class TcpInput(StreamInput):
 
 
 class TcpOutput(StreamOutput):
-    """The sending end of tcp and fast_tcp."""
+    """The sending end of tcp and fast_tcp. ``_due`` is how many acknowledgements are still to come."""
+
+    queues = True
 
     def __init__(self, carrier: Carrier, stream: Stream) -> None:
         super().__init__(carrier, stream, _NO_REPLY)
@@ -92,7 +109,7 @@ class TcpOutput(StreamOutput):
     def send(self, message: Outgoing) -> None:
         """See the base."""
         blocks = message.blocks
-        self._due = self._acknowledged
+        self._due += self._acknowledged
         if len(blocks) == 1 and len(blocks[0]) <= JOINED:
             block = blocks[0]
             self._stream.send_bytes(_front(message.key, message.envelope, len(block)) + block)
@@ -101,26 +118,28 @@ class TcpOutput(StreamOutput):
 
     def finish(self) -> None:
         """See the base."""
-        if not self._due:
-            return
         stream = self._stream
-        while stream.end - stream.start < _ACK_SIZE:
-            stream.more(_ACK_SIZE)
-        if stream.memory.startswith(_ACK, stream.start):  # as nearly always
-            stream.start += _ACK_SIZE
-            self._due = False
-            return
-        extra = wire.read_number(stream.take(_ACK_SIZE))
+        while self._due:
+            while stream.end - stream.start < _ACK_SIZE:
+                stream.more(_ACK_SIZE)
+            if stream.memory.startswith(_ACK, stream.start):  # as nearly always
+                stream.start += _ACK_SIZE
+            else:
+                self._take_unusual()
+            self._due -= 1
+
+    def _take_unusual(self) -> None:
+        """An acknowledgement with something in it, which means nothing."""
+        extra = wire.read_number(self._stream.take(_ACK_SIZE))
         if not 0 <= extra <= _MOST_EXTRA:
             raise ProtocolError(f"an acknowledgement with {extra} bytes")
         if extra:
-            stream.take(extra)
-        self._due = False
+            self._stream.take(extra)
 
     def _take_leave(self) -> None:
         command = wire.command_text("q")
         self._stream.send(wire.index(len(command)) + command)
-        self._due = self._acknowledged
+        self._due += self._acknowledged
         self.finish()
 
 

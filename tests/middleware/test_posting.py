@@ -1,0 +1,89 @@
+"""The posting port: it sends without waiting, and settles with all readers at once."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import ExitStack, closing
+from typing import TYPE_CHECKING
+
+from rtf import clock
+from rtf.bottle import Bottle
+from rtf.middleware.port import Port
+from rtf.middleware.posting import PostingPort
+from waiting import eventually
+
+if TYPE_CHECKING:
+    from rtf.middleware.network import Network
+
+
+class Reader:
+    """Somebody who is sent messages, and may be slow with them."""
+
+    def __init__(self, name: str, network: Network) -> None:
+        self.heard: list[int] = []
+        self.go_on = threading.Event()
+        self.go_on.set()
+        self.port = Port(name, self._hear, network=network, outputs=False)
+
+    def _hear(self, delivery) -> None:
+        self.go_on.wait(20.0)
+        self.heard.append(int(delivery.read().get(0)))
+
+    def close(self) -> None:
+        """Hear no more."""
+        self.go_on.set()
+        self.port.close()
+
+
+def test_it_does_not_wait_until_it_settles(network: Network):
+    """What is written is on its way; when it has settled every reader has dealt with it, in order."""
+    with ExitStack() as opened:
+        readers = [opened.enter_context(closing(Reader(f"/reader{number}", network))) for number in range(3)]
+        port = opened.enter_context(closing(PostingPort("/post", network=network)))
+        for reader in readers:
+            port.add_output(reader.port.name)
+        readers[1].go_on.clear()
+        assert port.write(Bottle([0])) == 3
+        assert readers[1].heard == []
+        readers[1].go_on.set()
+        port.settle()
+        assert [reader.heard for reader in readers] == [[0]] * 3
+        for number in range(1, 50):
+            port.write(Bottle([number]))
+        port.settle()
+        assert [reader.heard for reader in readers] == [[*range(50)]] * 3
+        assert port.settle(), "with nothing to wait for it settles at once"
+
+
+def test_a_reader_that_is_too_slow_is_cut_off(network: Network, said: list[str]):
+    """After its patience the port goes on without it, says so, and the others have missed nothing."""
+    with ExitStack() as opened:
+        slow, quick = (opened.enter_context(closing(Reader(name, network))) for name in ("/slow", "/quick"))
+        port = opened.enter_context(closing(PostingPort("/post", network=network, patience=0.2)))
+        for reader in (slow, quick):
+            port.add_output(reader.port.name)
+        slow.go_on.clear()
+        begin = clock.monotonic()
+        for number in range(3):
+            port.write(Bottle([number]))
+            port.settle()
+        assert clock.monotonic() - begin < 5.0
+        assert quick.heard == [0, 1, 2]
+        assert [output.target.name for output in port.outputs] == ["/quick"]
+        assert any("/slow" in sentence for sentence in said)
+
+
+def test_a_reader_that_goes_away_is_let_go(network: Network):
+    """Between two messages, or before it has dealt with the last one."""
+    with ExitStack() as opened:
+        gone, stays = (opened.enter_context(closing(Reader(name, network))) for name in ("/gone", "/stays"))
+        port = opened.enter_context(closing(PostingPort("/post", network=network, patience=1.0)))
+        for reader in (gone, stays):
+            port.add_output(reader.port.name)
+        port.write(Bottle([0]))
+        gone.close()
+        port.settle()
+        port.write(Bottle([1]))
+        port.settle()
+        eventually(lambda: len(port.outputs) == 1, "the output to who is gone is still there")
+        assert stays.heard == [0, 1]

@@ -1,0 +1,89 @@
+"""Several messages on their way at once: all arrive, by every carrier that acknowledges, and however they are cut."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rtf.bottle import Bottle
+from rtf.middleware import wire
+from rtf.middleware.carriers.tcp import Tcp, TcpInput
+from rtf.middleware.errors import ProtocolError
+from rtf.middleware.port import Port
+from rtf.middleware.posting import MOST, PostingPort
+from rtf.middleware.stream import Stream
+
+if TYPE_CHECKING:
+    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.network import Network
+
+COUNT = 3 * MOST
+ENVELOPES = st.text(st.characters(min_codepoint=32, exclude_categories=["Cs"]), min_size=1, max_size=60)
+
+
+@pytest.mark.parametrize("carrier", ["tcp", "text_ack", "unix_stream+ack", "local"])
+def test_when_it_has_settled_everybody_has_got_everything(network: Network, carrier: str):
+    """In order and with their envelopes, also when more are sent than may be on their way."""
+    came: list[tuple[str, Bottle]] = []
+
+    def take(delivery: Delivery) -> None:
+        came.append((delivery.envelope, delivery.read()))
+
+    with Port("/reader", take, network=network), PostingPort("/writer", network=network) as writer:
+        writer.add_output("/reader", carrier)
+        for number in range(COUNT):
+            assert writer.write(Bottle([number]), envelope=f"{number} 0.5") == 1
+        writer.settle()
+        assert came == [(f"{number} 0.5", Bottle([number])) for number in range(COUNT)]
+
+
+def test_it_does_not_wait_for_a_reader_that_works(network: Network):
+    """To settle means to wait for all that are on their way."""
+    may_go, came = threading.Event(), []
+
+    def take(delivery: Delivery) -> None:
+        assert may_go.wait(10)
+        came.append(delivery.read())
+
+    with Port("/reader", take, network=network), PostingPort("/writer", network=network) as writer:
+        writer.add_output("/reader", "tcp")
+        for number in range(MOST):
+            writer.write(Bottle([number]))
+        assert came == []
+        may_go.set()
+        writer.settle()
+        assert len(came) == MOST
+
+
+@given(ENVELOPES, st.binary(), st.data())
+@settings(deadline=None)  # a thread has to be woken
+def test_an_envelope_arrives_however_the_message_is_cut(envelope: str, body: bytes, data: st.DataObject):
+    """Whether all of it is there at once, or it comes in two pieces, or another message is behind it."""
+    whole = 2 * (wire.front("D", envelope, len(body)) + body)
+    cut = data.draw(st.integers(0, len(whole) - 1))
+    near, far = socket.socketpair()
+    with near, far:
+        receiving = TcpInput(Tcp(), Stream(near), "/writer", "")
+        sender = threading.Thread(target=lambda: (far.sendall(whole[:cut]), far.sendall(whole[cut:])))
+        sender.start()
+        for _ in range(2):
+            key, text, arrived = receiving.receive()
+            assert (key, text, bytes(arrived)) == ("D", envelope, body)
+        sender.join()
+
+
+@pytest.mark.parametrize("text_size", [-1, 0, 40, 1 << 20])
+def test_an_envelope_that_does_not_fit_into_its_message_is_refused(text_size: int):
+    """Its size is the peer's word, which may be anything."""
+    front = wire.front("D", "1 2", 4)
+    at = len(front) - len("D 1 2\0") - 8
+    near, far = socket.socketpair()
+    with near, far:
+        far.sendall(front[:at] + text_size.to_bytes(4, "little", signed=True) + front[at + 4 :] + bytes(4))
+        with pytest.raises(ProtocolError):
+            TcpInput(Tcp(), Stream(near), "/writer", "").receive()
