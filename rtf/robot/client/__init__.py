@@ -1,0 +1,1 @@
+"""Clients: devices at the other end of the network."""

@@ -1,0 +1,134 @@
+"""Sensors of all categories that are somewhere else in the network."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Bottle
+from rtf.middleware.types import call
+from rtf.robot import parameters
+from rtf.robot.client.asking import Asker
+from rtf.robot.client.newest import Newest
+from rtf.robot.client.settings import RPC_TIMEOUT, unique_local
+from rtf.robot.device import Device
+from rtf.robot.errors import DeviceError, NoAnswerError, RefusedError
+from rtf.robot.interfaces import IMultipleAnalogSensors, SensorCategory, SensorInfo, SensorReading, SensorStatus
+from rtf.robot.sensor_message import MAX_SENSORS, SENSOR_MESSAGE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.bottle import Property
+    from rtf.robot.sensor_message import Measurements
+
+#: Seconds after which measurements are too old, as in YARP.
+TIMEOUT = 0.02
+_WORDS = 3  # that a sensor is described by
+
+
+class AnalogSensorsClient(Device, IMultipleAnalogSensors):
+    """``multipleanalogsensorsclient``: the sensors of a server, as its newest message has them.
+
+    ====================== ======================================================================================
+    ``remote``             the name of the server, such as ``/icub/inertial``; required
+    ``local``              what the names of the client's own ports begin with; without it one that is unique
+    ``timeout``            the greatest age of measurements, s of the robot's clock
+    ``carrier``            how they are sent
+    ``externalConnection`` somebody else connects ``LOCAL/measures:i``, and the server is asked nothing: the sensors
+                           are those in the newest message, and have no names
+    ====================== ======================================================================================
+    """
+
+    _stream: Newest[Measurements] | None = None
+    _opened: ExitStack | None = None
+
+    def open(self, configuration: Property) -> None:
+        """See Device. The server must be there, and says what its sensors are called."""
+        source = parameters.port_name(configuration, "remote")
+        local = parameters.port_name(configuration, "local", unique_local(source))
+        timeout = parameters.positive(configuration, "timeout", TIMEOUT)
+        carrier = parameters.carrier(configuration, "tcp")
+        external = parameters.flag(configuration, "externalConnection")
+        with ExitStack() as opened:
+            stream = Newest(f"{local}/measures:i", SENSOR_MESSAGE, timeout=timeout, network=self.network)
+            opened.callback(stream.close)
+            self._infos = None if external else self._ask(f"{local}/rpc:i", f"{source}/rpc:o", opened)
+            if not external:
+                stream.connect(f"{source}/measures:o", carrier)
+            self._stream = stream
+            self._opened = opened.pop_all()
+
+    def _ask(self, name: str, server: str, opened: ExitStack) -> list[list[SensorInfo]]:
+        asker = Asker(name, server, patience=RPC_TIMEOUT, network=self.network)
+        opened.callback(asker.close)
+        return read_metadata(asker.ask(call("getMetadata")), server)
+
+    def close(self) -> None:
+        """See Device."""
+        self._stream = None
+        if self._opened is not None:
+            self._opened.close()
+            self._opened = None
+
+    def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
+        """See IMultipleAnalogSensors."""
+        if self._infos is not None:
+            return self._infos[category] if category < len(self._infos) else ()
+        came = self._open_stream().came
+        if came is None or category >= len(came.value):
+            return ()
+        return [SensorInfo("") for _ in came.value[category]]
+
+    def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:
+        """See IMultipleAnalogSensors. It is that of the stream, the same for all sensors."""
+        stream = self._open_stream()
+        age = stream.age()
+        if age is None:
+            return SensorStatus.WAITING_FOR_FIRST_READ
+        self._check(category, index)
+        return SensorStatus.TIMEOUT if age > stream.timeout else SensorStatus.OK
+
+    def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
+        """See IMultipleAnalogSensors. Raises NoAnswerError when the message lacks a sensor that the server has."""
+        stream = self._open_stream()
+        values = stream.fresh().value
+        self._check(category, index)
+        if category >= len(values) or index >= len(values[category]):
+            raise NoAnswerError(f"{self.name}: the newest message to {stream.name} has no {category.name} {index}")
+        return values[category][index]
+
+    def _check(self, category: SensorCategory, index: int) -> None:
+        count = len(self.sensors(category))
+        if not 0 <= index < count:
+            raise RefusedError(f"{self.name} has {count} sensors {category.name}, counted from 0, and no {index}")
+
+    def _open_stream(self) -> Newest[Measurements]:
+        if self._stream is None:
+            raise DeviceError(f"{self.name} is not open")
+        return self._stream
+
+
+def read_metadata(answer: Bottle, server: str) -> list[list[SensorInfo]]:
+    """What the sensors are called, by category. Categories that are not known here are left out.
+
+    Raises NoAnswerError for an answer that makes no sense.
+    """
+    found = []
+    total = 0
+    for category in answer[: len(SensorCategory)]:
+        if not isinstance(category, Bottle):
+            raise NoAnswerError(f"{server} answers {answer.to_text()[:60]!r} when it is asked for its sensors")
+        total += len(category)
+        found.append([_info(sensor, server) for sensor in category])
+    if total > MAX_SENSORS:
+        raise NoAnswerError(f"{server} has {total} sensors, and {MAX_SENSORS} at the most are taken")
+    return found
+
+
+def _info(sensor: object, server: str) -> SensorInfo:
+    if isinstance(sensor, Bottle):
+        words = [word for word in sensor if isinstance(word, str)]
+        if len(words) == len(sensor) == _WORDS:
+            return SensorInfo(*words)
+    raise NoAnswerError(f"{server} says of a sensor {str(sensor)[:60]!r}; it is three texts, the name first")

@@ -1,0 +1,57 @@
+"""Asks a device at the other end of the network; whatever happens on the way is an error of robots."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from rtf.errors import RtfError
+from rtf.middleware.codecs import BOTTLE
+from rtf.middleware.errors import MiddlewareError
+from rtf.middleware.rpc import RpcClient
+from rtf.robot.errors import DeviceError, NoAnswerError
+
+if TYPE_CHECKING:
+    from rtf.bottle import Bottle
+    from rtf.middleware.codecs import Codec
+    from rtf.middleware.network import Network
+
+T = TypeVar("T")
+
+
+class Asker:
+    """A port that asks the port ``server``, to which it is connected again when the connection broke.
+
+    ``patience`` is how long an answer may take, s of the machine's clock. Raises DeviceError when there is no server.
+    """
+
+    def __init__(self, name: str, server: str, *, patience: float, network: Network) -> None:
+        self.server = server
+        self._patience = patience
+        self._lock = threading.Lock()
+        try:
+            self._client = RpcClient(name, server, network=network)
+        except MiddlewareError as error:
+            raise DeviceError(f"{name} cannot be connected to {server}: {error}; is its robot running?") from error
+
+    def ask(self, question: object) -> Bottle:
+        """The answer. Raises NoAnswerError when none comes, or one that is no answer."""
+        return self.ask_for(BOTTLE, question)
+
+    def ask_for(self, codec: Codec[T], question: object) -> T:
+        """The answer, read by a codec; likewise."""
+        try:
+            with self._lock:
+                if not self._client.outputs:
+                    self._client.add_output(self.server)
+            found: Any = self._client.call(question, answer=codec, timeout=self._patience)
+        except RtfError as error:
+            raise NoAnswerError(f"{self.server} does not answer: {error}") from error
+        if found is None:
+            raise NoAnswerError(f"{self.server} gave no answer")
+        answer: T = found
+        return answer
+
+    def close(self) -> None:
+        """Close the port."""
+        self._client.close()

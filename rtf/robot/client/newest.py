@@ -1,0 +1,103 @@
+"""The receiving end of a stream: the newest object that came, and how old it is by the robot's clock."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
+
+from rtf import clock
+from rtf.middleware import remote
+from rtf.middleware.errors import MiddlewareError
+from rtf.middleware.names import Contact
+from rtf.middleware.port import Port
+from rtf.middleware.types import Stamp
+from rtf.robot.errors import DeviceError, StaleStateError
+
+if TYPE_CHECKING:
+    from rtf.middleware.codecs import Codec
+    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.network import Network
+
+T = TypeVar("T")
+
+
+class Came(NamedTuple, Generic[T]):
+    """An object that has come: its stamp, if it had one, and when it came (s, robot's clock)."""
+
+    value: T
+    stamp: Stamp | None
+    at: float
+
+
+class Newest(Generic[T]):
+    """A port that keeps the newest object of a stream. What is no such object costs its sender the connection.
+
+    ``timeout`` is the age, in s of the robot's clock, from which on an object is too old to be acted upon.
+    Raises DeviceError when the port cannot be opened.
+    """
+
+    def __init__(self, name: str, codec: Codec[T], *, timeout: float, network: Network) -> None:
+        self.timeout = timeout
+        self._codec = codec
+        self._network = network
+        self._came: Came[T] | None = None
+        try:
+            self._port = Port(name, self._receive, network=network, outputs=False, promise=codec.promise)
+        except MiddlewareError as error:
+            raise DeviceError(f"the port {name} cannot be opened: {error}") from error
+
+    @property
+    def name(self) -> str:
+        """The name of the port."""
+        return self._port.name
+
+    def connect(self, source: str, carrier: str) -> None:
+        """Have a port send here. Raises DeviceError."""
+        try:
+            remote.connect(self._network, Contact(source), Contact(self.name), carrier)
+        except MiddlewareError as error:
+            raise DeviceError(f"{source} does not send to {self.name}: {error}; is its robot running?") from error
+
+    def _receive(self, delivery: Delivery) -> None:
+        """In the thread of the connection."""
+        value = delivery.read(self._codec)
+        stamp = Stamp.parse(delivery.envelope)
+        self._came = Came(value, stamp, _moment(stamp))
+
+    @property
+    def came(self) -> Came[T] | None:
+        """What came last."""
+        return self._came
+
+    def age(self) -> float | None:
+        """How old it is (s); None before the first."""
+        came = self._came
+        return None if came is None else clock.current().now() - came.at
+
+    def fresh(self) -> Came[T]:
+        """What came last. Raises StaleStateError if it is too old, and before the first."""
+        came = self._came
+        if came is None:
+            raise StaleStateError(f"nothing has come to {self.name} yet")
+        age = clock.current().now() - came.at
+        if age > self.timeout:
+            raise StaleStateError(
+                f"what came last to {self.name} is {age:.3f} s old, more than the {self.timeout:g} s that are allowed"
+            )
+        return came
+
+    def close(self) -> None:
+        """Close the port."""
+        self._port.close()
+
+
+def _moment(stamp: Stamp | None) -> float:
+    """When a message with this stamp came, by the robot's clock.
+
+    A simulator's clock is that of the stamps, and asking it here would make this thread one that its time waits for; a
+    message without a stamp counts as old there. A real robot's stamps are another machine's time, so there the arrival
+    counts.
+    """
+    time = clock.current()
+    if isinstance(time, clock.SystemClock):
+        return time.now()
+    return float("-inf") if stamp is None else stamp.time

@@ -1,0 +1,67 @@
+"""Axes of several boards on the network as one board."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Bottle, Dialect, Property
+from rtf.robot import parameters
+from rtf.robot.device import Device, find_device
+from rtf.robot.devices.remapper import RemappedBoard, find_axes, read_axis_names
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_OPTIONS = "REMOTE_CONTROLBOARD_OPTIONS"
+#: The clients of boards, by what the network speaks.
+_CLIENTS = {Dialect.YARP3: "remote_controlboard", Dialect.YARP4: "controlBoard_nwc_yarp"}
+
+
+class RemoteControlBoardRemapper(RemappedBoard, Device):
+    """A board of axes of boards elsewhere, to each of which it has a client.
+
+    ======================== =====================================================================================
+    ``axesNames``            the axes, in the order in which they shall be
+    ``remoteControlBoards``  the boards that have them, such as ``(/icub/left_arm /icub/torso)``
+    ``localPortPrefix``      what the names of the clients' ports begin with, before the name of their board
+    ======================== =====================================================================================
+
+    The group ``REMOTE_CONTROLBOARD_OPTIONS`` is given to every client.
+    """
+
+    _opened: ExitStack | None = None
+
+    def open(self, configuration: Property) -> None:
+        """See Device."""
+        names = read_axis_names(configuration)
+        remotes = parameters.names(configuration, "remoteControlBoards")
+        if not remotes:
+            raise parameters.wrong(configuration, "remoteControlBoards", "it is a list, such as (/icub/left_arm)")
+        prefix = parameters.port_name(configuration, "localPortPrefix")
+        options = configuration.find_group(_OPTIONS) or Bottle()
+        with ExitStack() as opened:
+            boards = self._connect(remotes, prefix, options, opened)
+            self.places = find_axes(names, boards, self.name)
+            self._opened = opened.pop_all()
+
+    def _connect(self, remotes: Sequence[str], prefix: str, options: Bottle, opened: ExitStack) -> dict[str, Device]:
+        """A client for each board, which is closed with ``opened``."""
+        make = find_device(_CLIENTS[self.network.dialect])
+        boards = {}
+        for remote in remotes:
+            configuration = Property.from_bottle(options)
+            configuration.put("remote", remote)
+            configuration.put("local", f"{prefix}{remote}")
+            board = make(remote, network=self.network)
+            board.open(configuration)
+            opened.callback(board.close)
+            boards[remote] = board
+        return boards
+
+    def close(self) -> None:
+        """See Device: the clients are closed, the boards elsewhere stay as they are."""
+        self.places = ()
+        if self._opened is not None:
+            self._opened.close()
+            self._opened = None

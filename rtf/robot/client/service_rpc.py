@@ -1,0 +1,137 @@
+"""The connection by which a board of YARP 4.0 is asked: functions of a service instead of words."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+from rtf.bottle import BottleError
+from rtf.errors import RtfError
+from rtf.middleware.names import Contact
+from rtf.middleware.rpc import RpcClient
+from rtf.middleware.types import call
+from rtf.middleware.types.service import succeeded
+from rtf.robot.client.link import ControlBoardLink
+from rtf.robot.client.rpc import ACTION_LIMIT, BoardRpc
+from rtf.robot.control_board_messages import BY_NAME, INTERFACE_NAMES
+from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError, RobotError, StaleStateError
+from rtf.robot.return_value import ReturnValue
+from rtf.robot.service_kinds import read_all, write_all
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.bottle import Bottle, Value
+    from rtf.middleware.network import Network
+    from rtf.robot.client.questions import Question
+    from rtf.robot.service_rows import Message
+
+_AXES = BY_NAME["getAxesRPC"]
+_INTERFACES = BY_NAME["getDeviceInterfacesRPC"]
+_SHOWN = 120
+
+
+class ServiceRpc(BoardRpc):
+    """As a BoardRpc is connected, but what is asked are functions; ``interfaces`` says which the board has."""
+
+    def __init__(self, name: str, board: str, *, network: Network, limit: float, remade: Callable[[], None]) -> None:
+        super().__init__(name, board, network=network, limit=limit, remade=remade)
+        self._target = Contact(f"{board}/nws/rpc:i")
+        self.interfaces: dict[str, bool] = {}
+
+    def check_protocol(self, *, ignore: bool) -> None:
+        """See whether it is such a service. Raises NotSupportedError, unless it shall be ignored."""
+        try:
+            self.interfaces = self._call(self._port, _INTERFACES, (), self._limit)
+        except (NotSupportedError, RefusedError) as error:
+            if not ignore:
+                raise NotSupportedError(
+                    f"{self.board} does not say which interfaces it has, as boards of YARP 4.0 do: {error}; "
+                    "ignoreProtocolCheck makes it be tried all the same"
+                ) from None
+
+    def get_at_once(self, question: Question) -> list[Value]:  # noqa: ARG002 - it is always the same one
+        """The number of axes, over the connection that there is."""
+        return [self._call(self._port, _AXES, (), self._limit)]
+
+    def call(self, message: Message, *arguments: object) -> Any:
+        """What a function gives: nothing, one value, or a tuple of several.
+
+        Raises RefusedError when the board says no, NotSupportedError when it does not have it, StaleStateError and
+        NoAnswerError when it says so itself, and NoAnswerError when it does not answer in time, or makes no sense.
+        """
+        if not self._port.outputs:
+            self._remade()
+        return self._call(self._port, message, arguments, self._limit)
+
+    def call_slowly(self, message: Message, *arguments: object) -> Any:
+        """The same for what takes its time. It goes over a connection of its own, so that others are not held up."""
+        try:
+            port = RpcClient("", self._target, network=self._network)
+        except RtfError as error:
+            raise NoAnswerError(f"{self.board} cannot be reached: {error}") from error
+        with port:
+            return self._call(port, message, arguments, ACTION_LIMIT)
+
+    def _call(self, port: RpcClient, message: Message, arguments: tuple[object, ...], limit: float) -> Any:
+        asked = f"{message.name}({', '.join(map(_shown, arguments))})"[:_SHOWN]
+        try:
+            question = call(message.name, *write_all(message.takes, arguments))
+            answer = port.call(question, timeout=limit)
+        except RtfError as error:
+            raise NoAnswerError(f"{self.board} did not answer {asked}: {error}") from error
+        if answer is None or not answer:
+            raise NoAnswerError(f"{self.board} answered {asked} with nothing, which makes no sense")
+        if not succeeded(answer):
+            raise NotSupportedError(f"{self.board} does not know {asked}")
+        try:
+            code = ReturnValue.of(answer[0])
+            if code is ReturnValue.OK:
+                return _results(message, answer)
+        except (BottleError, RefusedError) as error:
+            shown = answer.to_text()[:_SHOWN]
+            raise NoAnswerError(
+                f"{self.board} answered {asked} with {shown!r}, which makes no sense: {error}"
+            ) from None
+        raise self._error(message, code, asked)
+
+    def _error(self, message: Message, code: ReturnValue, asked: str) -> RobotError:
+        """What to raise for a code."""
+        interface = INTERFACE_NAMES.get(message.interface) if message.interface else None
+        if code is ReturnValue.NOT_IMPLEMENTED or not self.interfaces.get(interface or "", True):
+            return NotSupportedError(f"{self.board} does not have {asked}")
+        if code is ReturnValue.NOT_READY:
+            return StaleStateError(f"{self.board} is not ready for {asked}")
+        if code is ReturnValue.COMMUNICATION:
+            return NoAnswerError(f"{self.board} did not reach who knows {asked}")
+        return RefusedError(f"{self.board} refused {asked} ({code.name.lower().replace('_', ' ')})")
+
+
+def _shown(argument: object) -> str:
+    """An argument as it stands in a sentence: modes by their names."""
+    if isinstance(argument, (list, tuple)):
+        return f"[{', '.join(map(_shown, argument))}]"
+    return argument.name if isinstance(argument, Enum) else str(argument)
+
+
+def _results(message: Message, answer: Bottle) -> Any:
+    found = read_all(message.gives, answer[1:])
+    if not found:
+        return None
+    return found[0] if len(found) == 1 else tuple(found)
+
+
+class ServiceLink(ControlBoardLink):
+    """The three connections with a board of YARP 4.0; see the base for what becomes of those that are lost."""
+
+    rpc: ServiceRpc
+
+    def _make_rpc(self) -> ServiceRpc:
+        settings = self.settings
+        return ServiceRpc(
+            f"{settings.local}/nwc/rpc:o",
+            settings.remote,
+            network=self._network,
+            limit=settings.rpc_timeout,
+            remade=self._remake_rpc,
+        )

@@ -1,0 +1,1 @@
+"""Drivers: devices that are the robot, or make several of them one."""

@@ -1,0 +1,282 @@
+"""A control board without a robot: its joints go where they are told, by kinematics alone, in the robot's time.
+
+It keeps the rules of a board (control modes, limits, what is ignored when), so that whatever talks to boards can be
+tried on it. What it does not model is told in :mod:`rtf.robot.devices.fake_axes`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from rtf import clock
+from rtf.bottle import Bottle, Property, as_float, as_string, to_string
+from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.device import Device
+from rtf.robot.devices.calibrated import Calibrated
+from rtf.robot.devices.fake_axes import FakeAxes
+from rtf.robot.devices.fake_board_moves import SPEED_LIMITS, FakeForces, FakeMoves
+from rtf.robot.devices.fake_board_parts import SETTINGS, FakeMotors, FakePids
+from rtf.robot.errors import NotSupportedError, RefusedError
+from rtf.robot.extended_state import ExtendedState, IStateSource
+from rtf.robot.interfaces import (
+    CalibrationParameters,
+    IAxisInfo,
+    IControlCalibration,
+    IControlLimits,
+    IControlMode,
+    IInteractionMode,
+    IJointFault,
+    IRemoteVariables,
+    JointType,
+    MotorTorqueParameters,
+    values_for,
+)
+from rtf.robot.parameters import count, wrong
+
+if TYPE_CHECKING:
+    from rtf.middleware.network import Network
+    from rtf.robot.interfaces import AxisSelection, FloatArray
+
+MAX_JOINTS = 1000
+#: Where a configuration says nothing, in deg.
+LIMITS = (0.0, 100.0)
+M = TypeVar("M", ControlMode, InteractionMode)
+_TYPES = {"revolute": JointType.REVOLUTE, "prismatic": JointType.PRISMATIC}
+
+
+class FakeBoard(
+    FakeMoves,
+    FakeForces,
+    FakeMotors,
+    FakePids,
+    IAxisInfo,
+    IControlMode,
+    IInteractionMode,
+    IControlLimits,
+    IControlCalibration,
+    IJointFault,
+    IRemoteVariables,
+    IStateSource,
+    Calibrated,
+):
+    """``fakeMotionControl``: it begins at 0 in position mode, stiff.
+
+    Groups of its configuration: ``GENERAL`` with ``Joints`` (how many), ``AxisName`` and ``AxisType`` (lists),
+    ``LIMITS`` with ``Min`` and ``Max`` (deg), ``VARIABLES`` with remote variables by name.
+    """
+
+    def __init__(self, name: str = "", *, network: Network | None = None) -> None:
+        super().__init__()
+        Device.__init__(self, name, network=network)
+        self._names: list[str] = []
+        self._types: list[JointType] = []
+        self._variables: dict[str, Bottle] = {}
+        self._interaction: list[InteractionMode] = []
+        self._calibrated: list[bool] = []
+        self._calibration: list[CalibrationParameters] = []
+
+    # Device ------------------------------------------------------------------------------------------------------
+
+    def open(self, configuration: Property) -> None:
+        """See Device."""
+        general = _group(configuration, "GENERAL")
+        joints = count(general, "Joints", 1, MAX_JOINTS)
+        names = _listed(general, "AxisName", joints) or [f"joint{joint}" for joint in range(joints)]
+        types = _listed(general, "AxisType", joints) or ["revolute"] * joints
+        limits = _group(configuration, "LIMITS")
+        minima, maxima = (
+            _numbers(limits, key, joints, default) for key, default in zip(("Min", "Max"), LIMITS, strict=True)
+        )
+        if (minima > maxima).any():
+            raise wrong(
+                limits, "Min", f"joint {int((minima > maxima).argmax())} has its least position above the greatest"
+            )
+        self._names = [as_string(name) for name in names]
+        self._types = [_TYPES.get(as_string(kind), JointType.UNKNOWN) for kind in types]
+        variables = configuration.find_group("VARIABLES")
+        self._variables = {
+            as_string(one[0]): one.tail() for one in variables or () if isinstance(one, Bottle) and len(one)
+        }
+        self._start(minima, maxima)
+
+    def _start(self, minima: FloatArray, maxima: FloatArray) -> None:
+        joints = len(minima)
+        self._axes = FakeAxes(minima, maxima, clock.current().now())
+        self._settings = {name: np.full(joints, value) for name, value in SETTINGS.items()}
+        self._settings["motor_zero"] = np.zeros(joints)
+        self._speed_limits = np.tile(SPEED_LIMITS, (joints, 1))
+        self._impedances = np.zeros((joints, 2))
+        self._impedance_offsets = np.zeros(joints)
+        self._motor_torques = [MotorTorqueParameters()] * joints
+        self._interaction = [InteractionMode.STIFF] * joints
+        self._calibrated = [True] * joints
+        self._calibration = [CalibrationParameters()] * joints
+        self._faults.clear()
+        self._set_up_pids(joints)
+
+    def close(self) -> None:
+        """See Device: there is nothing to give back."""
+
+    # Axes --------------------------------------------------------------------------------------------------------
+
+    def axes(self) -> int:
+        """See IAxisInfo."""
+        return self._axes.count
+
+    def axis_name(self, joint: int) -> str:
+        """See IAxisInfo."""
+        return self._names[self._one(joint)]
+
+    def joint_type(self, joint: int) -> JointType:
+        """See IAxisInfo."""
+        return self._types[self._one(joint)]
+
+    # State -------------------------------------------------------------------------------------------------------
+
+    def fill_state(self, state: ExtendedState) -> float:
+        """See IStateSource."""
+        with self._lock:
+            axes = self._now()
+            gearbox = self._settings["gearbox_ratio"]
+            state.joint_positions[:] = axes.positions
+            state.joint_velocities[:] = axes.speeds
+            state.joint_accelerations[:] = axes.accelerations
+            np.multiply(axes.positions, gearbox, out=state.motor_positions)
+            state.motor_positions += self._settings["motor_zero"]
+            np.multiply(axes.speeds, gearbox, out=state.motor_velocities)
+            np.multiply(axes.accelerations, gearbox, out=state.motor_accelerations)
+            state.torques[:] = axes.measured(ControlMode.TORQUE)
+            state.duty_cycles[:] = axes.measured(ControlMode.PWM)
+            state.currents[:] = axes.measured(ControlMode.CURRENT)
+            state.control_modes[:] = axes.modes
+            state.interaction_modes[:] = self._interaction
+            state.temperatures[:] = self.temperatures()
+            state.valid.fill(True)
+            return axes.time
+
+    # Modes -------------------------------------------------------------------------------------------------------
+
+    def control_modes(self, joints: AxisSelection = None) -> tuple[ControlMode, ...]:
+        """See IControlMode."""
+        with self._lock:
+            return tuple(self._axes.modes[joint] for joint in self._chosen(joints))
+
+    def set_control_modes(self, modes: ControlMode | Sequence[ControlMode], joints: AxisSelection = None) -> None:
+        """See IControlMode."""
+        with self._lock:
+            for joint, mode in _each(modes, self._chosen(joints)):
+                self._request(joint, mode)
+
+    def interaction_modes(self, joints: AxisSelection = None) -> tuple[InteractionMode, ...]:
+        """See IInteractionMode."""
+        with self._lock:
+            return tuple(self._interaction[joint] for joint in self._chosen(joints))
+
+    def set_interaction_modes(
+        self, modes: InteractionMode | Sequence[InteractionMode], joints: AxisSelection = None
+    ) -> None:
+        """See IInteractionMode."""
+        with self._lock:
+            for joint, mode in _each(modes, self._chosen(joints)):
+                if mode is InteractionMode.UNKNOWN:
+                    raise RefusedError(f"joint {joint}: 'unknown' is no interaction mode to ask for")
+                self._interaction[joint] = mode
+
+    def last_joint_fault(self, joint: int) -> tuple[int, str]:
+        """See IJointFault."""
+        with self._lock:
+            return self._faults.get(self._one(joint), (0, ""))
+
+    # Limits, calibration, variables ------------------------------------------------------------------------------
+
+    def limits(self, joint: int) -> tuple[float, float]:
+        """See IControlLimits."""
+        chosen = self._one(joint)
+        return float(self._axes.minima[chosen]), float(self._axes.maxima[chosen])
+
+    def set_limits(self, joint: int, minimum: float, maximum: float) -> None:
+        """See IControlLimits."""
+        chosen = self._one(joint)
+        least, greatest = values_for(2, (minimum, maximum))
+        if least > greatest:
+            raise RefusedError(f"joint {joint}: the limits {minimum:g} and {maximum:g} are the wrong way round")
+        self._axes.minima[chosen], self._axes.maxima[chosen] = least, greatest
+
+    def velocity_limits(self, joint: int) -> tuple[float, float]:
+        """See IControlLimits."""
+        least, greatest = self._speed_limits[self._one(joint)]
+        return float(least), float(greatest)
+
+    def set_velocity_limits(self, joint: int, minimum: float, maximum: float) -> None:
+        """See IControlLimits."""
+        chosen = self._one(joint)
+        least, greatest = values_for(2, (minimum, maximum))
+        if not 0 <= least <= greatest:
+            raise RefusedError(f"joint {joint}: {minimum:g} and {maximum:g} are no limits of a speed")
+        self._speed_limits[chosen] = least, greatest
+
+    def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
+        """See IControlCalibration: it is done at once."""
+        self.set_calibration_parameters(joint, parameters)
+        self._calibrated[self._one(joint)] = True
+
+    def set_calibration_parameters(self, joint: int, parameters: CalibrationParameters) -> None:
+        """See IControlCalibration."""
+        self._calibration[self._one(joint)] = parameters
+
+    def calibration_done(self, joint: int) -> bool:
+        """See IControlCalibration."""
+        return self._calibrated[self._one(joint)]
+
+    def variable(self, key: str) -> Bottle:
+        """See IRemoteVariables."""
+        found = self._variables.get(key)
+        if found is None:
+            raise RefusedError(f"{self.name} has no variable {key!r}; there are {', '.join(self._variables) or 'none'}")
+        return found[:]
+
+    def set_variable(self, key: str, value: Bottle) -> None:
+        """See IRemoteVariables."""
+        self.variable(key)
+        self._variables[key] = value
+
+    def variables(self) -> tuple[str, ...]:
+        """See IRemoteVariables."""
+        if not self._variables:
+            raise NotSupportedError(f"{self.name} has no variables; its group VARIABLES may give it some")
+        return tuple(self._variables)
+
+
+def _each(modes: M | Sequence[M], joints: Sequence[int]) -> list[tuple[int, M]]:
+    """A mode for each of the joints."""
+    if not isinstance(modes, Sequence):
+        return [(joint, modes) for joint in joints]
+    if len(modes) != len(joints):
+        raise RefusedError(f"{len(joints)} modes are needed, {len(modes)} were given")
+    return list(zip(joints, modes, strict=True))
+
+
+def _group(configuration: Property, key: str) -> Property:
+    """A group of the configuration as one of its own; of nothing if it is not there."""
+    return Property.from_bottle(configuration.find_group(key) or Bottle())
+
+
+def _listed(group: Property, key: str, joints: int) -> Bottle | None:
+    """A list with an element for each joint; None if it is not there."""
+    value = group.find(key)
+    if value is None:
+        return None
+    if not isinstance(value, Bottle) or len(value) != joints:
+        raise wrong(group, key, f"{to_string(value)[:60]} is no list of {joints} elements, one for each joint")
+    return value
+
+
+def _numbers(group: Property, key: str, joints: int, default: float) -> FloatArray:
+    """A number for each joint."""
+    values = _listed(group, key, joints) or [default] * joints
+    if not all(isinstance(value, int | float) for value in values):
+        raise wrong(group, key, f"{to_string(group.find(key))[:60]} are not all numbers of degrees")
+    return values_for(joints, [as_float(value) for value in values])

@@ -1,0 +1,182 @@
+"""The files of a robot as one tree: each ``xi:include`` is replaced by the first element of the file that it names.
+
+Only files below the folder of the configuration are read, links in it are followed and judged by where they lead.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rtf.errors import Location
+from rtf.robot.interface import markup
+from rtf.robot.interface.problems import RobotFileError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rtf.robot.interface.markup import Document, Element
+    from rtf.robot.interface.problems import ProblemLog
+
+INCLUDE = "xi:include"
+#: The document type line of a robot's file.
+DOCTYPE = (
+    '<!DOCTYPE robot PUBLIC "-//YARP//DTD yarprobotinterface 3.0//EN"'
+    ' "http://www.yarp.it/DTD/yarprobotinterfaceV3.0.dtd">'
+)
+MAX_DEPTH = 16
+MAX_FILES = 1000
+MAX_BYTES = 32 << 20  # of all files
+
+_PUBLIC = re.compile(r"-//YARP//DTD yarprobotinterface ([0-9]{1,3})\.([0-9]{1,3})//EN")
+_READ, _DEPRECATED, _NEVER_SUPPORTED = 3, 1, 2
+
+
+@dataclass(frozen=True, slots=True)
+class Tags:
+    """The words that switch parts of a robot on and off. ``everything`` switches all on."""
+
+    enabled: frozenset[str] = frozenset()
+    disabled: frozenset[str] = frozenset()
+    everything: bool = False
+
+    def include(self, enabled_by: str | None, disabled_by: str | None) -> bool:
+        """Whether something is part of the robot that is there with one of some words, or not there with others."""
+        wanted = enabled_by is None or self.everything or not self.enabled.isdisjoint(enabled_by.split())
+        return wanted and self.disabled.isdisjoint((disabled_by or "").split())
+
+
+def load(path: Path, tags: Tags, problems: ProblemLog, *, allow_deprecated: bool = False) -> Element:
+    """The tree of a file and of all that it includes; a file that cannot be included is a problem and left out.
+
+    Raises RobotFileError when the first file itself cannot be read.
+    """
+    try:
+        folder = path.parent.resolve()
+        real = path.resolve()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise RobotFileError.of(Location(str(path)), f"cannot be found: {error}", "mend the path") from None
+    loader = _Loader(folder, tags, problems, allow_deprecated=allow_deprecated)
+    return loader.load(path, (real,), Location(str(path)))
+
+
+class _Loader:
+    """Reads files, and counts what they come to."""
+
+    def __init__(self, folder: Path, tags: Tags, problems: ProblemLog, *, allow_deprecated: bool) -> None:
+        self._folder = folder
+        self._tags = tags
+        self._problems = problems
+        self._allow_deprecated = allow_deprecated
+        self._files = 0
+        self._bytes = 0
+        self._elements = 0
+
+    def load(self, path: Path, trail: tuple[Path, ...], asked: Location) -> Element:
+        """The tree of one file, whose real place is the end of the trail. Raises RobotFileError."""
+        document = markup.scan(self._read(path, trail[-1], asked), str(path))
+        self._elements += document.elements
+        if self._elements > markup.MAX_ELEMENTS:
+            raise RobotFileError.of(asked, f"the files of the robot have more than {markup.MAX_ELEMENTS} elements")
+        old = self._version(document) == _DEPRECATED
+        if document.root.tag == INCLUDE:
+            raise RobotFileError.of(document.root.location, f"a file cannot begin with <{INCLUDE}>")
+        self._replace_includes(document.root, path, trail, "file" if old else None)
+        return document.root
+
+    def _read(self, path: Path, real: Path, asked: Location) -> bytes:
+        self._files += 1
+        if self._files > MAX_FILES:
+            raise RobotFileError.of(asked, f"the robot has more than {MAX_FILES} files", "put some together")
+        try:
+            data = _bytes_of(real)
+        except (OSError, ValueError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise RobotFileError.of(asked, f"{str(path)[:500]} cannot be read: {why}", "mend the path") from None
+        self._bytes += len(data)
+        if self._bytes > MAX_BYTES:
+            raise RobotFileError.of(asked, f"the files of the robot are larger than {MAX_BYTES >> 20} MiB")
+        return data
+
+    def _replace_includes(self, element: Element, path: Path, trail: tuple[Path, ...], old: str | None) -> None:
+        """``old`` is the attribute by which any element of a file of version 1 stands for that of another file."""
+        children: list[Element] = []
+        for child in element.children:
+            if child.tag != INCLUDE and old not in child.attributes:
+                self._replace_includes(child, path, trail, old)
+                children.append(child)
+            elif self._tags.include(child.attributes.get("enabled_by"), child.attributes.get("disabled_by")):
+                children += self._included(child, path, trail)
+        element.children = children
+
+    def _included(self, node: Element, path: Path, trail: tuple[Path, ...]) -> list[Element]:
+        """What stands in its place: one element, none if that was not possible, which has been told."""
+        try:
+            return [self._follow(node, path, trail)]
+        except RobotFileError as error:
+            for problem in error.problems:
+                if problem not in self._problems.errors:
+                    self._problems.error(problem.location, problem.sentence, problem.mend)
+            return []
+
+    def _follow(self, node: Element, path: Path, trail: tuple[Path, ...]) -> Element:
+        target, real = self._locate(node, path)
+        if real in trail:
+            circle = " -> ".join(one.name for one in (*trail[trail.index(real) :], real))
+            raise RobotFileError.of(node.location, f"files include each other: {circle}", "cut the circle")
+        if len(trail) >= MAX_DEPTH:
+            raise RobotFileError.of(node.location, f"includes are nested deeper than {MAX_DEPTH}", "put some together")
+        return self.load(target, (*trail, real), node.location)
+
+    def _locate(self, node: Element, path: Path) -> tuple[Path, Path]:
+        """The file that is meant as it is written, and its real place, which is in the folder."""
+        href = node.attributes.get("href" if node.tag == INCLUDE else "file", "").strip()
+        if not href:
+            raise RobotFileError.of(node.location, f"<{INCLUDE}> names no file", 'write href="FILE.xml"')
+        target = path.parent / href
+        try:
+            real = target.resolve()
+        except (OSError, RuntimeError, ValueError) as error:
+            raise RobotFileError.of(node.location, f"{href[:200]!r} is no path: {error}") from None
+        if not real.is_relative_to(self._folder):
+            leads = "" if real == target.absolute() else f" (it leads to {real})"
+            raise RobotFileError.of(
+                node.location,
+                f"{href!r} is outside of the folder of the configuration, {self._folder}{leads}",
+                "copy the file into it; only files in it are read",
+            )
+        return target, real
+
+    def _version(self, document: Document) -> int:
+        """The version of the format, which is noted as an error when it is not understood."""
+        root = document.root
+        if not document.doctype:
+            self._problems.warn(root.location, "the file has no document type, 3.0 is assumed", f"begin with {DOCTYPE}")
+            return _READ
+        place = document.doctype_location
+        if document.doctype != root.tag:
+            self._problems.warn(place, f"the document type is {document.doctype!r}, but the file holds <{root.tag}>")
+        version = _PUBLIC.fullmatch(document.public_id)
+        if version is None:
+            self._problems.error(
+                place, f"{document.public_id!r} is no document type of robots", f"begin with {DOCTYPE}"
+            )
+            return _READ
+        major = int(version[1])
+        if major == _DEPRECATED and not self._allow_deprecated:
+            self._problems.error(
+                place, "version 1 of the format is deprecated", "give --allow-deprecated-dtd, or write 3.0"
+            )
+        elif major not in (_READ, _DEPRECATED):
+            known = "was never supported" if major == _NEVER_SUPPORTED else "is not known"
+            self._problems.error(place, f"version {version[1]}.{version[2]} of the format {known}", "write version 3.0")
+        return major
+
+
+def _bytes_of(path: Path) -> bytes:
+    """What is in a file, and a byte more than it may have. Raises OSError, also for what is no file but a pipe, say."""
+    if not path.is_file():
+        raise FileNotFoundError("there is no such file")
+    with path.open("rb") as stream:
+        return stream.read(markup.MAX_BYTES + 1)

@@ -1,0 +1,125 @@
+"""The devices of a robot while it runs: opened in the order of the document, closed in the reverse one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.clock import Deadline
+from rtf.robot.device import Device, find_device
+from rtf.robot.errors import DeviceError
+from rtf.robot.interface.tasks import DeviceThread, Patience, Task, Wishes, sentence_of
+from rtf.robot.interface.telling import Tell, Weight, seconds
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.middleware.network import Network
+    from rtf.robot.interface.model import DeviceEntry, Robot
+
+
+class Rack:
+    """Holds the devices. For one thread, but for ``devices``, which only grows while they are opened.
+
+    ``failures`` are sentences about those that could not be opened or closed, ``hanging`` names those that still hang.
+    """
+
+    def __init__(self, robot: Robot, network: Network | None, patience: Patience, wishes: Wishes, tell: Tell) -> None:
+        self.devices: dict[str, Device] = {}
+        self.failures: list[str] = []
+        self._robot = robot
+        self._network = network
+        self._patience = patience
+        self._wishes = wishes
+        self._tell = tell
+        self._threads = {entry.name: DeviceThread(entry.name) for entry in robot.devices}
+        self._made: dict[str, Device] = {}
+        self._closing: list[Task] = []
+
+    @property
+    def hanging(self) -> list[str]:
+        """What has not come to an end: a sentence for each."""
+        tasks = [*(thread.busy_with for thread in self._threads.values()), *self._closing]
+        return [task.name for task in tasks if task is not None and not task.done]
+
+    # Opening -----------------------------------------------------------------------------------------------------
+
+    def open_all(self) -> bool:
+        """Open every device, until somebody asks for the end; returns whether all are open."""
+        for number, entry in enumerate(self._robot.devices, 1):
+            if self._wishes.count:
+                break
+            self._open(entry, f"{number}/{len(self._robot.devices)}")
+        return len(self.devices) == len(self._robot.devices)
+
+    def _open(self, entry: DeviceEntry, count: str) -> None:
+        who = f"{entry.name} ({entry.kind})"
+
+        def make() -> None:
+            device = find_device(entry.kind)(entry.name, network=self._network)
+            self._made[entry.name] = device
+            device.open(entry.configuration.copy())
+
+        task = self._threads[entry.name].submit(Task(f"the opening of {who}", make, self._wishes))
+        self.wait_for(task, self._patience.open)
+        if not task.done:
+            why = f"hangs since {seconds(self._patience.open)}" if self._wishes.count < _CUT else "was not waited for"
+            self._fail(f"{entry.location}: the opening of {who} {why}")
+        elif task.error is not None:
+            self._made.pop(entry.name, None)  # a device whose opening failed holds nothing
+            self._fail(f"{entry.location}: {who} cannot be opened: {sentence_of(task.error)}")
+        else:
+            self.devices[entry.name] = self._made[entry.name]
+            self._tell(Weight.INFO, f"opened {who} in {seconds(task.duration)} [{count}]")
+
+    # Asking ------------------------------------------------------------------------------------------------------
+
+    def submit(self, name: str, what: str, job: Callable[[], object]) -> Task:
+        """Have a device do something in its thread. Raises DeviceError when it still hangs in something before."""
+        busy = self._threads[name].busy_with
+        if busy is not None:
+            raise DeviceError(f"{busy.name} still hangs")
+        return self._threads[name].submit(Task(what, job, self._wishes))
+
+    def wait_for(self, task: Task, patience: float) -> None:
+        """Wait until it is done or its time is up. The second wish for the end and each further one cut it short.
+
+        What only takes a moment is waited for even so: a device that is not closed may leave a motor on.
+        """
+        heard = max(self._wishes.count, _CUT - 1)
+        deadline = Deadline.after(patience)
+        self._wishes.wait(lambda: task.done or self._wishes.count > heard, deadline)
+        self._wishes.wait(lambda: task.done, deadline.earliest(Deadline.after(self._patience.hurry)))
+
+    # Closing -----------------------------------------------------------------------------------------------------
+
+    def close_all(self) -> None:
+        """Close every device that was opened, or hangs in it, in reverse order. One that hangs holds up nobody."""
+        for entry in reversed(self._robot.devices):
+            device = self._made.pop(entry.name, None)
+            if device is not None:
+                self._close(entry, device)
+        for thread in self._threads.values():
+            thread.end()
+
+    def _close(self, entry: DeviceEntry, device: Device) -> None:
+        who = f"{entry.name} ({entry.kind})"
+        task = Task(f"the closing of {who}", device.close, self._wishes)
+        if self._threads[entry.name].busy_with is None:
+            self._threads[entry.name].submit(task)
+        else:  # its own thread hangs; a device may be closed in any state, and this may set it free
+            self._closing.append(task.start())
+        self.wait_for(task, self._patience.close)
+        if not task.done:
+            self._fail(f"{entry.location}: the closing of {who} hangs")
+        elif task.error is not None:
+            self._fail(f"{entry.location}: {who} cannot be closed: {sentence_of(task.error)}")
+        else:
+            self._tell(Weight.INFO, f"closed {who} in {seconds(task.duration)}")
+
+    def _fail(self, sentence: str) -> None:
+        self.failures.append(sentence)
+        self._tell(Weight.ERROR, sentence)
+
+
+#: The wish for the end from which on nobody waits for devices that take long.
+_CUT = 2

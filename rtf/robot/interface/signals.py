@@ -1,0 +1,53 @@
+"""Signals that ask for the end, counted without a handler that could meet a lock."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@contextmanager
+def heard_signals(on_signal: Callable[[signal.Signals], object]) -> Iterator[None]:
+    """Have ``on_signal`` called for each signal, in a thread of its own, as long as the block lasts.
+
+    For the main thread of a program that has nothing more to do then: the signals are ignored from then on, so that one
+    that comes late does not spoil its end. One that was ignored before stays so. Programs that are started meanwhile
+    take signals as ever.
+    """
+    reading, writing = os.pipe2(os.O_CLOEXEC)
+    os.set_blocking(writing, False)
+
+    def listen() -> None:
+        while data := os.read(reading, 64):
+            for number in data:
+                if number in taken:
+                    on_signal(signal.Signals(number))
+
+    # The interpreter writes the number of each signal to the pipe, whichever thread it comes to and whatever that does.
+    former = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    taken = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+    for number in taken:
+        signal.signal(number, _take)
+    thread = threading.Thread(target=listen, name="rtf-signals", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_IGN)
+        signal.set_wakeup_fd(former)
+        os.close(writing)
+        thread.join()
+        os.close(reading)
+
+
+def _take(_number: int, _frame: object) -> None:
+    """The thread that listens has heard it."""

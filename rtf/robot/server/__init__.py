@@ -1,0 +1,1 @@
+"""Servers: what puts a device on the network."""

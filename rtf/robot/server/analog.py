@@ -1,0 +1,146 @@
+"""The older server of sensors: channels of numbers, as one stream or divided among several."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from rtf.bottle import Bottle, Vocab, as_float, as_int, as_string, as_vocab
+from rtf.middleware.errors import ConnectError
+from rtf.middleware.names import Contact
+from rtf.middleware.remote import exists
+from rtf.middleware.types import FAIL, VECTOR
+from rtf.robot import parameters
+from rtf.robot.errors import ConfigurationError, RobotError
+from rtf.robot.interfaces import IAnalogSensor
+from rtf.robot.server.publishing import PublishingDevice
+from rtf.robot.server.streaming import StreamServer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.bottle import Property
+    from rtf.middleware.network import Network
+    from rtf.robot.device import Device
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot.server.outlets import Outlets
+
+_IANALOG, _ALL, _CHANNEL = Vocab("iana"), Vocab("cal"), Vocab("calc")
+#: What is answered to a calibration: how it went.
+_DONE, _ERROR = 0, 1
+_RANGE = 4  # the numbers that say which channels go where
+_MAX_CHANNELS = 100_000
+
+
+class PortChannels(NamedTuple):
+    """A port, and which channels of a sensor it shows: ``size`` of them from ``first`` on, its own from ``at`` on."""
+
+    name: str
+    first: int
+    size: int
+    at: int = 0
+
+
+class AnalogServer(StreamServer["FloatArray"]):
+    """Publishes a device's channels at ``NAME``, or at the ``ports`` that share them, and answers at ``NAME/rpc:i``.
+
+    Raises ConfigurationError for channels that the device has not got, ConnectError and AddressError.
+    """
+
+    def __init__(
+        self,
+        device: IAnalogSensor,
+        name: str,
+        *,
+        network: Network,
+        period: float,
+        ports: Sequence[PortChannels] = (),
+        strict: bool = False,
+        outlets: Outlets | None = None,
+    ) -> None:
+        super().__init__(name, network=network, period=period, strict=strict, outlets=outlets)
+        self._device = device
+        channels = device.channels()
+        self._shares = [*ports] or [PortChannels(name, 0, channels)]
+        for share in self._shares:
+            if share.first + share.size > channels:
+                raise ConfigurationError(f"{share.name} wants more channels than the {channels} that the sensor has")
+        self.open_ports([share.name for share in self._shares], VECTOR, f"{name}/rpc:i", self._answer)
+
+    def measure(self, now: float) -> tuple[FloatArray, float]:
+        """See the base."""
+        return self._device.read().values, now
+
+    def send(self, value: FloatArray, envelope: str) -> None:
+        """See the base."""
+        for share, port in zip(self._shares, self._ports, strict=True):
+            port.write(_shown(value, share), envelope=envelope)
+
+    def _answer(self, question: Bottle) -> object:
+        if question.get(0) != _IANALOG:
+            return FAIL
+        what = as_vocab(question.get(1))
+        if what == _ALL:
+            values = question[2:]
+            return self._calibrate([*enumerate(map(as_float, values))] if len(values) else [(None, None)])
+        if what == _CHANNEL and isinstance(question.get(2), int):
+            value = question.get(3)
+            return self._calibrate([(as_int(question.get(2)), None if value is None else as_float(value))])
+        return FAIL
+
+    def _calibrate(self, wanted: Sequence[tuple[int | None, float | None]]) -> Bottle:
+        try:
+            for channel, value in wanted:
+                self._device.calibrate(channel, value)
+        except RobotError:
+            return Bottle([_ERROR])
+        return Bottle([_DONE])
+
+
+def _shown(values: FloatArray, share: PortChannels) -> FloatArray:
+    part = values[share.first : share.first + share.size]
+    if share.at == 0:
+        return part
+    shown = values[:0].copy()
+    shown.resize(share.at + share.size)
+    shown[share.at :] = part
+    return shown
+
+
+class AnalogDevice(PublishingDevice):
+    """``analogServer``: the server in a configuration; ``period`` in ms, 20 without it.
+
+    ``ports (left right)`` divides the channels; for each of these names there is a parameter of that name with the
+    first and the last channel of the port and the first and the last of the sensor: ``left 0 5 0 5``. The ports are
+    then ``NAME/left`` and ``NAME/right``, or what a name that begins with ``/`` says.
+    """
+
+    unit = 1e-3
+    default_period = 20.0
+
+    def configure(self, configuration: Property) -> None:
+        """See the base."""
+        self._ports = [
+            self._port(configuration, word, self.port_name) for word in parameters.names(configuration, "ports")
+        ]
+
+    @staticmethod
+    def _port(configuration: Property, word: str, prefix: str) -> PortChannels:
+        group = configuration.find_group(word) or Bottle([word])
+        inner = group.get(1)
+        numbers = inner if isinstance(inner, Bottle) else group.tail()
+        sound = len(numbers) == _RANGE and all(isinstance(one, int) and 0 <= one < _MAX_CHANNELS for one in numbers)
+        at, last_at, first, last = map(as_int, numbers) if sound else (0, 0, 0, -1)
+        if not sound or last < first or last_at - at != last - first:
+            raise parameters.wrong(
+                configuration, word, "it says which channels a port shows, such as (0 5 0 5): its own, and the sensor's"
+            )
+        name = as_string(group.get(0))
+        return PortChannels(name if name.startswith("/") else f"{prefix}/{name}", first, last - first + 1, at)
+
+    def serve(self, device: Device) -> AnalogServer:
+        """See the base. Raises ConnectError for names that a living port has: it would lose them to this one."""
+        sensor = device.view(IAnalogSensor)  # type: ignore[type-abstract]  # it is only looked for
+        for name in (*([share.name for share in self._ports] or [self.port_name]), f"{self.port_name}/rpc:i"):
+            if exists(self.network, Contact(name)):
+                raise ConnectError(f"there is a port {name} already")
+        return AnalogServer(sensor, self.port_name, network=self.network, period=self.period, ports=self._ports)

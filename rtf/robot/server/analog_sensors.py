@@ -1,0 +1,72 @@
+"""Sensors of all categories on the network: their measurements as a stream, and on request what they are called."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.middleware.types import Function, Record, Service
+from rtf.robot.errors import DeviceError
+from rtf.robot.interfaces import IMultipleAnalogSensors, SensorCategory, SensorStatus
+from rtf.robot.sensor_message import SENSOR_MESSAGE, Measurements
+from rtf.robot.server.publishing import PublishingDevice
+from rtf.robot.server.streaming import StreamServer
+
+if TYPE_CHECKING:
+    from rtf.middleware.network import Network
+    from rtf.robot.device import Device
+    from rtf.robot.server.outlets import Outlets
+
+
+class AnalogSensorsServer(StreamServer[Measurements]):
+    """Publishes the sensors of a device at ``NAME/measures:o``, and answers at ``NAME/rpc:o``.
+
+    ``categories`` is how many are told of: 12, or 10 for what readers up to YARP 3.10 expect. The sensors of the
+    device are those that it has now. While one of them is not well nothing is sent. Raises ConnectError, AddressError.
+    """
+
+    def __init__(
+        self,
+        device: IMultipleAnalogSensors,
+        name: str,
+        *,
+        network: Network,
+        period: float,
+        categories: int = len(SensorCategory),
+        strict: bool = False,
+        outlets: Outlets | None = None,
+    ) -> None:
+        super().__init__(name, network=network, period=period, strict=strict, outlets=outlets)
+        self._device = device
+        self._infos = [[*device.sensors(category)] for category in SensorCategory if category < categories]
+        self._counts = [(SensorCategory(number), len(infos)) for number, infos in enumerate(self._infos)]
+        service = Service({"getMetadata": Function(self._metadata)})
+        self.open_ports([f"{name}/measures:o"], SENSOR_MESSAGE, f"{name}/rpc:o", service.answer)
+
+    def measure(self, now: float) -> tuple[Measurements, float]:
+        """See the base."""
+        status, read, well = self._device.sensor_status, self._device.read_sensor, SensorStatus.OK
+        found: Measurements = []
+        for category, count in self._counts:
+            readings = []
+            for index in range(count):
+                state = status(category, index)
+                if state != well:
+                    name = self._infos[category][index].name
+                    raise DeviceError(f"the sensor {name} ({category.name}) is not well: {SensorStatus(state).name}")
+                readings.append(read(category, index))
+            found.append(readings)
+        return found, now
+
+    def _metadata(self) -> tuple[object, ...]:
+        return tuple(Record(*(Record(*info) for info in infos)) for infos in self._infos)
+
+
+class AnalogSensorsDevice(PublishingDevice):
+    """``multipleanalogsensorsserver``: the server in a configuration; ``period`` is in ms and must be given."""
+
+    unit = 1e-3
+
+    def serve(self, device: Device) -> AnalogSensorsServer:
+        """See the base."""
+        sensors = device.view(IMultipleAnalogSensors)  # type: ignore[type-abstract]  # it is only looked for
+        return AnalogSensorsServer(sensors, self.port_name, network=self.network, period=self.period)

@@ -1,0 +1,197 @@
+"""A control board on the network, as YARP 3 has it: questions, streamed commands, and the streams of its state."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Bottle, Property
+from rtf.middleware.errors import MiddlewareError
+from rtf.middleware.port import Port
+from rtf.middleware.rpc import RpcServer
+from rtf.robot.device import Device, make_device
+from rtf.robot.errors import DeviceError, NotSupportedError
+from rtf.robot.interfaces import IAxisInfo
+from rtf.robot.parameters import flag, port_name, positive
+from rtf.robot.periodic import PeriodicThread
+from rtf.robot.server.control_board_commands import StreamedCommands
+from rtf.robot.server.control_board_questions import Questions
+from rtf.robot.server.control_board_state import StateStreams
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rtf.middleware.network import Network
+    from rtf.robot.server.board_server import BoardServer
+    from rtf.robot.server.outlets import Outlets
+
+#: Seconds between two messages where nothing else is said.
+DEFAULT_PERIOD = 0.02
+
+
+class ControlBoardServer:
+    """The ports of a device: ``NAME/rpc:i``, ``NAME/command:i``, ``NAME/state:o`` and ``NAME/stateExt:o``.
+
+    They are open from its making to ``close``. Somebody calls ``publish`` every ``period`` seconds. ``outlets``
+    are told of at :class:`StateStreams`. Raises NotSupportedError for a device that does not say how many axes it has,
+    and the middleware's errors when the ports cannot be opened.
+    """
+
+    def __init__(
+        self,
+        device: object,
+        name: str,
+        *,
+        network: Network,
+        period: float = 0.01,
+        outlets: Outlets | None = None,
+    ) -> None:
+        if not isinstance(device, IAxisInfo):
+            raise NotSupportedError(f"{name}: a {type(device).__name__} is no control board: it has no IAxisInfo")
+        self.name = name
+        self.period = period
+
+        def report(sentence: str) -> None:
+            network.report(f"{name}: {sentence}")
+
+        questions = Questions(device, report)
+        commands = StreamedCommands(device, report)
+        with ExitStack() as opened:
+            rpc = RpcServer(f"{name}/rpc:i", questions.answer, network=network)
+            opened.callback(rpc.close)
+            streamed = Port(f"{name}/command:i", commands.take, network=network, outputs=False)
+            opened.callback(streamed.close)
+            self._state = StateStreams(device, device.axes(), name, network=network, outlets=outlets)
+            opened.callback(self._state.close)
+            self._opened = opened.pop_all()
+
+    def publish(self, now: float) -> None:
+        """See Publisher."""
+        self._state.publish(now)
+
+    def settle(self) -> None:
+        """Wait until what was published has been sent, as far as the ports know."""
+        self._state.settle()
+
+    def close(self) -> None:
+        """Close the ports; what is carried out at the moment is waited for. Doing so again changes nothing."""
+        self._opened.close()
+
+
+class ControlBoardDevice(Device):
+    """``controlBoard_nws_yarp``: serves the device that it is attached to, from a thread of its own.
+
+    Parameters: ``name``, the beginning of its ports' names, ``period`` in seconds, and ``service``, yes or no: whether
+    it speaks as boards of YARP 4 do. Without it that goes by the dialect of the network.
+    """
+
+    _unit = 1.0  # seconds
+
+    def __init__(self, name: str = "", *, network: Network | None = None) -> None:
+        super().__init__(name, network=network)
+        self._prefix = ""
+        self._period = DEFAULT_PERIOD
+        self._service: bool | None = None
+        self._server: BoardServer | None = None
+        self._thread: PeriodicThread | None = None
+
+    def open(self, configuration: Property) -> None:
+        """See Device."""
+        self._prefix = port_name(configuration, "name")
+        self._period = positive(configuration, "period", DEFAULT_PERIOD / self._unit) * self._unit
+        self._service = flag(configuration, "service") if configuration.check("service") else None
+
+    def attach(self, devices: Mapping[str, Device]) -> None:
+        """See Device: to one board."""
+        if len(devices) != 1:
+            raise DeviceError(f"{self.name} serves one device, not {len(devices)} ({', '.join(devices)})")
+        self._serve(*devices.values())
+
+    def _serve(self, device: Device) -> None:
+        if self._server is not None:
+            raise DeviceError(f"{self.name} serves a device already; detach it first")
+        from rtf.robot.server.board_server import serve_board  # it knows this module, too
+
+        try:
+            self._server = serve_board(
+                device, self._prefix, network=self.network, period=self._period, service=self._service
+            )
+        except MiddlewareError as error:
+            raise DeviceError(f"{self.name} cannot open its ports: {error}") from error
+        report = self.network.report
+        self._thread = PeriodicThread(
+            self._server, name=self._prefix, report=lambda text: report(f"{self.name}: {text}")
+        )
+
+    def detach(self) -> None:
+        """See Device."""
+        if self._thread is not None:
+            self._thread.stop()
+        if self._server is not None:
+            self._server.close()
+        self._thread = self._server = None
+
+    def close(self) -> None:
+        """See Device."""
+        self.detach()
+
+
+class ControlBoardWrapperDevice(ControlBoardDevice):
+    """``controlboardwrapper2``, the older type: its period is in milliseconds, and it can make several boards one.
+
+    With ``networks`` and ``joints`` it serves the boards it is attached to as a :class:`ControlBoardRemapper` of them;
+    with ``subdevice`` a device of that type that it makes itself, with the same configuration.
+    """
+
+    _unit = 0.001  # milliseconds
+
+    def __init__(self, name: str = "", *, network: Network | None = None) -> None:
+        super().__init__(name, network=network)
+        self._configuration = Property()
+        self._own: Device | None = None
+
+    def open(self, configuration: Property) -> None:
+        """See Device."""
+        super().open(configuration)
+        self._configuration = configuration
+        subdevice = configuration.find("subdevice")
+        if isinstance(subdevice, str):
+            self._own = make_device(
+                subdevice, configuration, name=f"{self.name}.{subdevice}", network=self._given_network
+            )
+            try:
+                self._serve(self._own)
+            except Exception:
+                self.close()
+                raise
+
+    def attach(self, devices: Mapping[str, Device]) -> None:
+        """See Device: to one board, or to those that ``networks`` names."""
+        if not isinstance(self._configuration.find("networks"), Bottle):
+            super().attach(devices)
+            return
+        from rtf.robot.devices.remapper import ControlBoardRemapper
+
+        remapper = ControlBoardRemapper(f"{self.name}.networks", network=self._given_network)
+        remapper.open(self._configuration)
+        try:
+            remapper.attach(devices)
+            self._serve(remapper)
+        except Exception:
+            remapper.close()
+            raise
+        self._own = remapper
+
+    def detach(self) -> None:
+        """See Device. A device that it made itself it keeps."""
+        super().detach()
+        if self._own is not None and not self._configuration.check("subdevice"):
+            self._own.close()
+            self._own = None
+
+    def close(self) -> None:
+        """See Device."""
+        super().close()
+        if self._own is not None:
+            self._own.close()
+            self._own = None

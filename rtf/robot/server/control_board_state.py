@@ -1,0 +1,86 @@
+"""Publishes the state of a control board: its positions alone, and everything that it measures."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from rtf.middleware.types.vector import VECTOR
+from rtf.robot.errors import StaleStateError
+from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState, Field, InterfaceState, IStateSource
+from rtf.robot.server.outlets import BackgroundOutlets
+from rtf.robot.server.stamping import Stamping
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.middleware.network import Network
+    from rtf.robot.server.outlets import Outlets
+
+_POSITIONS = Field.JOINT_POSITIONS
+
+
+class StateStreams:
+    """The ports ``NAME/state:o`` and ``NAME/stateExt:o`` of a device with so many axes.
+
+    Readers are served in the background, and one that is slow misses messages, unless ``outlets`` opens the ports in
+    another way: :class:`~rtf.robot.server.outlets.PostingOutlets` send in the thread that publishes, and ``settle``
+    waits until every reader that acknowledges has dealt with it.
+    ``report`` is told when the joints' times are too far apart, whereupon nothing is published.
+    """
+
+    def __init__(
+        self,
+        device: object,
+        axes: int,
+        name: str,
+        *,
+        network: Network,
+        outlets: Outlets | None = None,
+        report: Callable[[str], None] | None = None,
+    ) -> None:
+        self._source = device if isinstance(device, IStateSource) else InterfaceState(device)
+        self._report = report or network.report
+        self._name = name
+        self._state = ExtendedState(axes)
+        self._stamping = Stamping()
+        self._stale = False
+        outlets = outlets or BackgroundOutlets(network)
+        self._positions = outlets.open(f"{name}/state:o", VECTOR)
+        try:
+            self._extended = outlets.open(f"{name}/stateExt:o", EXTENDED_STATE)
+        except BaseException:
+            self._positions.close()
+            raise
+
+    def publish(self, now: float) -> None:
+        """Send what the device measures, stamped with the mean time of its encoders, or ``now`` if it has none."""
+        to_positions, to_extended = self._positions.outputs, self._extended.outputs
+        if not (to_positions or to_extended):
+            return
+        state = self._state
+        try:
+            time = self._source.fill_state(state)
+        except StaleStateError as error:
+            if not self._stale:
+                self._report(f"{self._name}: the state is not published: {error}")
+            self._stale = True
+            return
+        self._stale = False
+        envelope = self._stamping.next(now if math.isnan(time) else time)
+        if to_positions and state.valid[_POSITIONS]:
+            self._positions.write(state.joint_positions.copy(), envelope=envelope)
+        if to_extended:
+            # Readers of this process may be handed the object itself, and keep it.
+            shared = any(output.carrier == "local" for output in to_extended)
+            self._extended.write(state.copy() if shared else state, envelope=envelope)
+
+    def settle(self) -> None:
+        """Wait until what was published has been sent, as far as the ports know."""
+        self._positions.settle()
+        self._extended.settle()
+
+    def close(self) -> None:
+        """Close the ports."""
+        self._positions.close()
+        self._extended.close()

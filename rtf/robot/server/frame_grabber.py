@@ -1,0 +1,96 @@
+"""A camera on the network: its images as a stream, and an answer to whatever is asked of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.bottle import as_string
+from rtf.middleware.types import IMAGE, Image
+from rtf.robot import parameters
+from rtf.robot.errors import NotSupportedError
+from rtf.robot.interfaces import IFrameGrabber, IFrameGrabberControls
+from rtf.robot.server.camera_vocabulary import CameraResponder
+from rtf.robot.server.publishing import PublishingDevice
+from rtf.robot.server.streaming import StreamServer
+
+if TYPE_CHECKING:
+    from rtf.bottle import Property
+    from rtf.middleware.network import Network
+    from rtf.robot.device import Device
+    from rtf.robot.server.outlets import Outlets
+
+_CAPABILITIES = ("COLOR", "RAW")
+
+
+class FrameGrabberServer(StreamServer[Image]):
+    """Publishes the images of a camera at ``NAME``, stamped with when they were taken, and answers at ``NAME/rpc``.
+
+    An image is taken only when somebody reads, and sent once. ``raw`` sends it as the camera gives it, otherwise it
+    becomes one of ``rgb`` pixels. ``controls`` is what is set on the camera, None if nothing can be.
+    Raises ConnectError and AddressError.
+    """
+
+    def __init__(
+        self,
+        device: IFrameGrabber,
+        name: str,
+        *,
+        network: Network,
+        period: float,
+        controls: IFrameGrabberControls | None = None,
+        raw: bool = False,
+        strict: bool = False,
+        outlets: Outlets | None = None,
+    ) -> None:
+        super().__init__(name, network=network, period=period, strict=strict, outlets=outlets)
+        self._device = device
+        self._raw = raw
+        self._taken: float | None = None
+        if controls is None and isinstance(device, IFrameGrabberControls):
+            controls = device
+        responder = CameraResponder(device, controls, period)
+        self.open_ports([name], IMAGE, f"{name}/rpc", responder.answer)
+
+    def measure(self, now: float) -> tuple[Image, float] | None:  # noqa: ARG002 - the camera knows when it was taken
+        """See the base."""
+        image, taken = self._device.image()
+        if taken == self._taken:
+            return None
+        self._taken = taken
+        return image if self._raw else image.to("rgb"), taken
+
+
+class FrameGrabberDevice(PublishingDevice):
+    """``frameGrabber_nws_yarp``: the server in a configuration.
+
+    ``name`` is ``/grabber`` without it, ``period`` in s, 0.033 without it; ``capabilities`` COLOR or RAW; ``no_drop``:
+    no image is skipped for a slow reader, the camera waits for it.
+    """
+
+    default_name = "/grabber"
+    default_period = 0.033
+
+    def configure(self, configuration: Property) -> None:
+        """See the base."""
+        capability = as_string(configuration.get("capabilities", "COLOR"))
+        if capability not in _CAPABILITIES:
+            raise parameters.wrong(configuration, "capabilities", f"it is COLOR or RAW, not {capability!r}")
+        self._raw = capability == "RAW"
+        self._strict = parameters.flag(configuration, "no_drop")
+
+    def serve(self, device: Device) -> FrameGrabberServer:
+        """See the base."""
+        camera = device.view(IFrameGrabber)  # type: ignore[type-abstract]  # it is only looked for
+        try:
+            controls = device.view(IFrameGrabberControls)  # type: ignore[type-abstract]  # likewise
+        except NotSupportedError:
+            controls = None
+        return FrameGrabberServer(
+            camera,
+            self.port_name,
+            network=self.network,
+            period=self.period,
+            controls=controls,
+            raw=self._raw,
+            strict=self._strict,
+        )

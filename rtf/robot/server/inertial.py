@@ -1,0 +1,77 @@
+"""The oldest server of an inertial sensor: twelve numbers, and no questions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.middleware.types import VECTOR
+from rtf.robot import parameters
+from rtf.robot.errors import DeviceError
+from rtf.robot.interfaces import IMultipleAnalogSensors, SensorCategory, SensorStatus
+from rtf.robot.server.publishing import PublishingDevice
+from rtf.robot.server.streaming import StreamServer
+
+if TYPE_CHECKING:
+    from rtf.bottle import Property
+    from rtf.middleware.network import Network
+    from rtf.robot.device import Device
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot.server.outlets import Outlets
+
+#: The sensors in the order in which they stand in the message, three numbers each.
+ORDER = (
+    SensorCategory.ORIENTATION,
+    SensorCategory.ACCELEROMETER,
+    SensorCategory.GYROSCOPE,
+    SensorCategory.MAGNETOMETER,
+)
+AXES = 3
+
+
+class InertialServer(StreamServer["FloatArray"]):
+    """Publishes the first orientation, accelerometer, gyroscope and magnetometer of a device at ``NAME``.
+
+    Of a sensor that the device has not got there are zeros. Raises ConnectError and AddressError.
+    """
+
+    def __init__(
+        self,
+        device: IMultipleAnalogSensors,
+        name: str,
+        *,
+        network: Network,
+        period: float,
+        strict: bool = False,
+        outlets: Outlets | None = None,
+    ) -> None:
+        super().__init__(name, network=network, period=period, strict=strict, outlets=outlets)
+        self._device = device
+        self._places = [(place * AXES, one) for place, one in enumerate(ORDER) if device.sensors(one)]
+        self.open_ports([name], VECTOR)
+
+    def measure(self, now: float) -> tuple[FloatArray, float]:
+        """See the base."""
+        values = np.zeros(AXES * len(ORDER))
+        for place, category in self._places:
+            state = self._device.sensor_status(category, 0)
+            if state != SensorStatus.OK:
+                raise DeviceError(f"the {category.name} is not well: {SensorStatus(state).name}")
+            values[place : place + AXES] = self._device.read_sensor(category, 0).values
+        return values, now
+
+
+class InertialDevice(PublishingDevice):
+    """``inertial``: the server in a configuration; ``period`` in s, 0.005 without it, ``strict`` to skip no message."""
+
+    default_period = 0.005
+
+    def configure(self, configuration: Property) -> None:
+        """See the base."""
+        self._strict = parameters.flag(configuration, "strict")
+
+    def serve(self, device: Device) -> InertialServer:
+        """See the base."""
+        sensors = device.view(IMultipleAnalogSensors)  # type: ignore[type-abstract]  # it is only looked for
+        return InertialServer(sensors, self.port_name, network=self.network, period=self.period, strict=self._strict)

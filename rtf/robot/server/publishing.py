@@ -1,0 +1,90 @@
+"""Devices of a configuration that put another device on the network, and publish what it measures, regularly."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
+
+from rtf.middleware.errors import MiddlewareError
+from rtf.robot import parameters
+from rtf.robot.device import Device
+from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError
+from rtf.robot.periodic import PeriodicThread, Publisher
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rtf.bottle import Property
+
+T = TypeVar("T")
+#: The shortest period that is taken; below it a thread would do nothing else.
+SHORTEST = 1e-4
+
+
+class Server(Publisher, Protocol):
+    """What is published, with its ports."""
+
+    def close(self) -> None:
+        """Close the ports."""
+
+
+class PublishingDevice(Device):
+    """A server stub as a configuration has it: ``name`` begins the names of its ports, ``period`` is how often.
+
+    ``attach`` takes the one device that is served, opens the ports and begins to publish in a thread.
+    """
+
+    #: How long one of ``period`` is, in s, and what it is without one: None if it must be given.
+    unit: ClassVar[float] = 1.0
+    default_period: ClassVar[float | None] = None
+    default_name: ClassVar[str | None] = None
+
+    server: Server | None = None
+    _thread: PeriodicThread | None = None
+    _configuration: Property | None = None
+
+    def open(self, configuration: Property) -> None:
+        """See Device. Raises ConfigurationError."""
+        self.port_name = parameters.port_name(configuration, "name", self.default_name)
+        self.period = parameters.positive(configuration, "period", self.default_period) * self.unit
+        if self.period < SHORTEST:
+            raise parameters.wrong(configuration, "period", f"{self.period:g} s is shorter than {SHORTEST:g} s")
+        self.configure(configuration)
+        self._configuration = configuration
+
+    def configure(self, configuration: Property) -> None:
+        """Read the parameters that only this kind of device has. Raises ConfigurationError."""
+
+    @abstractmethod
+    def serve(self, device: Device) -> Server:
+        """Open the ports for a device. Raises NotSupportedError for one of another kind."""
+
+    def attach(self, devices: Mapping[str, Device]) -> None:
+        """Serve a device. Raises DeviceError."""
+        if self._configuration is None:
+            raise DeviceError(f"{self.name} is not open; open it before it is attached")
+        if self.server is not None:
+            raise DeviceError(f"{self.name} is attached already; detach it first")
+        if len(devices) != 1:
+            raise DeviceError(f"{self.name} serves one device, not {len(devices)} ({', '.join(devices) or 'none'})")
+        [(name, device)] = devices.items()
+        try:
+            self.server = self.serve(device)
+        except (MiddlewareError, NotSupportedError, ConfigurationError) as error:
+            raise DeviceError(f"{self.name} cannot be attached to {name}: {error}") from error
+        report = self.network.report
+        self._thread = PeriodicThread(self.server, name=self.name, report=lambda said: report(f"{self.name}: {said}"))
+
+    def detach(self) -> None:
+        """Publish no more, and close the ports."""
+        if self._thread is not None:
+            self._thread.stop()
+            self._thread = None
+        if self.server is not None:
+            self.server.close()
+            self.server = None
+
+    def close(self) -> None:
+        """See Device."""
+        self.detach()
+        self._configuration = None

@@ -1,0 +1,198 @@
+"""The kinds of values that functions of boards take and return, and how each stands in a record.
+
+A kind reads a value out of the elements of a message and makes what a record holds of one. ``take`` raises BottleError
+when the elements are of another kind, and RefusedError when they are of this kind but mean nothing, such as the number
+of a mode that does not exist.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from rtf.bottle import Bottle, BottleError, Int16, Vocab
+from rtf.middleware.types.record import FAILED, OK, Record
+from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.errors import RefusedError
+from rtf.robot.interfaces import CalibrationParameters, JointType, MotorTorqueParameters, Pid, PidType
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from rtf.bottle import Value
+
+E = TypeVar("E", bound=IntEnum)
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """``cpp`` is what tools call it, ``default`` what stands in an answer that failed, ``width`` elements of a record.
+
+    ``take`` gets as many elements as it is wide. What is read and written is any of the types of the interfaces.
+    """
+
+    cpp: str
+    take: Callable[[Sequence[Value]], Any]
+    put: Callable[[Any], object]
+    default: Any
+    width: int = 1
+
+
+def read_all(kinds: Iterable[Kind], elements: Sequence[Value]) -> list[Any]:
+    """The values in the elements. Raises BottleError when there are too few or too many, or others."""
+    kinds = tuple(kinds)
+    if len(elements) != sum(kind.width for kind in kinds):
+        raise BottleError(
+            f"{len(elements)} values came, {', '.join(kind.cpp for kind in kinds) or 'none'} were expected"
+        )
+    found = []
+    at = 0
+    for kind in kinds:
+        found.append(kind.take(elements[at : at + kind.width]))
+        at += kind.width
+    return found
+
+
+def write_all(kinds: Sequence[Kind], values: Sequence[Any]) -> tuple[object, ...]:
+    """What a record holds for the values, which are as many as the kinds."""
+    return tuple(kind.put(value) for kind, value in zip(kinds, values, strict=True))
+
+
+# Single values --------------------------------------------------------------------------------------------------------
+
+
+def _whole(value: Value) -> int:
+    if isinstance(value, int):
+        return int(value)
+    raise BottleError(f"an integer was expected, not {value!r}")
+
+
+def _number(value: Value) -> float:
+    if isinstance(value, int | float):
+        return float(value)
+    raise BottleError(f"a number was expected, not {value!r}")
+
+
+def _truth(value: Value) -> bool:
+    if isinstance(value, Vocab) and value in (OK, FAILED):
+        return value == OK
+    if isinstance(value, int | Vocab):
+        return int(value) != 0
+    raise BottleError(f"[ok] or [fail] was expected, not {value!r}")
+
+
+def _text(value: Value) -> str:
+    if isinstance(value, str):
+        return value
+    raise BottleError(f"a string was expected, not {value!r}")
+
+
+def _bottle(value: Value) -> Bottle:
+    if isinstance(value, Bottle):
+        return value
+    raise BottleError(f"a list was expected, not {value!r}")
+
+
+def _member(value: Value, of: type[E]) -> E:
+    """Words travel as their number, and are taken as words as well."""
+    if not isinstance(value, int | Vocab):
+        raise BottleError(f"the number of a {of.__name__} was expected, not {value!r}")
+    try:
+        return of(int(value))
+    except ValueError:
+        raise RefusedError(f"{int(value)} is no {of.__name__}") from None
+
+
+# Kinds ----------------------------------------------------------------------------------------------------------------
+
+
+def _single(cpp: str, take: Callable[[Value], Any], put: Callable[[Any], object], default: object) -> Kind:
+    return Kind(cpp, lambda elements: take(elements[0]), put, default)
+
+
+def _several(one: Kind) -> Kind:
+    """A list of them."""
+    return Kind(
+        f"std::vector<{one.cpp}>",
+        lambda elements: [one.take([item]) for item in _bottle(elements[0])],
+        lambda values: [one.put(value) for value in values],
+        (),
+    )
+
+
+def _enumeration(cpp: str, of: type[E], default: E) -> Kind:
+    return _single(cpp, lambda value: _member(value, of), int, default)
+
+
+def _structure(cpp: str, of: Callable[..., tuple[Any, ...]], takes: Sequence[Callable[[Value], Any]]) -> Kind:
+    """A structure without a list of its own: its fields stand side by side."""
+
+    def take(elements: Sequence[Value]) -> tuple[Any, ...]:
+        return of(*(take(value) for take, value in zip(takes, elements, strict=True)))
+
+    return Kind(cpp, take, tuple, of(), len(takes))
+
+
+# The order of a Pid in its list is another one than YARP 3's, which is that of the class.
+_PID_ORDER = (
+    *("kp", "kd", "ki", "max_integral", "scale", "max_output"),
+    *("offset", "stiction_up", "stiction_down", "feedforward"),
+)
+#: Three descriptions and the units of the ten numbers.
+_INFO_TEXTS = 13
+
+
+def _take_pid(value: Value) -> Pid:
+    gains = [_number(item) for item in _bottle(value)]
+    if len(gains) != len(_PID_ORDER):
+        raise BottleError(f"a PID has {len(_PID_ORDER)} numbers, not {len(gains)}")
+    return Pid(**dict(zip(_PID_ORDER, gains, strict=True)))
+
+
+def _put_pid(pid: Pid) -> Record:
+    return Record(*(float(getattr(pid, name)) for name in _PID_ORDER))
+
+
+def _take_texts(value: Value) -> list[str]:
+    texts = [_text(item) for item in _bottle(value)]
+    if len(texts) != _INFO_TEXTS:
+        raise BottleError(f"what a PID is about are {_INFO_TEXTS} strings, not {len(texts)}")
+    return texts
+
+
+def _take_map(value: Value) -> dict[str, bool]:
+    found = {}
+    for entry in _bottle(value):
+        key, holds = read_all((TEXT, TRUTH), _bottle(entry))
+        found[key] = holds
+    return found
+
+
+#: A number of a joint or a motor.
+AXIS = _single("std::int32_t", _whole, int, 0)
+#: An axis as some functions have it; what is read may be wider.
+AXIS16 = _single("std::int16_t", _whole, Int16, 0)
+WHOLE = AXIS
+NUMBER = _single("double", _number, float, 0.0)
+TRUTH = _single("bool", _truth, bool, default=False)
+TEXT = _single("std::string", _text, str, "")
+AXES = _several(AXIS)
+WHOLES = AXES
+NUMBERS = _several(NUMBER)
+BOTTLE = _single("yarp::os::Bottle", _bottle, Bottle, Bottle())
+BOTTLES = _several(BOTTLE)
+TRUTHS = _single("std::map<std::string, bool>", _take_map, dict, {})
+MODE = _enumeration("yarp::dev::SelectableControlModeEnum", ControlMode, ControlMode.UNKNOWN)
+MODES = _several(MODE)
+INTERACTION = _enumeration("yarp::dev::InteractionModeEnum", InteractionMode, InteractionMode.UNKNOWN)
+INTERACTIONS = _several(INTERACTION)
+JOINT_TYPE = _enumeration("yarp::dev::JointTypeEnum", JointType, JointType.UNKNOWN)
+PID_TYPE = _enumeration("yarp::dev::PidControlTypeEnum", PidType, PidType.POSITION)
+PID_TYPES = _several(PID_TYPE)
+PID = _single("yarp::dev::Pid", _take_pid, _put_pid, Pid())
+PIDS = _several(PID)
+PID_INFO = _single("yarp::dev::PidExtraInfo", _take_texts, lambda texts: Record(*texts), ("",) * _INFO_TEXTS)
+PID_INFOS = _several(PID_INFO)
+CALIBRATION = _structure("yCalibrationParameters", CalibrationParameters, (_whole, *[_number] * 6))
+TORQUE_PARAMETERS = _structure("yMotorTorqueParameters", MotorTorqueParameters, (_number,) * 9)

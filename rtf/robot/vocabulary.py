@@ -1,0 +1,347 @@
+"""What can be asked of a control board of YARP 3, as one table: from the words of a question to a method of a device.
+
+A question is ``[get]`` or ``[set]``, the words of a topic, and its arguments; :mod:`rtf.robot.server.control_board`
+answers by this table, and clients put their questions by it. The commands that are streamed instead, and the few words
+that stand alone, have tables of their own at the end. The words are those of protocol 1.9.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from itertools import chain
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from rtf.bottle import Vocab
+from rtf.middleware.codecs import BOTTLE
+from rtf.middleware.types.pair import PairCodec
+from rtf.middleware.types.vector import VECTOR
+from rtf.robot import vocabulary_kinds as kinds
+from rtf.robot.control_modes import ControlMode
+from rtf.robot.interfaces import (
+    IAmplifierControl,
+    IAxisInfo,
+    IControlCalibration,
+    IControlLimits,
+    IControlMode,
+    ICurrentControl,
+    IEncoders,
+    IImpedanceControl,
+    IInteractionMode,
+    IJointFault,
+    IMotor,
+    IMotorEncoders,
+    IPidControl,
+    IPositionControl,
+    IPositionDirect,
+    IPWMControl,
+    IRemoteCalibrator,
+    IRemoteVariables,
+    ITorqueControl,
+    IVelocityControl,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from rtf.bottle import Bottle
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot.vocabulary_kinds import Kind
+
+#: The version of the protocol, as ``[get] [prot]`` is answered.
+PROTOCOL = (1, 9, 0)
+GET, SET, IS, OK, FAIL, NAK, STAMP = (Vocab(word) for word in ("get", "set", "is", "ok", "fail", "nak", "tsta"))
+PROTOCOL_VERSION = Vocab("prot")
+
+
+class Shape(Enum):
+    """What a question says of the axes, and how many values go with it: j is a joint or motor, n their number.
+
+    For SINGLE the method is called as ``get(j)`` and ``set(j, *values)``; for ONE, ALL and GROUP, which belong to the
+    methods that take any choice of axes, as ``get(axes)`` and ``set(values, axes)``.
+    """
+
+    NONE = "no axis: the values stand alone"
+    SINGLE = "j, then the values of it"
+    ONE = "j, then its value"
+    ALL = "a list of n values"
+    GROUP = "k, a list of k axes, a list of k values"
+    EACH = "no axis; what get(j) gives for all of them, in lists"
+    NAMED = "a name, then the values of it"
+
+
+#: The shapes of methods that take any choice of axes.
+PLURAL = (Shape.ONE, Shape.ALL, Shape.GROUP)
+
+
+class Echo(Enum):
+    """What stands in an answer before its data, so that its reader finds them."""
+
+    TOPIC = "[is], and the second word of the question"
+    METHOD = "[is], and the word of the method, or the joint when it was one"
+    BARE_IS = "[is] alone"
+    NOTHING = "nothing: the data come first"
+
+
+class Family(NamedTuple):
+    """What the topics of one interface have in common: those without a word of their own have the empty one.
+
+    ``stamped`` answers end with ``[tsta]``, a count and the time; ``typed`` ones name a kind of controller first.
+    """
+
+    echo: Echo = Echo.TOPIC
+    stamped: bool = False
+    typed: bool = False
+
+
+FAMILIES: Mapping[str, Family] = {
+    "": Family(stamped=True),
+    "icmd": Family(Echo.METHOD, stamped=True),
+    "intm": Family(Echo.NOTHING, stamped=True),
+    "torq": Family(stamped=True),
+    "iimp": Family(stamped=True),
+    "pid": Family(typed=True),
+    "icur": Family(),
+    "ipwm": Family(),
+    "ivar": Family(),
+    "reca": Family(),
+    "ijfl": Family(Echo.BARE_IS),
+}
+
+
+class Topic(NamedTuple):
+    """One row: the words, the interface, what is called to get and to set, and how the values look.
+
+    An empty ``get`` or ``set``: that is not part of the protocol. ``fixed`` are arguments that the words stand for.
+    A single truth (``motion_done``) is given for any choice of axes when ``together``. ``kind`` is what is got and set,
+    unless ``given`` says that something else is set.
+    """
+
+    words: tuple[str, ...]
+    interface: type[Any]
+    kind: Kind
+    shape: Shape
+    get: str = ""
+    set: str = ""
+    fixed: tuple[object, ...] = ()
+    together: bool = False
+    given: Kind | None = None
+
+    @property
+    def family(self) -> Family:
+        """What it has in common with others."""
+        return FAMILIES[self.words[0] if len(self.words) > 1 else ""]
+
+
+def _plural(
+    interface: type[Any],
+    kind: Kind,
+    one: str,
+    every: str = "",
+    group: str = "",
+    *,
+    family: str = "",
+    get: str = "",
+    set: str = "",  # noqa: A002 - the word of the protocol
+    together: bool = False,
+) -> Iterator[Topic]:
+    """The topics of methods that take any choice of axes: a word each for one, for all and for several."""
+    for word, shape in ((one, Shape.ONE), (every, Shape.ALL), (group, Shape.GROUP)):
+        if word:
+            words = (family, word) if family else (word,)
+            yield Topic(words, interface, kind, shape, get, set, together=together)
+
+
+def _single(
+    words: str,
+    interface: type[Any],
+    kind: Kind,
+    *,
+    get: str = "",
+    set: str = "",  # noqa: A002
+    given: Kind | None = None,
+) -> Iterator[Topic]:
+    """The topic of methods of a single axis."""
+    yield Topic((*words.split(),), interface, kind, Shape.SINGLE, get, set, given=given)
+
+
+def _whole(
+    words: str,
+    interface: type[Any],
+    kind: Kind = kinds.NOTHING,
+    *,
+    get: str = "",
+    set: str = "",  # noqa: A002
+    fixed: tuple[object, ...] = (),
+    shape: Shape = Shape.NONE,
+) -> Iterator[Topic]:
+    """The topic of methods that are asked of the board as a whole."""
+    yield Topic((*words.split(),), interface, kind, shape, get, set, fixed)
+
+
+_ROWS = chain(
+    # Axes and moves
+    _whole("axes", IAxisInfo, kinds.INT, get="axes"),
+    _single("name", IAxisInfo, kinds.TEXT, get="axis_name"),
+    _single("type", IAxisInfo, kinds.JOINT_TYPE, get="joint_type"),
+    _plural(IPositionControl, kinds.FLOAT, "pos", "poss", "posg", get="target_positions", set="position_move"),
+    _plural(IPositionControl, kinds.FLOAT, "rel", "rels", "relg", set="relative_move"),
+    _plural(IPositionControl, kinds.FLOAT, "vel", "vels", "velg", get="reference_speeds", set="set_reference_speeds"),
+    _plural(
+        IPositionControl,
+        kinds.FLOAT,
+        "acc",
+        "accs",
+        "accg",
+        get="reference_accelerations",
+        set="set_reference_accelerations",
+    ),
+    _plural(IPositionControl, kinds.NOTHING, "sto", "stos", "stog", set="stop"),
+    _plural(IPositionControl, kinds.FLAG, "don", "dons", "dong", get="motion_done", together=True),
+    _plural(IVelocityControl, kinds.FLOAT, "vmo", group="vmog", get="target_velocities"),
+    _plural(IVelocityControl, kinds.FLOAT, "", "vmos", get="target_velocities", set="velocity_move"),
+    _plural(IPositionDirect, kinds.FLOAT, "dpo", "dpos", "dpog", get="reference_positions"),
+    # Encoders
+    _plural(IEncoders, kinds.FLOAT, "enc", "encs", get="encoders", set="set_encoders"),
+    _plural(IEncoders, kinds.NOTHING, "ere", "eres", set="reset_encoders"),
+    _plural(IEncoders, kinds.FLOAT, "esp", "esps", get="encoder_speeds"),
+    _plural(IEncoders, kinds.FLOAT, "eac", "eacs", get="encoder_accelerations"),
+    _plural(IMotorEncoders, kinds.FLOAT, "mnc", "mncs", get="motor_encoders", set="set_motor_encoders"),
+    _plural(IMotorEncoders, kinds.NOTHING, "mre", "mres", set="reset_motor_encoders"),
+    _plural(IMotorEncoders, kinds.FLOAT, "msp", "msps", get="motor_encoder_speeds"),
+    _plural(IMotorEncoders, kinds.FLOAT, "mac", "macs", get="motor_encoder_accelerations"),
+    _single("mcpr", IMotorEncoders, kinds.FLOAT, get="counts_per_revolution", set="set_counts_per_revolution"),
+    _whole("mnum", IMotorEncoders, kinds.INT, get="motor_encoder_count"),
+    # Motors and amplifiers
+    _whole("mtnm", IMotor, kinds.INT, get="motor_count"),
+    _plural(IMotor, kinds.FLOAT, "tmp", "tmps", get="temperatures"),
+    _single("tmpl", IMotor, kinds.FLOAT, get="temperature_limit", set="set_temperature_limit"),
+    _single("gbxr", IMotor, kinds.FLOAT, get="gearbox_ratio", set="set_gearbox_ratio"),
+    _single("aen", IAmplifierControl, kinds.NOTHING, set="enable_amplifier"),
+    _single("adi", IAmplifierControl, kinds.NOTHING, set="disable_amplifier"),
+    _plural(IAmplifierControl, kinds.INT, "asts", "asta", get="amplifier_status"),
+    _plural(IAmplifierControl, kinds.FLOAT, "acu", "acus", get="currents"),
+    _single("maxc", IAmplifierControl, kinds.FLOAT, get="max_current", set="set_max_current"),
+    _single("acno", IAmplifierControl, kinds.FLOAT, get="nominal_current", set="set_nominal_current"),
+    _single("acpk", IAmplifierControl, kinds.FLOAT, get="peak_current", set="set_peak_current"),
+    _single("pwm", IAmplifierControl, kinds.FLOAT, get="pwm"),
+    _single("pwml", IAmplifierControl, kinds.FLOAT, get="pwm_limit", set="set_pwm_limit"),
+    _single("avsu", IAmplifierControl, kinds.FLOAT, get="supply_voltage"),
+    # Limits
+    _single("llim", IControlLimits, kinds.RANGE, get="limits", set="set_limits"),
+    _single("vlim", IControlLimits, kinds.RANGE, get="velocity_limits", set="set_velocity_limits"),
+    # Modes
+    _plural(
+        IControlMode, kinds.MODE, "cmod", "cmds", "cmog", family="icmd", get="control_modes", set="set_control_modes"
+    ),
+    _plural(
+        IInteractionMode,
+        kinds.INTERACTION_MODE,
+        "mode",
+        "mods",
+        "modg",
+        family="intm",
+        get="interaction_modes",
+        set="set_interaction_modes",
+    ),
+    _single("ijfl jhfl", IJointFault, kinds.FAULT, get="last_joint_fault"),
+    # Torques and impedance
+    _plural(ITorqueControl, kinds.FLOAT, "trq", "trqs", family="torq", get="torques"),
+    _plural(
+        ITorqueControl,
+        kinds.FLOAT,
+        "ref",
+        "refs",
+        family="torq",
+        get="reference_torques",
+        set="set_reference_torques",
+    ),
+    _single("torq rng", ITorqueControl, kinds.RANGE, get="torque_range"),
+    _whole("torq rngs", ITorqueControl, kinds.RANGES, get="torque_range", shape=Shape.EACH),
+    _single(
+        "torq mtps",
+        ITorqueControl,
+        kinds.MOTOR_TORQUE,
+        get="motor_torque_parameters",
+        set="set_motor_torque_parameters",
+    ),
+    _whole("torq trqd", IControlMode, set="set_control_modes", fixed=(ControlMode.TORQUE,)),
+    _single("iimp ipr", IImpedanceControl, kinds.IMPEDANCE, get="impedance", set="set_impedance"),
+    _single("iimp iof", IImpedanceControl, kinds.IMPEDANCE_OFFSET, get="impedance_offset", set="set_impedance_offset"),
+    _single("iimp llim", IImpedanceControl, kinds.IMPEDANCE_LIMITS, get="impedance_limits"),
+    # Currents and duty cycles, whose references are only streamed
+    _plural(ICurrentControl, kinds.FLOAT, "ref", "refs", family="icur", get="reference_currents"),
+    _single("icur rng", ICurrentControl, kinds.RANGE, get="current_range"),
+    _whole("icur rngs", ICurrentControl, kinds.RANGES, get="current_range", shape=Shape.EACH),
+    _plural(IPWMControl, kinds.FLOAT, "ref", "refs", family="ipwm", get="reference_duty_cycles"),
+    _plural(IPWMControl, kinds.FLOAT, "pwm", "pwms", family="ipwm", get="duty_cycles"),
+    # Controllers
+    _single("pid pid", IPidControl, kinds.PID, get="pid", set="set_pid"),
+    _whole("pid pids", IPidControl, kinds.PIDS, get="pids", set="set_pids"),
+    _plural(IPidControl, kinds.FLOAT, "ref", "refs", family="pid", get="pid_references", set="set_pid_references"),
+    _plural(IPidControl, kinds.FLOAT, "err", "errs", family="pid", get="pid_errors"),
+    _plural(IPidControl, kinds.FLOAT, "out", "outs", family="pid", get="pid_outputs"),
+    _plural(IPidControl, kinds.FLOAT, "lim", "lims", family="pid", get="pid_error_limits", set="set_pid_error_limits"),
+    _single("pid off", IPidControl, kinds.FLOAT, set="set_pid_offset"),
+    _single("pid res", IPidControl, kinds.NOTHING, set="reset_pid"),
+    _single("pid ena", IPidControl, kinds.FLAG, get="pid_enabled", set="enable_pid", given=kinds.NOTHING),
+    _single("pid dis", IPidControl, kinds.NOTHING, set="disable_pid"),
+    # Remote variables, and the calibrator behind the board
+    _whole("ivar lvar", IRemoteVariables, kinds.NAMES, get="variables"),
+    _whole("ivar mvar", IRemoteVariables, kinds.VARIABLE, get="variable", set="set_variable", shape=Shape.NAMED),
+    _whole("reca isca", IRemoteCalibrator, kinds.FLAG, get="has_calibrator"),
+    _single("reca cal", IRemoteCalibrator, kinds.NOTHING, set="calibrate_joint"),
+    _whole("reca cals", IRemoteCalibrator, set="calibrate_part"),
+    _single("reca hom", IRemoteCalibrator, kinds.NOTHING, set="home_joint"),
+    _whole("reca homs", IRemoteCalibrator, set="home_part"),
+    _single("reca par", IRemoteCalibrator, kinds.NOTHING, set="park_joint"),
+    _whole("reca pars", IRemoteCalibrator, set="park_part"),
+    _whole("reca quca", IRemoteCalibrator, set="quit_calibrate"),
+    _whole("reca qupa", IRemoteCalibrator, set="quit_park"),
+)
+#: All topics by their words.
+TOPICS: Mapping[tuple[str, ...], Topic] = {topic.words: topic for topic in _ROWS}
+
+#: What is said without ``[get]`` or ``[set]``. A ``get`` is answered by whether it is true. What brings the whole board
+#: somewhere needs a second word, which means nothing.
+COMMANDS: Mapping[str, Topic] = {
+    topic.words[0]: topic
+    for topic in chain(
+        _single("calj", IControlCalibration, kinds.CALIBRATION, set="calibrate_axis"),
+        _single("cljp", IControlCalibration, kinds.CALIBRATION, set="set_calibration_parameters"),
+        _single("cald", IControlCalibration, kinds.FLAG, get="calibration_done"),
+        _whole("cal", IRemoteCalibrator, kinds.ANYTHING, set="calibrate_part"),
+        _whole("park", IRemoteCalibrator, kinds.ANYTHING, set="park_part"),
+    )
+}
+
+
+class Streamed(NamedTuple):
+    """A command that is streamed: the words of its head, and what is called as ``method(values, axes)``."""
+
+    words: tuple[str, ...]
+    interface: type[Any]
+    method: str
+    shape: Shape
+
+
+def _streamed(interface: type[Any], method: str, words: str) -> Iterator[Streamed]:
+    """The heads of a method, ``-`` for one there is not: for one axis, for all, and for several."""
+    for head, shape in zip(words.split(","), PLURAL, strict=False):
+        if head.strip() != "-":
+            yield Streamed((*head.split(),), interface, method, shape)
+
+
+#: The commands that are streamed, by the words of their head, behind which the axes follow as the shape says.
+STREAMED: Mapping[tuple[str, ...], Streamed] = {
+    command.words: command
+    for command in chain(
+        _streamed(IPositionControl, "position_move", "-, poss"),
+        _streamed(IVelocityControl, "velocity_move", "vmo, vmos, vmog"),
+        _streamed(IPositionDirect, "set_positions", "dpo, dpos, dpog"),
+        _streamed(ITorqueControl, "set_reference_torques", "dtq, dtqs, dtqg"),
+        _streamed(IPWMControl, "set_reference_duty_cycles", "ipwm ref, ipwm refs"),
+        _streamed(ICurrentControl, "set_reference_currents", "icur ref, icur refs, icur refg"),
+    )
+}
+#: What travels for one: the head, and the values.
+COMMAND: PairCodec[Bottle, FloatArray] = PairCodec(BOTTLE, VECTOR)

@@ -1,0 +1,44 @@
+"""A network for each test of robots, with the promise that nothing of it is left, and time that the test lets pass."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf import clock
+from rtf.middleware.naming.local import LocalNames
+from rtf.middleware.network import Network
+from waiting import eventually, open_descriptors
+
+from .sensor_bench import ManualClock
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+@pytest.fixture
+def said() -> list[str]:
+    """What the network reported."""
+    return []
+
+
+@pytest.fixture
+def network(said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Network]:
+    """A network of this process; afterwards no thread and no descriptor of it is left."""
+    monkeypatch.setenv("YARP_RUNTIME_DIR", str(tmp_path / "runtime"))
+    threads = set(threading.enumerate())
+    descriptors = open_descriptors()
+    yield Network(LocalNames(), report=said.append)
+    eventually(lambda: set(threading.enumerate()) <= threads, "a thread is left")
+    eventually(lambda: open_descriptors() <= descriptors, "a descriptor is left")
+
+
+@pytest.fixture
+def stepped() -> Iterator[ManualClock]:
+    """The robot's time, which passes when the test says so."""
+    with clock.use(ManualClock()) as time:
+        assert isinstance(time, ManualClock)
+        yield time

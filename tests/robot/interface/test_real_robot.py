@@ -1,0 +1,43 @@
+"""The recorded robot with its real devices: boards, a camera and an inertial sensor that are asked over the network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Bottle
+from rtf.middleware.names import Contact
+from rtf.middleware.remote import exists
+from rtf.middleware.rpc import RpcClient
+from rtf.robot.interface.machine import RobotInterface
+from rtf.robot.interface.reading import read_robot
+from waiting import eventually
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from conftest import Running
+
+    from rtf.middleware.network import Network
+
+RECORDED = Path(__file__).parents[2] / "data" / "yarp_config" / "fakerobot.xml"
+
+
+def test_the_recorded_robot_runs(network: Network, started: Callable[[RobotInterface], Running]):
+    """Its ports answer as those of the real program did, and all of them are gone afterwards."""
+    told: list[tuple[str, str]] = []
+    robot = read_robot(RECORDED).robot
+    running = started(RobotInterface(robot, network=network, tell=lambda *words: told.append(words)))
+    eventually(lambda: running.interface.ready or running.outcome, f"it does not become ready: {told}")
+    assert running.outcome is None, told
+    for part, axes in (("head", 6), ("left_arm", 16)):
+        with RpcClient(f"/asks/{part}", f"/icubSim/{part}/rpc:i", network=network) as client:
+            answer = client.call(Bottle.parse("[get] [axes]"), timeout=10)
+            assert answer[:3] == Bottle.parse(f"[is] [axes] {axes}")
+    ports = [contact.name for contact in network.names.list("/icubSim")]
+    assert {"/icubSim/head/stateExt:o", "/icubSim/cam/left", "/icubSim/inertial/measures:o"} <= {*ports}
+    assert all(exists(network, Contact(name)) for name in ports)
+    running.interface.quit()
+    outcome = running.end()
+    assert outcome.good, outcome.failures
+    assert [contact.name for contact in network.names.list("/icubSim")] == []

@@ -1,0 +1,200 @@
+"""The simulated robot that is shipped as a configuration: it starts, calibrates, can be asked, parks, and is gone."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf import clock
+from rtf.bottle import Bottle, Property
+from rtf.middleware.naming import configuration
+from rtf.middleware.naming.server import NameServer
+from rtf.middleware.network import Network
+from rtf.middleware.rpc import RpcClient
+from rtf.robot.client.analog_sensors import AnalogSensorsClient
+from rtf.robot.client.control_board import RemoteControlBoard
+from rtf.robot.control_modes import ControlMode
+from rtf.robot.device import make_device
+from rtf.robot.devices.calibrator import BoardCalibrator
+from rtf.robot.errors import ConfigurationError, DeviceError, StaleStateError
+from rtf.robot.interface.reading import read_robot
+from rtf.robot.interfaces import IPositionControl, PidType, SensorCategory
+from rtf.simulator.axes import PARTS
+from rtf.simulator.part import SimulatedPart
+from waiting import eventually
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = pytest.mark.skipif(
+    not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
+)
+
+SHIPPED = Path(__file__).parents[3] / "suites" / "robots" / "icubSim" / "icubSim.xml"
+_LIMIT = 60.0
+
+
+class Program:
+    """The robot interface in a process of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self._err = folder / "stderr.txt"
+        with self._err.open("wb") as err:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "rtf.cli.tools", "robotinterface", "--config", str(SHIPPED), "--factor", "10"],
+                stdin=subprocess.DEVNULL,
+                stderr=err,
+                env={**os.environ, "NO_COLOR": "1"},
+                cwd=folder,
+            )
+
+    @property
+    def said(self) -> str:
+        """What it said so far."""
+        return self._err.read_text(encoding="utf-8")
+
+    def until(self, text: str) -> None:
+        """Wait until it has said something."""
+        eventually(lambda: text in self.said or self.process.poll() is not None, f"{text!r} does not come", _LIMIT)
+        assert text in self.said, self.said
+
+
+@pytest.fixture
+def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Program]:
+    """It runs, with a name server of its own."""
+    monkeypatch.setenv("YARP_CONFIG_HOME", str(tmp_path / "user"))
+    monkeypatch.setenv("YARP_DATA_HOME", str(tmp_path / "user"))
+    for name in ("YARP_NAMESPACE", "YARP_PORT_PREFIX", "YARP_ROBOT_NAME", "RTF_CLOCK", "YARP_CLOCK"):
+        monkeypatch.delenv(name, raising=False)
+    with NameServer() as server:
+        configuration.write_place(server.contact)
+        made = Program(tmp_path)
+        yield made
+        if made.process.poll() is None:
+            made.process.kill()
+        made.process.wait()
+
+
+def test_from_start_to_end(program: Program):
+    """Each part is calibrated at startup and parked at the end; between, boards, calibrators and sensors answer."""
+    program.until("icubSim is ready")
+    for part in PARTS:
+        assert f"calibrate of {part}_calibrator (startup, level 10) done" in program.said
+    network = Network(configuration.find_names())
+    with (
+        closing(RemoteControlBoard("client", network=network)) as arm,
+        closing(AnalogSensorsClient("client", network=network)) as sensors,
+        RpcClient("/asks", "/icubSim/yarprobotinterface", network=network) as asking,
+    ):
+        arm.open(Property({"remote": "/icubSim/left_arm", "local": "/client/left_arm", "carrier": "tcp"}))
+        sensors.open(Property({"remote": "/icubSim/FTs", "local": "/client/FTs", "carrier": "tcp"}))
+        assert arm.has_calibrator()
+        assert set(arm.control_modes()) == {ControlMode.POSITION}
+        assert arm.encoders([0, 1, 3]).tolist() == pytest.approx([-30, 45, 45], abs=0.5)
+        arm.park_joint(3)
+        assert arm.encoders(3)[0] == pytest.approx(60, abs=2.0)
+        assert len(sensors.sensors(SensorCategory.FORCE_TORQUE)) == 6
+        eventually(lambda: _reads(sensors), "no measurement of the force-torque sensors comes")
+        names = {contact.name for contact in network.names.list("/icubSim")}
+        assert {"/icubSim/inertial", "/icubSim/left_foot/analog:o", "/icubSim/head/stateExt:o"} <= names
+        assert str(asking.call(Bottle.parse("quit"), timeout=10)) == "bye"
+    assert program.process.wait(_LIMIT) == 0, program.said
+    for part in PARTS:
+        assert f"park of {part}_calibrator (interrupt1, level 1) done" in program.said
+    assert [contact.name for contact in network.names.list("/icubSim")] == []
+    assert "[ERROR]" not in program.said, program.said
+
+
+def _reads(sensors: AnalogSensorsClient) -> bool:
+    try:
+        return sensors.read_sensor(SensorCategory.FORCE_TORQUE, 0).values.shape == (6,)
+    except StaleStateError:  # nothing has come yet
+        return False
+
+
+def test_its_files_are_sound():
+    """Nothing in them is strange to the reader, and each calibrator's file can be opened."""
+    reading = read_robot(SHIPPED)
+    assert reading.warnings == ()
+    for entry in reading.robot.devices:
+        if entry.kind == "icubCalibrator":
+            make_device(entry.kind, entry.configuration.copy()).close()
+
+
+def test_the_time_of_the_simulation_is_that_of_the_process(network: Network):
+    """From its opening to its closing: a sleep lasts so long by the simulation, and a wrong parameter opens nothing."""
+    before = clock.current()
+    robot = make_device("simulatedICub", Property({"factor": 20.0}), network=network)
+    with closing(robot):
+        time = clock.current()
+        here = time.now()
+        time.sleep(1.0)
+        assert 1.0 <= time.now() - here < 1.5
+        with pytest.raises(DeviceError, match="there is a port /clock already"):
+            make_device("simulatedICub", network=network)
+        assert clock.current() is time
+    assert clock.current() is before
+    for wrong in ({"factor": 0}, {"seed": -1}, {"collision": "hard"}):
+        with pytest.raises(ConfigurationError):
+            make_device("simulatedICub", Property(wrong), network=network)
+    late = time.now()
+    time.sleep(0.01)
+    assert time.now() >= late + 0.01
+
+
+def test_a_board_that_is_not_attached(network: Network):
+    """It says so; attached it is the part, and detached again it says so again."""
+    with pytest.raises(ConfigurationError, match="tail"):
+        make_device("simulatedBoard", Property({"part": "tail"}))
+    board = make_device("simulatedBoard", Property({"part": "torso"}), name="torso")
+    position = board.view(IPositionControl)
+    with pytest.raises(DeviceError, match="torso is attached to no simulated robot"):
+        position.position_move(10.0, 0)
+    with pytest.raises(DeviceError, match="one simulatedICub"):
+        board.attach({"board": board})
+    robot = make_device("simulatedICub", Property({"factor": 20.0}), network=network)
+    with closing(robot):
+        board.attach({"robot": robot})
+        position.position_move(10.0, 0)
+        clock.current().sleep(2.0)
+        assert position.motion_done()
+        assert position.target_positions(0).tolist() == [10.0]
+        board.detach()
+        with pytest.raises(DeviceError, match="attached to no"):
+            position.motion_done()
+
+
+def test_abort_on_the_simulated_robot(network: Network):
+    """A calibration that is aborted while the joints move: they stand still, and the controllers are as before."""
+    entry = read_robot(SHIPPED).robot.device("left_arm_calibrator")
+    assert entry is not None
+    arm = make_device("simulatedBoard", Property({"part": "left_arm"}), name="left_arm")
+    assert isinstance(arm, SimulatedPart)
+    calibrator = make_device(entry.kind, entry.configuration.copy(), name="calibrator", network=network)
+    assert isinstance(calibrator, BoardCalibrator)
+    with closing(make_device("simulatedICub", Property({"factor": 4.0}), network=network)) as robot:
+        arm.attach({"robot": robot})
+        before = arm.pids(PidType.POSITION)
+        arm.set_reference_speeds([100.0, 100.0], [0, 1])
+        arm.position_move([-80.0, 100.0], [0, 1])
+        eventually(lambda: arm.motion_done([0, 1]), "the arm does not move away")
+        with ThreadPoolExecutor(1) as pool:
+            calibration = pool.submit(calibrator.calibrate, arm)
+            eventually(lambda: not arm.motion_done(1), "the arm does not move home")
+            assert arm.pids(PidType.POSITION) != before
+            calibrator.abort()
+            with pytest.raises(DeviceError, match="aborted"):
+                calibration.result(10)
+        eventually(arm.motion_done, "the arm does not stop")
+        assert arm.encoders(1)[0] > 46
+        assert arm.pids(PidType.POSITION) == before
+        calibrator.calibrate(arm)
+        assert arm.encoders([0, 1]).tolist() == pytest.approx([-30, 45], abs=2)

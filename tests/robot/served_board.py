@@ -1,0 +1,68 @@
+"""A fake board behind the ports of a real one; what reaches it is counted."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Property
+from rtf.middleware.network import Network
+from rtf.robot.devices.fake_board import FakeBoard
+from rtf.robot.server.control_board import ControlBoardServer
+from rtf.robot.server.outlets import PostingOutlets
+
+from .sensor_bench import ManualClock
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.robot.interfaces import AxisSelection, Values
+
+
+class CountingBoard(FakeBoard):
+    """A fake board that counts the commands that were streamed to it."""
+
+    streamed = 0
+
+    def velocity_move(self, velocities: Values, joints: AxisSelection = None) -> None:
+        """See IVelocityControl."""
+        super().velocity_move(velocities, joints)
+        self.streamed += 1
+
+    def set_positions(self, positions: Values, joints: AxisSelection = None) -> None:
+        """See IPositionDirect."""
+        super().set_positions(positions, joints)
+        self.streamed += 1
+
+    def set_reference_torques(self, torques: Values, joints: AxisSelection = None) -> None:
+        """See ITorqueControl."""
+        super().set_reference_torques(torques, joints)
+        self.streamed += 1
+
+    def set_reference_currents(self, currents: Values, motors: AxisSelection = None) -> None:
+        """See ICurrentControl."""
+        super().set_reference_currents(currents, motors)
+        self.streamed += 1
+
+    def set_reference_duty_cycles(self, duties: Values, motors: AxisSelection = None) -> None:
+        """See IPWMControl."""
+        super().set_reference_duty_cycles(duties, motors)
+        self.streamed += 1
+
+
+@contextmanager
+def fake_board(network: Network, configuration: str = "") -> Iterator[tuple[CountingBoard, ControlBoardServer]]:
+    """A fake board of three joints and what serves it; it publishes when it is told to."""
+    with ExitStack() as opened:
+        board = CountingBoard("fake", network=network)
+        board.open(Property.parse(f"(GENERAL (Joints 3)) {configuration}"))
+        opened.callback(board.close)
+        server = ControlBoardServer(board, "/fake", network=network, outlets=PostingOutlets(network))
+        opened.callback(server.close)
+        yield board, server
+
+
+def publish(server: ControlBoardServer, time: ManualClock) -> None:
+    """Have the state sent; who acknowledges has it then."""
+    server.publish(time.now())
+    server.settle()

@@ -1,0 +1,116 @@
+"""The control-mode machine: every pair of mode and request, and what holds for all of them."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rtf.robot.control_modes import (
+    FORCED,
+    POWERLESS,
+    REQUESTS,
+    STATES,
+    TRANSITIONS,
+    USER_MODES,
+    Answer,
+    ControlMode,
+    InteractionMode,
+    answer,
+)
+
+_STARTING = ("cfgn", "cfgy", "cal", "cald")
+_USER = ("pos", "posd", "vel", "mix", "torq", "icur", "ipwm")
+#: What the impedance modes of old stand for.
+_OLD = {"impo": "pos", "imve": "vel"}
+
+
+def expected(state: str, request: str) -> tuple[Answer, str]:
+    """The rules in other words: what a fault and a joint that is not calibrated take, and everything else."""
+    request = _OLD.get(request, request)
+    if state in _STARTING:
+        return Answer.IGNORED, state
+    if request == "fidl":
+        return Answer.TAKEN, "idl"
+    if state == "hwfa":
+        return Answer.IGNORED, state
+    return Answer.TAKEN, request
+
+
+@pytest.mark.parametrize("request_", REQUESTS, ids=lambda mode: mode.word)
+@pytest.mark.parametrize("state", STATES, ids=lambda mode: mode.word)
+def test_every_request_in_every_state(state: ControlMode, request_: ControlMode):
+    """What is taken, what is ignored, and the mode afterwards."""
+    taken, after = answer(state, request_)
+    assert (taken, after.word) == expected(state.word, request_.word)
+
+
+@given(state=st.sampled_from(STATES), number=st.integers())
+def test_other_numbers_are_refused(state: ControlMode, number: int):
+    """Whatever number is asked for, what nobody may ask for is refused and changes nothing."""
+    known = number in [*map(int, REQUESTS)]
+    taken, after = answer(state, number)
+    assert (taken is Answer.REFUSED) == (not known)
+    if not known:
+        assert after is state
+
+
+@given(state=st.sampled_from(STATES), requests=st.lists(st.sampled_from(REQUESTS)))
+def test_requests_lead_nowhere_but_to_modes_of_users(state: ControlMode, requests: list[ControlMode]):
+    """However many requests come, a joint is where it was, in a mode of its user, or idle."""
+    mode = state
+    for request in requests:
+        _, mode = answer(mode, request)
+    assert mode in {state, *USER_MODES, ControlMode.IDLE}
+
+
+@given(requests=st.lists(st.sampled_from([one for one in REQUESTS if one is not ControlMode.FORCE_IDLE])))
+def test_a_fault_stays_without_force(requests: list[ControlMode]):
+    """Nothing but forced idle leaves a fault."""
+    mode = ControlMode.HARDWARE_FAULT
+    for request in requests:
+        _, mode = answer(mode, request)
+    assert mode is ControlMode.HARDWARE_FAULT
+
+
+def test_no_state_is_a_mere_request():
+    """Force-idle and the old impedance modes are asked for, and never reported."""
+    assert not {ControlMode.FORCE_IDLE, ControlMode.IMPEDANCE_POSITION, ControlMode.IMPEDANCE_VELOCITY} & set(STATES)
+    assert set(TRANSITIONS.values()) <= set(STATES)
+    assert {state for state, _ in TRANSITIONS} == set(STATES)
+
+
+def test_a_board_by_itself_only_starts_and_fails():
+    """The arrows that no request makes go through the start-up in order, and to the fault from everywhere."""
+    chain = [(begin.word, end.word) for begin, _, end in FORCED if begin is not None]
+    assert chain == [("cfgn", "cfgy"), ("cfgy", "cal"), ("cal", "cald"), ("cald", "pos")]
+    assert [end for begin, _, end in FORCED if begin is None] == [ControlMode.HARDWARE_FAULT]
+
+
+def test_without_power_nobody_drives():
+    """No mode in which a user drives a joint is one without power."""
+    assert not POWERLESS & set(USER_MODES)
+    assert {ControlMode.IDLE, ControlMode.HARDWARE_FAULT} <= POWERLESS
+
+
+@pytest.mark.parametrize(
+    ("mode", "number"),
+    [
+        (ControlMode.POSITION, 7565168),
+        (ControlMode.POSITION_DIRECT, 1685286768),
+        (ControlMode.TORQUE, 1903325044),
+        (ControlMode.HARDWARE_FAULT, 1634105192),
+        (ControlMode.FORCE_IDLE, 1818519910),
+        (InteractionMode.STIFF, 1718187123),
+        (InteractionMode.COMPLIANT, 1886220131),
+    ],
+)
+def test_numbers_that_travel(mode: ControlMode | InteractionMode, number: int):
+    """The packed words have the values that travel."""
+    assert mode == number
+
+
+def test_words():
+    """Each mode knows its word."""
+    assert [mode.word for mode in USER_MODES] == [*_USER]
+    assert [mode.word for mode in InteractionMode] == ["stif", "comp", "unkn"]

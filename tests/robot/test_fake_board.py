@@ -1,0 +1,172 @@
+"""The fake board: it is a board, and what its configuration says of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rtf.bottle import Property
+from rtf.robot.control_modes import ControlMode
+from rtf.robot.devices.fake_board import FakeBoard
+from rtf.robot.errors import ConfigurationError, NotSupportedError, RefusedError
+from rtf.robot.extended_state import ExtendedState, InterfaceState
+from rtf.robot.interfaces import JointType
+
+from .contract import ControlBoardContract
+from .sensor_bench import ManualClock
+
+CONFIGURATION = (
+    "(GENERAL (Joints 4) (AxisName (neck_pitch neck_roll neck_yaw slide)) (AxisType (revolute revolute odd prismatic)))"
+    " (LIMITS (Min (-40 -20 -50 0)) (Max (30 20 50 15))) (VARIABLES (kinematic_mj (1.0 0.0 0.0 1.0)))"
+)
+
+
+def opened(text: str = CONFIGURATION) -> FakeBoard:
+    """A board of a configuration."""
+    board = FakeBoard("fake")
+    board.open(Property.parse(text))
+    return board
+
+
+class TestFakeBoard(ControlBoardContract):
+    """It does what boards do."""
+
+    @pytest.fixture
+    def board(self, stepped: ManualClock) -> FakeBoard:
+        """See the contract."""
+        self.time = stepped
+        return opened()
+
+    def advance(self, seconds: float) -> None:
+        """See the contract."""
+        self.time.sleep(seconds)
+
+
+def test_configuration_names_axes_types_and_limits():
+    """What the groups say is what the interfaces tell."""
+    board = opened()
+    assert board.axis_names() == ("neck_pitch", "neck_roll", "neck_yaw", "slide")
+    assert [board.joint_type(joint) for joint in range(4)] == [
+        JointType.REVOLUTE,
+        JointType.REVOLUTE,
+        JointType.UNKNOWN,
+        JointType.PRISMATIC,
+    ]
+    assert board.limits(0) == (-40.0, 30.0)
+    assert board.variable("kinematic_mj").to_text() == "(1.0 0.0 0.0 1.0)"
+
+
+def test_without_configuration_there_is_one_joint():
+    """A board of nothing said has a joint with a name, and no variables."""
+    board = opened("")
+    assert board.axis_names() == ("joint0",)
+    with pytest.raises(NotSupportedError):
+        board.variables()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("(GENERAL (Joints 0))", "Joints"),
+        ("(GENERAL (Joints many))", "Joints"),
+        ("(GENERAL (Joints 2) (AxisName (a)))", "AxisName"),
+        ("(GENERAL (Joints 2) (AxisName a))", "AxisName"),
+        ("(GENERAL (Joints 1)) (LIMITS (Min (a)))", "Min"),
+        ("(GENERAL (Joints 2)) (LIMITS (Min (0 50)) (Max (10 20)))", "Min"),
+    ],
+)
+def test_nonsense_is_named(text: str, said: str):
+    """A configuration that cannot be is refused, naming the parameter."""
+    with pytest.raises(ConfigurationError, match=said):
+        opened(text)
+
+
+def test_a_move_lasts_the_way_over_the_speed(stepped: ManualClock):
+    """10 deg at 10 deg/s take a second, and half of it is half the way."""
+    board = opened()
+    board.set_reference_speeds(10.0, 0)
+    board.position_move(10.0, 0)
+    stepped.sleep(0.5)
+    assert board.encoder(0) == pytest.approx(5.0)
+    stepped.sleep(0.499)
+    assert not board.motion_done()
+    stepped.sleep(0.001)
+    assert board.motion_done()
+    assert board.encoder(0) == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("steps", [1, 7, 1000])
+def test_speeds_do_not_depend_on_how_often_one_looks(stepped: ManualClock, steps: int):
+    """A ramp of 50 deg/s² to 10 deg/s for a second comes to 9 deg, however many times it was looked at."""
+    board = opened()
+    board.set_reference_accelerations(50.0, 0)
+    board.set_control_modes(ControlMode.VELOCITY, 0)
+    board.velocity_move(10.0, 0)
+    for _ in range(steps):
+        stepped.sleep(1.0 / steps)
+        board.encoders()
+    assert board.encoder(0) == pytest.approx(9.0)
+
+
+def test_no_acceleration_is_any_acceleration(stepped: ManualClock):
+    """A joint whose reference acceleration is 0 has its speed at once, and one without a speed never arrives."""
+    board = opened()
+    board.set_reference_accelerations(0.0, 0)
+    board.set_reference_speeds(0.0, 1)
+    board.set_control_modes(ControlMode.VELOCITY, 0)
+    board.velocity_move(10.0, 0)
+    board.position_move(10.0, 1)
+    stepped.sleep(1.0)
+    assert board.encoders([0, 1]).tolist() == [10.0, 0.0]
+    assert not board.motion_done(1)
+
+
+def test_a_running_joint_stops_at_its_limit(stepped: ManualClock):
+    """It comes to rest there, and its speed is 0."""
+    board = opened()
+    board.set_control_modes(ControlMode.VELOCITY, 0)
+    board.velocity_move(40.0, 0)
+    for _ in range(50):
+        stepped.sleep(0.1)
+        board.encoders()
+    assert board.encoder(0) == 30.0
+    assert board.encoder_speeds(0)[0] == 0.0
+
+
+def test_whole_state_is_what_the_interfaces_say(stepped: ManualClock):
+    """Filled at once or asked for part by part, the state is the same."""
+    board = opened()
+    board.position_move([5.0, 6.0], [0, 1])
+    stepped.sleep(0.25)
+    at_once, by_parts = ExtendedState(4), ExtendedState(4)
+    times = board.fill_state(at_once), InterfaceState(board).fill_state(by_parts)
+    assert times == (stepped.now(), stepped.now())
+    assert at_once.valid.all()
+    assert by_parts.valid.all()
+    assert np.array_equal(at_once.floats, by_parts.floats)
+    assert np.array_equal(at_once.modes, by_parts.modes)
+    assert np.array_equal(at_once.temperatures, by_parts.temperatures)
+
+
+def test_encoders_are_declared(stepped: ManualClock):
+    """A joint that is said to be somewhere is there, and rests."""
+    board = opened()
+    board.position_move(20.0, 0)
+    board.set_encoders([1.0, 2.0], [0, 1])
+    stepped.sleep(5.0)
+    assert board.encoders([0, 1]).tolist() == [1.0, 2.0]
+    board.reset_encoders()
+    assert board.encoders().tolist() == [0.0] * 4
+    board.set_motor_encoders(50.0, 1)
+    assert board.motor_encoders([0, 1]).tolist() == [0.0, 50.0]
+    board.reset_motor_encoders(1)
+    assert board.motor_encoders(1).tolist() == [0.0]
+
+
+def test_values_that_make_no_sense_are_refused():
+    """No gearbox of 0, no limits of speeds below 0, no gains that are no numbers."""
+    board = opened()
+    with pytest.raises(RefusedError):
+        board.set_gearbox_ratio(0, 0.0)
+    with pytest.raises(RefusedError):
+        board.set_velocity_limits(0, -1.0, 5.0)

@@ -1,0 +1,96 @@
+"""The table of what can be asked of a board: it names what there is, and values travel both ways."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rtf.bottle import Bottle, Vocab
+from rtf.bottle.binary import decode, encode
+from rtf.robot import vocabulary_kinds as kinds
+from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.errors import RefusedError
+from rtf.robot.interfaces import CalibrationParameters, JointType, MotorTorqueParameters, Pid, PidType
+from rtf.robot.vocabulary import COMMANDS, FAMILIES, STREAMED, TOPICS
+
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+WHOLE = st.integers(-(2**31), 2**31 - 1)
+#: Kinds, what a device gives, and what reading makes of it again.
+SAME = (
+    (kinds.FLOAT, NUMBERS),
+    (kinds.INT, WHOLE),
+    (kinds.FLAG, st.booleans()),
+    (kinds.TEXT, st.text(st.characters(codec="utf-8", exclude_characters="\0"))),
+    (kinds.MODE, st.sampled_from(ControlMode)),
+    (kinds.INTERACTION_MODE, st.sampled_from(InteractionMode)),
+    (kinds.PID_TYPE, st.sampled_from(PidType)),
+    (kinds.JOINT_TYPE, st.sampled_from(JointType)),
+    (kinds.PID, st.builds(Pid, *[NUMBERS] * 10)),
+    (kinds.PIDS, st.lists(st.builds(Pid, *[NUMBERS] * 10), max_size=3).map(tuple)),
+    (kinds.MOTOR_TORQUE, st.builds(MotorTorqueParameters, *[NUMBERS] * 9)),
+    (kinds.CALIBRATION, st.builds(CalibrationParameters, WHOLE, *[NUMBERS] * 6)),
+    (kinds.IMPEDANCE_OFFSET, NUMBERS),
+    (kinds.NAMES, st.lists(st.sampled_from(["a", "kinematic_mj"])).map(tuple)),
+)
+SEVERAL = (
+    (kinds.RANGE, st.tuples(NUMBERS, NUMBERS)),
+    (kinds.IMPEDANCE, st.tuples(NUMBERS, NUMBERS)),
+    (kinds.IMPEDANCE_LIMITS, st.tuples(*[NUMBERS] * 4)),
+    (kinds.FAULT, st.tuples(WHOLE, st.text(max_size=5, alphabet="abc "))),
+)
+KINDS = [(kind, values, False) for kind, values in SAME] + [(kind, values, True) for kind, values in SEVERAL]
+
+
+@pytest.mark.parametrize(("kind", "values", "several"), KINDS)
+@given(data=st.data())
+def test_values_travel(kind: kinds.Kind, values: st.SearchStrategy, several: bool, data: st.DataObject):
+    """What is written, sent and read is what it was."""
+    value = data.draw(values)
+    elements = decode(encode(Bottle(kind.write(value))))
+    assert kind.read(elements) == (value if several else (value,))
+
+
+@pytest.mark.parametrize("kind", [kind for kind, _, _ in KINDS])
+@given(elements=st.lists(st.one_of(st.floats(), WHOLE, st.text(max_size=4), WHOLE.map(Vocab)), max_size=12))
+def test_anything_else_is_refused(kind: kinds.Kind, elements: list[object]):
+    """Reading gives something or refuses, and no number that is none comes out."""
+    try:
+        read = kind.read(Bottle(elements))
+    except RefusedError:
+        return
+    assert not any(isinstance(value, float) and not math.isfinite(value) for value in read)
+
+
+@pytest.mark.parametrize("value", ["1", Vocab("pos"), Bottle([1]), b"1", math.nan, math.inf, None])
+def test_only_numbers_are_numbers(value: object):
+    """A word is not 0, as it would be to YARP: what is read here moves robots."""
+    with pytest.raises(RefusedError):
+        kinds.number(value)
+    with pytest.raises(RefusedError):
+        kinds.whole(value)
+
+
+def test_whole_numbers_may_be_typed_as_floats():
+    """``3.0`` is a joint, ``3.5`` is none, nor is what 32 bits do not hold."""
+    assert kinds.whole(3.0) == 3
+    for wrong in (3.5, 2**31, -(2**40), 1e300):
+        with pytest.raises(RefusedError):
+            kinds.whole(wrong)
+
+
+def test_rows_name_methods_of_their_interfaces():
+    """What the table calls is there to be called."""
+    for topic in (*TOPICS.values(), *COMMANDS.values()):
+        for method in (topic.get, topic.set):
+            assert not method or callable(getattr(topic.interface, method)), topic.words
+        assert topic.get or topic.set
+    for command in STREAMED.values():
+        assert callable(getattr(command.interface, command.method))
+
+
+def test_every_family_has_topics():
+    """No family is left over, and none is missing."""
+    assert {topic.words[0] if len(topic.words) > 1 else "" for topic in TOPICS.values()} == set(FAMILIES)
