@@ -31,6 +31,7 @@ benchmark: .venv/installed-for-tests
 	$(BIN)/python tests/benchmarks/run_browser_benchmarks.py
 	$(BIN)/python tests/benchmarks/run_codec_benchmarks.py
 	$(BIN)/python tests/benchmarks/run_middleware_benchmarks.py
+	$(BIN)/python tests/benchmarks/run_simulator_benchmarks.py
 
 wheel: .venv/installed-for-tests
 	$(BIN)/python -m build --wheel --outdir dist
@@ -43,7 +44,7 @@ format: .venv/installed-for-tests
 .venv/installed: pyproject.toml packages.apt
 	@bash tools/system-packages packages.apt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[lua]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[lua,sim]'
 	@touch .venv/installed
 
 .venv/installed-for-tests: .venv/installed packages-test.apt tests/browser/package.json

@@ -1,0 +1,1 @@
+"""A simulated iCub on MuJoCo: the mechanics, what is mounted on them, and the boards that move them."""

@@ -1,0 +1,272 @@
+"""The numbers of the motor boards: what they are configured with, what they were told, and what they measure.
+
+All arrays have a column an axis, in the order of :data:`rtf.simulator.axes.AXES`. What the boards do with them is in
+:mod:`rtf.simulator.boards`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.simulator.axes import AXES, COUPLINGS, PARTS, joint_to_motor, part_slice
+from rtf.simulator.gains import FULL, position_pids
+from rtf.simulator.law import ControlLaw
+from rtf.simulator.model import TIMESTEP
+from rtf.simulator.references import References
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from rtf.robot.interfaces import CalibrationParameters, FloatArray, MotorTorqueParameters, Pid, PidType
+    from rtf.simulator.model import IcubModel
+
+AMBIENT = 25.0  # °C
+_HEATING = 40.0  # °C above ambient in the end, at nominal current
+_TOO_HOT = 90.0
+STEPS_A_SECOND = round(1 / TIMESTEP)
+_DEGREES = 180.0 / math.pi
+_TURN = 360.0
+#: The joints whose torques are sensed, so that they can be compliant: arms down to the forearm, torso, legs.
+_TORQUE_PARTS = frozenset({"torso", "left_leg", "right_leg"})
+_TORQUE_ARM_JOINTS = 5
+
+
+class BoardState:
+    """The state of all boards. ``data`` is the physics that they sit on."""
+
+    def __init__(self, robot: IcubModel, data: Any) -> None:
+        self.robot = robot
+        self.data = data
+        self.count = len(AXES)
+        self.tick = 0
+        self._length: FloatArray = data.actuator_length
+        self._speed: FloatArray = data.actuator_velocity
+        self._ctrl: FloatArray = data.ctrl
+        self._jacobian = robot.jacobian
+        self._set_up_drives()
+        self._set_up_controllers()
+        self._begin()
+        # What is broken: functions that change what they are given. Empty in a healthy robot.
+        self.encoder_faults: list[Callable[[FloatArray, FloatArray, float], None]] = []
+        self.motor_encoder_faults: list[Callable[[FloatArray, FloatArray, float], None]] = []
+        self.motor_faults: list[Callable[[FloatArray, float], None]] = []
+        self.current_faults: list[Callable[[FloatArray, float], None]] = []
+        self.torque_faults: list[Callable[[FloatArray, float], None]] = []
+        self.plant_faults: list[Callable[[float], None]] = []
+        self.command_faults: list[Callable[[str, int, float], bool]] = []
+        self.mode_faults: list[Callable[[int, ControlMode, int], ControlMode | None]] = []
+
+    @property
+    def now(self) -> float:
+        """Seconds since the beginning."""
+        return self.tick / STEPS_A_SECOND
+
+    def _set_up_drives(self) -> None:
+        """Motors, gears, encoders and amplifiers."""
+        count = self.count
+        self.newton_metres = column("max_torque") / FULL  # a per cent of duty cycle
+        self.amperes = column("peak_current") / FULL  # likewise
+        self.gearbox = column("gearbox")  # as built; what the boards believe is in ``configured_gearbox``
+        self.joint_to_motor = _all_couplings()
+        self.configured_gearbox = self.gearbox.copy()
+        self.configured_couplings = self.joint_to_motor.copy()
+        #: What a duty cycle of each motor does to each joint, and back.
+        self._drive = (np.sign(self.gearbox)[:, None] * self.joint_to_motor).T
+        self._undrive = np.linalg.inv(self._drive)
+        self.resolution = column("encoder_resolution")
+        self._ticks_a_radian = self.resolution * _DEGREES
+        self.rotor_resolution = column("rotor_resolution")
+        self.nominal_current, self.peak_current = column("nominal_current"), column("peak_current")
+        self.max_current = column("overload_current")
+        self.duty_limit = np.full(count, FULL)
+        self.temperature = np.full(count, AMBIENT)
+        self.temperature_limit = np.full(count, _TOO_HOT)
+        self.heat = _HEATING / self.nominal_current**2
+        self.torque_parameters: dict[int, MotorTorqueParameters] = {}
+        self.torque_controlled = np.array([_has_torque_control(axis.part, axis.name) for axis in AXES])
+
+    def _set_up_controllers(self) -> None:
+        """Limits and gains."""
+        count = self.count
+        self.minimum, self.maximum = column("minimum"), column("maximum")
+        self.limit_slack = np.zeros(count)  # by how much a broken board lets joints go beyond them
+        self.min_velocity, self.max_velocity = np.zeros(count), column("max_velocity")
+        self.speeds = np.full(count, 10.0)
+        self.accelerations = np.full(count, 1000.0)
+        self.pids: list[Pid] = position_pids(AXES, self.robot.axis_inertia(self.data))
+        # Of controllers that are not simulated, what they were told.
+        self.other_pids: dict[tuple[PidType, int], Pid] = {}
+        self.other_enabled: dict[tuple[PidType, int], bool] = {}
+        self.other_error_limits: dict[tuple[PidType, int], float] = {}
+        self.pid_enabled = np.ones(count, dtype=bool)
+        self.pid_error_limits = np.zeros(count)
+        self.default_stiffness, self.default_damping = _default_impedance(self.pids, self.newton_metres)
+        self.stiffness, self.damping = self.default_stiffness.copy(), self.default_damping.copy()
+        self.impedance_offset = np.zeros(count)
+        self.calibration: dict[int, CalibrationParameters] = {}
+
+    def _begin(self) -> None:
+        """Be at home, in position mode, calibrated."""
+        count, home = self.count, np.degrees(self.robot.home_axes)
+        self.mode = np.full(count, ControlMode.POSITION, dtype=np.int32)
+        self.interaction = np.full(count, InteractionMode.STIFF, dtype=np.int32)
+        self.calibrated = np.ones(count, dtype=bool)
+        self.faults: list[tuple[int, str]] = [(0, "")] * count
+        self.references = References(
+            home, self.minimum, self.maximum, TIMESTEP, begin=self.tick, scales=(self.resolution, 1.0 / _DEGREES)
+        )
+        self.targets, self.direct = home.copy(), home.copy()
+        self.velocities, self.torques, self.currents = np.zeros(count), np.zeros(count), np.zeros(count)
+        self.duties = np.zeros(count)  # of motors
+        self.law = ControlLaw(self._ctrl)
+        self._ticks = np.rint(home * self.resolution)
+        self._measured_speed = self._speed  # rad/s; the physics' own, unless an encoder is broken
+        self._driven: FloatArray | None = None  # the torques that the boards wanted, where motors gave others
+        self._encoder_shift: FloatArray | None = None
+        self._motor_shift = np.zeros(count)
+        self._scratch = np.empty(count)
+        self._snapshot = np.zeros((9, count))
+        self._snapshot_tick = self._measured_tick = -1
+
+    # What is measured --------------------------------------------------------------------------------------------
+
+    def measure(self) -> None:
+        """Read the encoders; once a step, so that a broken one is asked once."""
+        if self._measured_tick == self.tick:
+            return
+        self._measured_tick = self.tick
+        np.multiply(self._length, self._ticks_a_radian, out=self._scratch)
+        np.rint(self._scratch, out=self._ticks)
+        if self._encoder_shift is not None or self.encoder_faults:
+            self._distort()
+        else:
+            self._measured_speed = self._speed
+
+    def _distort(self) -> None:
+        """What shifted zeros and broken encoders make of the measurements."""
+        position, velocity = self._ticks / self.resolution, self._speed * _DEGREES
+        if self._encoder_shift is not None:
+            position += self._encoder_shift
+        for fault in self.encoder_faults:
+            fault(position, velocity, self.now)
+        self._ticks[:] = np.rint(position * self.resolution)
+        self._measured_speed = velocity / _DEGREES
+
+    @property
+    def position(self) -> FloatArray:
+        """What the encoders show (deg)."""
+        return self._ticks / self.resolution
+
+    @property
+    def velocity(self) -> FloatArray:
+        """The speeds that they show (deg/s)."""
+        return self._measured_speed * _DEGREES
+
+    @property
+    def error(self) -> FloatArray:
+        """Reference minus position, at the last step (deg)."""
+        return self.law.errors / self.resolution
+
+    @property
+    def output(self) -> FloatArray:
+        """What the controllers give out (per cent of duty cycle, of the joint)."""
+        torque = self._ctrl if self._driven is None else self._driven
+        return np.clip(torque / self.newton_metres, -FULL, FULL)
+
+    def gravity(self) -> FloatArray:
+        """What each axis needs to stay where it is, against gravity and the motion of the others (Nm)."""
+        return self.robot.axis_torques(self.data.qfrc_bias)
+
+    def accelerations_now(self) -> FloatArray:
+        """The accelerations of the axes (deg/s²)."""
+        found: FloatArray = self._jacobian @ self.data.qacc * _DEGREES
+        return found
+
+    def measured_torques(self) -> FloatArray:
+        """What the torque sensors show (Nm)."""
+        torques: FloatArray = self.data.actuator_force.copy()
+        for fault in self.torque_faults:
+            fault(torques, self.now)
+        return torques
+
+    def motor_currents(self) -> FloatArray:
+        """The currents of the motors (A), with the sign of the torque of the joint."""
+        currents = self.output * self.amperes
+        for fault in self.current_faults:
+            fault(currents, self.now)
+        return currents
+
+    def motor_duties(self) -> FloatArray:
+        """What the motors are driven with (per cent)."""
+        duties: FloatArray = self._undrive @ self.output
+        return duties
+
+    def motor_motion(self) -> tuple[FloatArray, FloatArray]:
+        """Angles of the rotors (deg), as their encoders count them, and their speeds (deg/s)."""
+        turns = self.gearbox * (self.joint_to_motor @ (self._length * _DEGREES))
+        speeds = self.gearbox * (self.joint_to_motor @ (self._speed * _DEGREES))
+        for fault in self.motor_encoder_faults:
+            fault(turns, speeds, self.now)
+        ticks = self.rotor_resolution / _TURN
+        return np.rint((turns + self._motor_shift) * ticks) / ticks, speeds
+
+    def motor_accelerations(self) -> FloatArray:
+        """The accelerations of the rotors (deg/s²)."""
+        accelerations: FloatArray = self.gearbox * (self.joint_to_motor @ self.accelerations_now())
+        return accelerations
+
+    def snapshot(self) -> FloatArray:
+        """All that is measured at this moment, (9, axes), in the order of the extended state of a control board."""
+        if self._snapshot_tick != self.tick:
+            shot = self._snapshot
+            shot[0], shot[1], shot[2] = self.position, self.velocity, self.accelerations_now()
+            shot[3], shot[4] = self.motor_motion()
+            shot[5] = self.gearbox * (self.joint_to_motor @ shot[2])
+            shot[6], shot[7], shot[8] = self.measured_torques(), self.motor_duties(), self.motor_currents()
+            self._snapshot_tick = self.tick
+        return self._snapshot
+
+    def shift_encoders(self, axes: NDArray[np.intp], values: FloatArray) -> None:
+        """Declare where axes are; those that are controlled go on from there."""
+        if self._encoder_shift is None:
+            self._encoder_shift = np.zeros(self.count)
+        self._encoder_shift[axes] += values - self.position[axes]
+        self._measured_tick = self._snapshot_tick = -1
+        self.measure()
+        self.references.hold(axes, values, self.tick)
+        self.targets[axes] = self.direct[axes] = values
+
+    def shift_motor_encoders(self, axes: NDArray[np.intp], values: FloatArray) -> None:
+        """Declare where rotors are."""
+        self._motor_shift[axes] += values - self.motor_motion()[0][axes]
+
+
+def column(name: str) -> FloatArray:
+    """One number of each axis."""
+    return np.array([getattr(axis, name) for axis in AXES], dtype=np.float64)
+
+
+def _all_couplings() -> FloatArray:
+    matrix = np.zeros((len(AXES), len(AXES)))
+    for part in COUPLINGS:
+        matrix[part_slice(part), part_slice(part)] = joint_to_motor(part)
+    return matrix
+
+
+def _default_impedance(pids: list[Pid], newton_metres: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A tenth of the stiffness of the position loop, damped critically for it (Nm/deg, Nm s/deg)."""
+    kp = np.array([pid.kp for pid in pids]) * newton_metres
+    kd = np.array([pid.kd for pid in pids]) * newton_metres
+    return kp / 10.0, kd / math.sqrt(10.0)
+
+
+def _has_torque_control(part: str, name: str) -> bool:
+    if part in _TORQUE_PARTS:
+        return True
+    return part.endswith("_arm") and [axis.name for axis in PARTS[part]].index(name) < _TORQUE_ARM_JOINTS

@@ -1,0 +1,93 @@
+"""Pictures as the robot's eyes, or somebody beside the robot, would take them.
+
+Cost in software, for 320x240: a few milliseconds with the light covers that ``Options(cameras=True)`` gives; shadows
+would make it a hundred.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from rtf.simulator.engine import mujoco
+from rtf.simulator.rendering import make_context
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+#: The cameras of a model: the eyes, which move with them, and one ahead of the robot that sees all of it.
+CAMERAS = ("left_eye", "right_eye", "outside")
+_MAX_GEOMS = 500
+
+
+class Camera:
+    """One camera of a model, which takes pictures of a state.
+
+    It belongs to the thread that makes it: all calls, close() included, must come from there. RenderingError when the
+    machine cannot make pictures, ValueError for a camera that the model does not have or a picture that is too large.
+    """
+
+    def __init__(self, model: Any, name: str, width: int, height: int) -> None:
+        engine = mujoco()
+        self._index = engine.mj_name2id(model, engine.mjtObj.mjOBJ_CAMERA, name)
+        if self._index < 0:
+            raise ValueError(f"the model has no camera {name!r}; the robot's are {', '.join(CAMERAS)}")
+        largest = (model.vis.global_.offwidth, model.vis.global_.offheight)
+        if not (0 < width <= largest[0] and 0 < height <= largest[1]):
+            raise ValueError(f"camera {name}: a picture of {width}x{height} is not within {largest[0]}x{largest[1]}")
+        self.name = name
+        self.width = width
+        self.height = height
+        self._model = model
+        self._gl = make_context(width, height)
+        self._gl.make_current()
+        self._context = engine.MjrContext(model, engine.mjtFontScale.mjFONTSCALE_100)
+        engine.mjr_setBuffer(engine.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._prepare(engine)
+
+    def _prepare(self, engine: Any) -> None:
+        self._scene = engine.MjvScene(self._model, _MAX_GEOMS)
+        for flag in (engine.mjtRndFlag.mjRND_SHADOW, engine.mjtRndFlag.mjRND_REFLECTION):
+            self._scene.flags[flag] = 0
+        self._view = engine.MjvCamera()
+        self._view.type = engine.mjtCamera.mjCAMERA_FIXED
+        self._view.fixedcamid = self._index
+        self._option = engine.MjvOption()
+        self._area = engine.MjrRect(0, 0, self.width, self.height)
+        self._pixels = np.empty((self.height, self.width, 3), dtype=np.uint8)
+
+    def render(self, data: Any) -> NDArray[np.uint8]:
+        """Take a picture: RGB, shape (height, width, 3), top row first.
+
+        ``data`` must have been forwarded, and nobody may step it meanwhile.
+        """
+        engine = mujoco()
+        self._gl.make_current()
+        everything = engine.mjtCatBit.mjCAT_ALL
+        engine.mjv_updateScene(self._model, data, self._option, None, self._view, everything, self._scene)
+        engine.mjr_render(self._area, self._scene, self._context)
+        engine.mjr_readPixels(self._pixels, None, self._area, self._context)
+        return np.ascontiguousarray(self._pixels[::-1])
+
+    def field_of_view(self) -> tuple[float, float]:
+        """The horizontal and the vertical field of view, in deg."""
+        vertical = math.radians(float(self._model.cam_fovy[self._index]))
+        horizontal = 2 * math.atan(math.tan(vertical / 2) * self.width / self.height)
+        return math.degrees(horizontal), math.degrees(vertical)
+
+    def close(self) -> None:
+        """Give the graphics memory back; more than once does nothing."""
+        if self._gl is None:
+            return
+        self._gl.make_current()
+        self._context.free()
+        self._gl.free()
+        self._gl = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,152 @@
+"""The simulated robot as devices of a configuration: the simulation, and the boards that are attached to it.
+
+``rtf robotinterface`` builds a robot of these as it would of the devices of a real one: each board gets its server, its
+calibrator, its actions. Sensors are in :mod:`rtf.simulator.sensor_devices`. The other way to a simulated robot, with
+lockstep, cameras and faults, is ``rtf simulator``.
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, get_args
+
+from rtf import clock
+from rtf.bottle import as_string, to_string
+from rtf.errors import RtfError
+from rtf.middleware.names import Contact
+from rtf.middleware.remote import exists
+from rtf.robot.device import Device
+from rtf.robot.errors import DeviceError
+from rtf.robot.parameters import port_name, positive, wrong
+from rtf.simulator.axes import PARTS, part_slice
+from rtf.simulator.model import Collision, Options, build
+from rtf.simulator.part import SimulatedPart
+from rtf.simulator.simulation import Simulation
+from rtf.simulator.time import CLOCK, SimulationClock, serve_time
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rtf.bottle import Property
+    from rtf.middleware.network import Network
+    from rtf.robot.extended_state import ExtendedState
+    from rtf.simulator.boards import Boards
+    from rtf.simulator.gate import Gate
+
+
+class SimulatedRobot(Device):
+    """``simulatedICub``: runs the simulation in this process; what is measured and moved is attached to it.
+
+    While it is open its time is that of this process (:func:`rtf.clock.current`), and its clock port tells it others.
+    Parameters, all with defaults: ``clock``, the name of that port; ``factor``, how many times faster than the
+    machine's clock time passes at most (1); ``seed`` of what is random (0); ``collision``: capsules, hulls or none.
+    """
+
+    def __init__(self, name: str = "", *, network: Network | None = None) -> None:
+        super().__init__(name, network=network)
+        self._simulation: Simulation | None = None
+        self._opened = ExitStack()
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation. Raises DeviceError while it is not open."""
+        if self._simulation is None:
+            raise DeviceError(f"{self.name} is not open; open it before something is attached to it")
+        return self._simulation
+
+    def open(self, configuration: Property) -> None:
+        """See Device."""
+        port = port_name(configuration, "clock", CLOCK)
+        factor = positive(configuration, "factor", 1.0)
+        seed = configuration.get("seed", 0)
+        if not isinstance(seed, int) or seed < 0:
+            raise wrong(configuration, "seed", f"{to_string(seed)} is no whole number from 0")
+        collision = _collision(configuration)
+        try:
+            self._open(port, factor, seed, collision)
+        except RtfError as error:
+            raise DeviceError(f"{self.name} cannot simulate: {error}") from error
+
+    def _open(self, port: str, factor: float, seed: int, collision: Collision) -> None:
+        if exists(self.network, Contact(port)):
+            raise DeviceError(f"there is a port {port} already; end the simulator that has it, or use 'clock'")
+        simulation = Simulation(build(Options(collision=collision)), seed=seed, factor=factor)
+        with ExitStack() as opened:
+            server = serve_time(simulation, port, network=self.network, lockstep=False)
+            opened.callback(server.close)
+            opened.enter_context(clock.use(SimulationClock(simulation, server)))
+            self._opened = opened.pop_all()
+        self._simulation = simulation
+
+    def close(self) -> None:
+        """See Device."""
+        self._simulation = None
+        self._opened.close()
+
+
+def simulation_of(device: Device, devices: Mapping[str, Device]) -> Simulation:
+    """The simulation that a device is attached to. Raises DeviceError for anything else."""
+    robots = list(devices.values())
+    if len(robots) != 1 or not isinstance(robots[0], SimulatedRobot):
+        raise DeviceError(f"{device.name} is attached to one simulatedICub, not to {', '.join(devices) or 'nothing'}")
+    return robots[0].simulation
+
+
+class SimulatedBoard(SimulatedPart):
+    """``simulatedBoard``: the control board of one ``part`` of a simulated robot, such as ``left_arm``.
+
+    Until it is attached to that, everything but the number of its axes raises DeviceError.
+    """
+
+    def __init__(self, name: str = "", *, network: Network | None = None) -> None:
+        Device.__init__(self, name, network=network)
+        self._simulation: Simulation | None = None
+
+    def open(self, configuration: Property) -> None:
+        """See Device."""
+        part = as_string(configuration.find("part"))
+        if part not in PARTS:
+            raise wrong(configuration, "part", f"{part!r} is none of {', '.join(PARTS)}")
+        self.part = part
+        self.own = part_slice(part)
+        self.size = len(PARTS[part])
+
+    def attach(self, devices: Mapping[str, Device]) -> None:
+        """See Device: to a simulated robot."""
+        self._simulation = simulation_of(self, devices)
+
+    def detach(self) -> None:
+        """See Device."""
+        self._simulation = None
+
+    def close(self) -> None:
+        """See Device."""
+        self.detach()
+
+    @property
+    def boards(self) -> Boards:  # type: ignore[override]  # here it may be missing
+        """The boards of all parts."""
+        return self._attached().boards
+
+    @property
+    def gate(self) -> Gate:  # type: ignore[override]  # likewise
+        """What commands go through."""
+        return self._attached().gate
+
+    def _attached(self) -> Simulation:
+        if self._simulation is None:
+            raise DeviceError(f"{self.name} is attached to no simulated robot; its action 'attach' comes first")
+        return self._simulation
+
+    def fill_state(self, state: ExtendedState) -> float:
+        """See IStateSource: between two steps, for it is asked by a thread of its own."""
+        with self.gate:
+            return super().fill_state(state)
+
+
+def _collision(configuration: Property) -> Collision:
+    word = as_string(configuration.get("collision", "capsules"))
+    for known in get_args(Collision):
+        if word == known:
+            return known  # type: ignore[no-any-return]  # one of its words
+    raise wrong(configuration, "collision", f"{word!r} is none of {', '.join(get_args(Collision))}")

@@ -1,0 +1,63 @@
+"""The optional packages of the simulator, loaded when they are needed: the physics engine and the robot's description.
+
+Both are typed as Any, for neither package carries types.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rtf.simulator.errors import MissingPackageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_WINDOW_SYSTEM = "MUJOCO_GL"
+
+
+@cache
+def mujoco() -> Any:
+    """Give the package mujoco. MissingPackageError says how to install it.
+
+    It is loaded without a back-end for rendering, which would otherwise look for a screen;
+    :mod:`rtf.simulator.rendering` brings its own.
+    """
+    with _without_window_system():
+        return _optional("mujoco", "mujoco-core")
+
+
+def robot_description(name: str = "iCubGazeboV2_5") -> Path:
+    """Give the URDF of a published iCub. MissingPackageError says how to install the descriptions."""
+    return Path(_optional("icub_models", "icub-models").get_model_file(name))
+
+
+def shared_folder() -> Path:
+    """Give the folder that ``package://iCub`` in a robot's description stands for."""
+    return Path(_optional("icub_models", "icub-models").get_models_path()).parent
+
+
+def _optional(module: str, package: str) -> Any:
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise MissingPackageError(
+            f"the simulator needs the package {package}: pip install 'rtf[sim]' ({error})"
+        ) from error
+
+
+@contextmanager
+def _without_window_system() -> Iterator[None]:
+    before = os.environ.get(_WINDOW_SYSTEM)
+    os.environ[_WINDOW_SYSTEM] = "disable"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_WINDOW_SYSTEM]
+        else:
+            os.environ[_WINDOW_SYSTEM] = before

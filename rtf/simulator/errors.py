@@ -1,0 +1,17 @@
+"""What can be wrong with a simulator before it runs."""
+
+from __future__ import annotations
+
+from rtf.errors import RtfError
+
+
+class SimulatorError(RtfError):
+    """Base of the simulator's errors."""
+
+
+class MissingPackageError(SimulatorError, ImportError):
+    """An optional package that the simulator needs is not installed."""
+
+
+class RenderingError(SimulatorError, RuntimeError):
+    """The machine offers no way to render a camera's image."""

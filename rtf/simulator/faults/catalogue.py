@@ -1,0 +1,86 @@
+"""The kinds of faults written down: as text for people, as a table for a page, as plain data for programs."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+from rtf.simulator.faults.base import Layer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from rtf.simulator.faults.base import Fault, Parameter
+
+_WIDTH = 110
+
+
+def facts(kind: type[Fault]) -> dict[str, Any]:
+    """All that is to be known of a kind; in what can be written as JSON."""
+    return {
+        "kind": kind.kind,
+        "layer": kind.layer.value,
+        "target": kind.target_kind.value,
+        "parameters": [
+            {
+                "name": one.name,
+                "default": one.default,
+                "unit": one.unit,
+                "minimum": one.minimum,
+                "maximum": one.maximum,
+                "meaning": one.meaning,
+            }
+            for one in kind.parameters
+        ],
+        "meaning": kind.meaning,
+        "shows": kind.shows,
+    }
+
+
+def as_text(kinds: Iterable[type[Fault]]) -> str:
+    """By layer, a paragraph each."""
+    lines = []
+    for layer, members in _by_layer(kinds):
+        lines.append(f"{layer.value.upper()}")
+        for kind in members:
+            lines.append(f"  {kind.kind}  ({kind.target_kind.value})")
+            lines += textwrap.wrap(
+                f"{kind.meaning} {kind.shows}", _WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6
+            )
+            lines += [f"      {one.name}={_amount(one)}: {one.meaning}; {_range(one)}" for one in kind.parameters]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def as_markdown(kinds: Iterable[type[Fault]]) -> str:
+    """A table for each layer."""
+    lines = []
+    for layer, members in _by_layer(kinds):
+        lines += [
+            f"### {layer.value.capitalize()}",
+            "",
+            "| kind | target | parameters | what is wrong, and how it shows |",
+        ]
+        lines += ["| --- | --- | --- | --- |"]
+        for kind in members:
+            parameters = "<br>".join(
+                f"`{one.name}` = {_amount(one)}: {one.meaning} ({_range(one)})" for one in kind.parameters
+            )
+            target = kind.target_kind.name.lower().replace("_", "-")
+            lines.append(f"| `{kind.kind}` | {target} | {parameters} | {kind.meaning} *{kind.shows}* |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _by_layer(kinds: Iterable[type[Fault]]) -> list[tuple[Layer, list[type[Fault]]]]:
+    kinds = list(kinds)
+    found = [(layer, [kind for kind in kinds if kind.layer is layer]) for layer in Layer]
+    return [(layer, members) for layer, members in found if members]
+
+
+def _amount(one: Parameter) -> str:
+    return f"{one.default:g} {one.unit}".strip()
+
+
+def _range(one: Parameter) -> str:
+    return f"{one.minimum:g} … {one.maximum:g}"

@@ -1,0 +1,242 @@
+"""Faults of force-torque sensors, of the inertial unit, and of the cameras."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.errors import RefusedError
+from rtf.robot.interfaces import SensorCategory
+from rtf.simulator.faults.base import Fault, Layer, Parameter, Target
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rtf.robot.interfaces import FloatArray
+    from rtf.simulator.sensing import SimulatedForceTorque, SimulatedImu
+    from rtf.simulator.vision import SimulatedCamera
+
+
+class _SensorFault(Fault):
+    layer = Layer.SENSOR
+    sensor: SimulatedForceTorque | SimulatedImu
+
+    def begin(self) -> None:
+        """See Fault."""
+        self.sensor.faults.append(self.show)
+
+    def end(self) -> None:
+        """See Fault."""
+        self.sensor.faults.remove(self.show)
+
+    def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
+        """Change the measurements in place."""
+        raise NotImplementedError
+
+
+class _ForceTorqueFault(_SensorFault):
+    target_kind = Target.FORCE_TORQUE
+
+    def aim(self) -> None:
+        """See Fault."""
+        known = self.robot.force_torques
+        if self.target not in known:
+            raise RefusedError(
+                f"{self.kind}: there is no force-torque sensor {self.target!r}; there are {', '.join(known)}"
+            )
+        self.sensor = known[self.target]
+
+
+class ForceTorqueBias(_ForceTorqueFault):
+    """See ``meaning``."""
+
+    kind = "ft_bias"
+    meaning = "The force-torque sensor has an offset: it was overloaded, or never calibrated."
+    shows = "Its force is not the weight that hangs at it."
+    parameters = (
+        Parameter("force", 10.0, "N", "added to each force", -1e4, 1e4),
+        Parameter("torque", 0.0, "Nm", "added to each torque", -1e4, 1e4),
+    )
+    force: float
+    torque: float
+
+    def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
+        """See the base."""
+        del name, category, now
+        values[:3] += self.force
+        values[3:] += self.torque
+
+
+class ForceTorqueFrozen(_ForceTorqueFault):
+    """See ``meaning``."""
+
+    kind = "ft_frozen"
+    meaning = "The force-torque sensor repeats its last measurement."
+    shows = "No noise: the same numbers for ever."
+    _held: FloatArray | None = None
+
+    def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
+        """See the base."""
+        del name, category, now
+        if self._held is None:
+            self._held = values.copy()
+        values[:] = self._held
+
+
+class ForceTorqueNoise(_ForceTorqueFault):
+    """See ``meaning``."""
+
+    kind = "ft_noise"
+    meaning = "The force-torque sensor is noisy."
+    shows = "The deviation of its forces is many times what it should be."
+    parameters = (Parameter("deviation", 2.0, "N", "standard deviation of each force", 0.0, 1e4),)
+    deviation: float
+
+    def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
+        """See the base."""
+        del name, category, now
+        values[:3] += self.simulation.random.normal(0.0, self.deviation, 3)
+
+
+class _ImuFault(_SensorFault):
+    target_kind = Target.IMU
+
+    def aim(self) -> None:
+        """See Fault."""
+        if self.target not in ("", "imu"):
+            raise RefusedError(f"{self.kind}: the robot has one inertial unit, imu, and no {self.target!r}")
+        self.sensor = self.robot.imu
+
+
+class ImuRotated(_ImuFault):
+    """See ``meaning``."""
+
+    kind = "imu_rotated"
+    meaning = "The inertial unit is mounted turned about its z axis."
+    shows = "Orientation and gravity do not agree with the posture of the head."
+    parameters = (Parameter("angle", 90.0, "deg", "by which it is turned", -360.0, 360.0),)
+    angle: float
+
+    def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
+        """See the base."""
+        del name, now
+        if category is SensorCategory.ORIENTATION:
+            values[:] = _rpy(_rotation(*np.radians(values)) @ _rotation(0.0, 0.0, math.radians(self.angle)))
+        else:
+            values[:] = _rotation(0.0, 0.0, math.radians(self.angle)).T @ values
+
+
+class ImuFrozen(_ImuFault):
+    """See ``meaning``."""
+
+    kind = "imu_frozen"
+    meaning = "The inertial unit repeats its last measurement."
+    shows = "No noise; the orientation stays while the head moves."
+
+    def begin(self) -> None:
+        """See Fault."""
+        self._held: dict[SensorCategory, FloatArray] = {}
+        super().begin()
+
+    def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
+        """See the base."""
+        del name, now
+        values[:] = self._held.setdefault(category, values.copy())
+
+
+class _CameraFault(Fault):
+    layer = Layer.CAMERA
+    target_kind = Target.CAMERA
+    camera: SimulatedCamera
+
+    def aim(self) -> None:
+        """See Fault."""
+        known = self.robot.cameras
+        if self.target not in known:
+            there = ", ".join(known) or "none, for it was started without cameras"
+            raise RefusedError(f"{self.kind}: there is no camera {self.target!r}; there are {there}")
+        self.camera = known[self.target]
+
+    def begin(self) -> None:
+        """See Fault."""
+        self.camera.faults.append(self.show)
+
+    def end(self) -> None:
+        """See Fault."""
+        self.camera.faults.remove(self.show)
+
+    def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
+        """The picture that is told instead."""
+        raise NotImplementedError
+
+
+class CameraFrozen(_CameraFault):
+    """See ``meaning``."""
+
+    kind = "camera_frozen"
+    meaning = "The camera sends the same picture again and again."
+    shows = "Pictures equal to the last bit while something moves."
+    _held: NDArray[np.uint8] | None = None
+
+    def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
+        """See the base."""
+        del now
+        if self._held is None:
+            self._held = pixels
+        return self._held
+
+
+class CameraBlack(_CameraFault):
+    """See ``meaning``."""
+
+    kind = "camera_black"
+    meaning = "The camera sends black pictures: the cap is on, or the sensor is dead."
+    shows = "All pixels are the same."
+
+    def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
+        """See the base."""
+        del now
+        return np.zeros_like(pixels)
+
+
+class CameraSize(_CameraFault):
+    """See ``meaning``."""
+
+    kind = "camera_size"
+    meaning = "The camera sends pictures of another size than it says."
+    shows = "Half as wide and half as high as its configuration."
+
+    def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
+        """See the base."""
+        del now
+        return np.ascontiguousarray(pixels[::2, ::2])
+
+
+def _rotation(roll: float, pitch: float, yaw: float) -> FloatArray:
+    cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def _rpy(rotation: FloatArray) -> FloatArray:
+    pitch = math.asin(max(-1.0, min(1.0, -rotation[2, 0])))
+    return np.degrees([math.atan2(rotation[2, 1], rotation[2, 2]), pitch, math.atan2(rotation[1, 0], rotation[0, 0])])
+
+
+KINDS = (
+    ForceTorqueBias,
+    ForceTorqueFrozen,
+    ForceTorqueNoise,
+    ImuRotated,
+    ImuFrozen,
+    CameraFrozen,
+    CameraBlack,
+    CameraSize,
+)

@@ -1,0 +1,40 @@
+"""Gains of the boards' position controllers: what makes every axis as quick as every other.
+
+A second-order loop of angular frequency ``w`` and critical damping around an inertia ``I`` needs ``kp = I w²`` and
+``kd = 2 I w``; the integral takes away what gravity and friction leave, at half a hertz. Gains are given in the boards'
+units, per cent of duty cycle per degree.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.interfaces import Pid
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.robot.interfaces import FloatArray
+    from rtf.simulator.axes import Axis
+
+#: Of the position loop (Hz): at 1 kHz it is stable far beyond, and a minimum-jerk move is followed within 0.2 degrees.
+BANDWIDTH = 10.0
+_INTEGRAL = 0.5
+#: Per cent of duty cycle.
+FULL = 100.0
+
+
+def position_pids(axes: Sequence[Axis], inertia: FloatArray) -> list[Pid]:
+    """The gains of each axis for the inertia that it shows (kg m²)."""
+    w = 2 * math.pi * BANDWIDTH
+    percent_a_degree = math.radians(1.0) * FULL / np.array([axis.max_torque for axis in axes])
+    kp = inertia * w * w * percent_a_degree
+    kd = 2 * inertia * w * percent_a_degree
+    ki = kp * 2 * math.pi * _INTEGRAL
+    return [
+        Pid(kp=float(p), kd=float(d), ki=float(i), max_integral=FULL, max_output=FULL)
+        for p, d, i in zip(kp, kd, ki, strict=True)
+    ]

@@ -1,0 +1,92 @@
+"""The ports through which the simulated robot publishes: in step with simulated time, and with the network's faults.
+
+In lockstep a message is on its way when ``write`` returns, and everybody who acknowledges has got it before anybody
+acts upon its moment: ``settle`` waits for that. In real time readers are served in the background, and settled with
+only while somebody takes part in the time.
+"""
+
+from __future__ import annotations
+
+import copy
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.posting import PATIENCE, PostingPort
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from rtf.middleware.codecs import Codec
+    from rtf.middleware.network import Network
+    from rtf.middleware.outputs import Output
+    from rtf.simulator.simulation import Simulation
+
+    #: Given the delays (s) with which a message is to be sent, each once, at a time, the delays that come of it.
+    Disturbance: TypeAlias = Callable[[list[float], float], list[float]]
+
+
+class SimulatedOutlet:
+    """One port. ``disturbances`` lose, repeat and delay its messages; each may be put in and taken out at any step."""
+
+    def __init__(self, port: PostingPort | BufferedPort[Any], simulation: Simulation) -> None:
+        self.port = port
+        self.disturbances: list[Disturbance] = []
+        self._simulation = simulation
+
+    @property
+    def outputs(self) -> Sequence[Output]:
+        """See Outlet."""
+        return self.port.outputs
+
+    def write(self, value: Any, *, envelope: str) -> None:
+        """See Outlet."""
+        if not self.disturbances:
+            self.port.write(value, envelope=envelope)
+            return
+        delays = [0.0]
+        for disturbance in self.disturbances:
+            delays = disturbance(delays, self._simulation.now)
+        for delay in delays:
+            if delay > 0:
+                self._simulation.after(delay, partial(self._write_late, copy.deepcopy(value), envelope))
+            else:
+                self.port.write(value, envelope=envelope)
+
+    def _write_late(self, value: Any, envelope: str) -> None:
+        if not self.port.closed:
+            self.port.write(value, envelope=envelope)
+
+    def settle(self, timeout: float | None = PATIENCE) -> bool:
+        """See Outlet."""
+        return self.port.settle(timeout) if isinstance(self.port, PostingPort) else self.port.wait(timeout)
+
+    def close(self) -> None:
+        """See Outlet."""
+        self.port.close()
+
+
+class SimulatedOutlets:
+    """All ports through which a simulation publishes, by name."""
+
+    def __init__(self, simulation: Simulation, network: Network, *, lockstep: bool) -> None:
+        self._simulation = simulation
+        self._network = network
+        self._lockstep = lockstep
+        self.by_name: dict[str, SimulatedOutlet] = {}
+
+    def open(self, name: str, codec: Codec[Any]) -> SimulatedOutlet:
+        """See Outlets."""
+        port: PostingPort | BufferedPort[Any]
+        if self._lockstep:
+            port = PostingPort(name, codec, network=self._network)
+        else:
+            port = BufferedPort(name, codec, network=self._network, inputs=False)
+        outlet = self.by_name[port.name] = SimulatedOutlet(port, self._simulation)
+        return outlet
+
+    def settle(self) -> None:
+        """Wait until everybody has got everything."""
+        for outlet in self.by_name.values():
+            if outlet.outputs:
+                outlet.settle()

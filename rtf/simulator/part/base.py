@@ -1,0 +1,80 @@
+"""What the interfaces of a part have in common: which axes are its own, and how commands reach the boards."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.device import Device
+from rtf.robot.interfaces import selected, values_for
+from rtf.simulator.axes import PARTS, part_slice
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from rtf.bottle import Property
+    from rtf.robot.control_modes import ControlMode
+    from rtf.robot.interfaces import AxisSelection, FloatArray, Values
+    from rtf.simulator.boards import Boards
+    from rtf.simulator.gate import Gate
+
+
+class PartBase(Device):
+    """Some neighbouring axes of the boards. Reading is free; commands go through the gate, between two steps."""
+
+    def __init__(self, part: str, boards: Boards, gate: Gate) -> None:
+        super().__init__(part)
+        self.part = part
+        self.boards = boards
+        self.gate = gate
+        self.own = part_slice(part)
+        self.size = len(PARTS[part])
+
+    def open(self, configuration: Property) -> None:
+        """See Device: it lives as long as the simulation."""
+
+    def close(self) -> None:
+        """See Device."""
+
+    def axes(self) -> int:
+        """See IAxisInfo."""
+        return self.size
+
+    def _places(self, joints: AxisSelection, what: str = "joint") -> NDArray[np.intp]:
+        """Where the chosen joints are among all axes."""
+        if joints is None:
+            return np.arange(self.own.start, self.own.stop)
+        places: NDArray[np.intp] = np.array(selected(self.size, joints, what), dtype=np.intp) + self.own.start
+        return places
+
+    def _read(self, values: FloatArray, joints: AxisSelection, what: str = "joint") -> FloatArray:
+        """The chosen ones of values that are there for all axes; always a copy."""
+        return values[self.own].copy() if joints is None else values[self._places(joints, what)]
+
+    def _axis(self, joint: int, what: str = "joint") -> int:
+        return int(self._places(joint, what)[0])
+
+    def _write(self, values: Values, joints: AxisSelection, into: FloatArray, what: str = "joint") -> None:
+        """Put values in for the chosen ones."""
+        axes = self._places(joints, what)
+        with self.gate:
+            into[axes] = values_for(len(axes), values)
+
+    def _command(
+        self,
+        what: str,
+        values: Values,
+        joints: AxisSelection,
+        modes: frozenset[ControlMode],
+        execute: Callable[[NDArray[np.intp], FloatArray], None],
+    ) -> None:
+        """Give a command to those of the chosen axes that are in a mode which takes it."""
+        axes = self._places(joints)
+        given = values_for(len(axes), values)
+        with self.gate:
+            taken = self.boards.accept(what, axes.tolist(), modes)
+            if taken:
+                execute(axes[taken], given[taken])

@@ -1,0 +1,28 @@
+"""A part of the robot: all interfaces of a control board together, and its state in one piece."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.robot.devices.calibrated import Calibrated
+from rtf.robot.extended_state import IStateSource
+from rtf.simulator.part.motion import PartMotion
+from rtf.simulator.part.motors import PartMotors
+from rtf.simulator.part.settings import PartSettings
+
+if TYPE_CHECKING:
+    from rtf.robot.extended_state import ExtendedState
+
+
+class SimulatedPart(PartMotion, PartMotors, PartSettings, IStateSource, Calibrated):
+    """A control board of the simulated robot."""
+
+    def fill_state(self, state: ExtendedState) -> float:
+        """See IStateSource: what all parts have in common is computed once a moment."""
+        boards, own = self.boards, self.own
+        state.floats[...] = boards.snapshot()[:, own]
+        state.control_modes[...] = boards.mode[own]
+        state.interaction_modes[...] = boards.interaction[own]
+        state.temperatures[...] = boards.temperature[own]
+        state.valid[...] = True
+        return boards.now

@@ -1,0 +1,203 @@
+"""The simulated robot as a program: what it opens, its signals, what it prints, and how it ends."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import threading
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rtf import clock
+from rtf.errors import RtfError
+from rtf.middleware.errors import ConnectError
+from rtf.middleware.names import Contact
+from rtf.middleware.naming import configuration
+from rtf.middleware.remote import exists
+from rtf.robot.interface.signals import heard_signals
+from rtf.simulator.control import control_port
+from rtf.simulator.errors import RenderingError
+
+if TYPE_CHECKING:
+    import signal
+    from pathlib import Path
+
+    from rtf.bottle import Dialect
+    from rtf.middleware.network import Network
+    from rtf.simulator.icub import SimulatedIcub
+    from rtf.simulator.model import Collision
+
+FINE, FAILED = 0, 1
+#: What a second signal ends it with, as a shell says of a program that SIGINT ended.
+_AT_ONCE = 130
+CLOCK = "/clock"
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What the command line says. ``factor`` inf: as fast as it can; ``cameras``: no, yes, or auto where they work."""
+
+    robot: str = "icubSim"
+    parts: tuple[str, ...] = ()  # all
+    seed: int = 0
+    lockstep: bool = False
+    factor: float = 1.0
+    cameras: str = "no"
+    collision: Collision = "capsules"
+    clock: str = CLOCK
+    dialect: Dialect | None = None
+    nameserver: bool = False
+    ready_file: Path | None = None
+
+
+def run_simulator(settings: Settings) -> int:
+    """Run a simulated robot until a signal or its control port asks for the end; returns the exit code.
+
+    For the main thread. Whatever ends it, all ports are closed and their names given back, except at a second signal.
+    """
+    return _Program(settings).run()
+
+
+class _Program:
+    """One run of it."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._began = clock.monotonic()
+        self._end = threading.Event()
+        self._signals = 0
+        self._failed = False
+        self._robot: SimulatedIcub | None = None
+
+    def run(self) -> int:
+        """See run_simulator."""
+        with heard_signals(self._on_signal), ExitStack() as opened:
+            try:
+                robot = self._start(opened)
+                if not self._end.is_set():
+                    self._tell_ready(robot, opened)
+            except (RtfError, OSError) as error:
+                _say(f"FAILED: {self._settings.robot} was not started: {error}")
+                return FAILED
+            self._end.wait()
+        return FAILED if self._failed else FINE
+
+    def _on_signal(self, number: signal.Signals) -> None:
+        """The first signal asks, the second does not wait for anything."""
+        self._signals += 1
+        if self._signals > 1:
+            os._exit(_AT_ONCE)
+        _say(f"{number.name}: ends")
+        self._end.set()
+
+    def _report(self, sentence: str) -> None:
+        """For the network and the clock; time that has ended with an error never goes on."""
+        _say(f"[WARNING] {sentence}")
+        if self._robot is not None and self._robot.clock.broken is not None:
+            self._failed = True
+            self._end.set()
+
+    def _start(self, opened: ExitStack) -> SimulatedIcub:
+        settings = self._settings
+        network = _network(settings, opened)
+        network.report = self._report
+        port = control_port(settings.robot)
+        if exists(network, Contact(port)):
+            raise ConnectError(f"there is a port {port} already; end the simulator that has it, or use --robot")
+        # The control port closes last: whoever asks it for the end is answered.
+        last = opened.enter_context(ExitStack())
+        robot = self._robot = _make(settings, network)
+        opened.callback(robot.close)
+        from rtf.simulator.service import SimulatorService
+
+        service = SimulatorService(robot, network=network, end=self._end.set, lockstep=settings.lockstep)
+        last.callback(service.close)
+        return robot
+
+    def _tell_ready(self, robot: SimulatedIcub, opened: ExitStack) -> None:
+        """Say what is there, and that it is ready; and write the file that says so, where one is asked for."""
+        settings, name, streams = self._settings, robot.name, robot.outlets.by_name
+        for part in robot.parts:
+            _say(f"/{name}/{part}: rpc:i command:i state:o stateExt:o")
+        of_parts = {f"/{name}/{part}/{stream}" for part in robot.parts for stream in ("state:o", "stateExt:o")}
+        _say(f"sensors: {' '.join(sorted(set(streams) - of_parts))}")
+        pace = "lockstep" if settings.lockstep else f"factor {settings.factor:g}"
+        duration = clock.monotonic() - self._began
+        line = (
+            f"READY {name} in {duration:.2f} s: {len(robot.parts)} parts, {len(streams)} streams, "
+            f"{len(robot.cameras)} cameras, clock {robot.clock.name} ({pace}), control {control_port(name)}"
+        )
+        if settings.ready_file is not None:
+            _write_whole(settings.ready_file, line)
+            opened.callback(settings.ready_file.unlink, missing_ok=True)
+        _say(line)
+
+
+def _network(settings: Settings, opened: ExitStack) -> Network:
+    """The network of the user's configuration, with a name server of its own where that is asked for."""
+    if settings.nameserver:
+        from rtf.middleware.naming.server import NameServer
+
+        place = configuration.read_place()
+        contact = place.contact if place else Contact(configuration.namespaces()[0], "127.0.0.1", 0)
+        try:
+            server = NameServer(
+                contact.host, contact.port or configuration.base_port(), namespace=contact.name or "/root"
+            )
+        except ConnectError as error:
+            raise ConnectError(f"{error}; where a name server runs already, leave out --nameserver") from None
+        opened.callback(server.close)
+        _say(f"name server {server.contact.name} at {server.contact.host}:{server.contact.port}")
+    network = configuration.find_network()
+    if settings.dialect is not None:
+        network.dialect = settings.dialect
+    return network
+
+
+def _make(settings: Settings, network: Network) -> SimulatedIcub:
+    """The robot; with cameras ``auto`` without them where no picture can be made."""
+    if settings.cameras != "auto":
+        return _simulated(settings, network, cameras=settings.cameras == "yes")
+    try:
+        return _simulated(settings, network, cameras=True)
+    except RenderingError as error:
+        _say(f"no cameras: {error}")
+        return _simulated(settings, network, cameras=False)
+
+
+def _simulated(settings: Settings, network: Network, *, cameras: bool) -> SimulatedIcub:
+    if cameras:
+        from rtf.simulator.rendering import rendering_back_end
+
+        rendering_back_end()  # so that what is missing is told before anything is built
+    from rtf.simulator.axes import PARTS
+    from rtf.simulator.icub import SimulatedIcub
+    from rtf.simulator.model import Options
+
+    return SimulatedIcub(
+        settings.robot,
+        network=network,
+        parts=settings.parts or tuple(PARTS),
+        seed=settings.seed,
+        lockstep=settings.lockstep,
+        factor=None if settings.factor == math.inf else settings.factor,
+        cameras=cameras,
+        options=Options(collision=settings.collision, cameras=cameras),
+        clock=settings.clock,
+    )
+
+
+def _write_whole(path: Path, line: str) -> None:
+    """Write a file so that nobody reads half of it."""
+    beside = path.with_name(f"{path.name}.{os.getpid()}.new")
+    beside.write_text(f"{line}\n", encoding="utf-8")
+    beside.replace(path)
+
+
+def _say(sentence: str) -> None:
+    """Print a line to stderr; nobody who reads it is no reason to end."""
+    with suppress(OSError, ValueError):
+        sys.stderr.write(f"{sentence}\n")
+        sys.stderr.flush()

@@ -1,0 +1,118 @@
+"""What the cameras see: the robot's covers, a floor, and a few things in front of the robot.
+
+Nothing of it can be touched, so the mechanics are the same with and without.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rtf.simulator import collisions, meshes
+from rtf.simulator.engine import mujoco
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+#: Pixels of the largest picture that a camera can take, width and height.
+LARGEST_PICTURE = (1280, 960)
+#: Below the soles of the straight legs (m).
+FLOOR = -0.64
+#: A red ball and a green box at the height of the eyes' view, in front of the robot, which looks along -x (m).
+BALL_POSITION = (-0.45, 0.0, 0.25)
+BALL_RADIUS = 0.035
+BOX_POSITION = (-0.55, -0.15, 0.30)
+BOX_HALF = 0.04
+RED = (0.9, 0.05, 0.05, 1.0)
+GREEN = (0.05, 0.7, 0.1, 1.0)
+
+_OUTSIDE = (-1.3, -0.9, 0.45)  # of the external camera, ahead of the robot on its left
+#: Where the light goes and how strong it is; the second is from the right, so that round things look round.
+_LIGHTS = (((0.5, 0.3, -0.8), 0.6), ((0.6, -0.7, -0.2), 0.25))
+_SKY, _HORIZON = (0.35, 0.5, 0.7), (0.85, 0.9, 0.95)
+_CENTRE = (0.0, 0.0, -0.08)
+#: The published cover of a hand has stretched fingers; beyond these places in the hand's frame (m) it is cut off, for
+#: the fingers that move are shown instead.
+_PALM_LENGTH, _PALM_WIDTH = 0.084, 0.062
+_SKIN = (0.75, 0.75, 0.78, 1.0)
+
+
+def add_scene(spec: Any, published: list[Any], fingers: list[Any], *, keep_meshes: bool) -> None:
+    """Make the robot visible, with light ``published`` covers unless they are kept, and put things around it."""
+    if not keep_meshes:
+        for geom in published:
+            if geom.meshname:
+                _lighten(spec.mesh(geom.meshname), geom)
+    # What is solid as well is in a group that is not shown.
+    for geom in [*published, *fingers]:
+        geom.group = collisions.VISUAL_GROUP
+    for finger in fingers:
+        finger.rgba = _SKIN
+    _add_surroundings(spec.worldbody)
+    _add_sky(spec)
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = LARGEST_PICTURE
+    spec.visual.quality.offsamples = 0  # smooth edges would double the time of a picture
+
+
+def _add_sky(spec: Any) -> None:
+    """Let the background be bright, as in a room, and not black."""
+    spec.add_texture(
+        name="sky",
+        type=mujoco().mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco().mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=_HORIZON,
+        rgb2=_SKY,
+        width=64,
+        height=64,
+    )
+
+
+def _lighten(mesh: Any, geom: Any) -> None:
+    """Put a mesh with few faces in the place of the file's."""
+    corners = meshes.read_stl(Path(mesh.file)) * np.abs(np.asarray(mesh.scale, dtype=np.float32))
+    if geom.parent.name.endswith("_hand"):
+        corners = corners[_is_palm(corners + np.asarray(geom.pos, dtype=np.float32))]
+    vertices, faces = meshes.clustered(corners, meshes.CELL)
+    mesh.file = ""
+    mesh.scale = [1, 1, 1]
+    mesh.uservert = vertices.ravel()
+    mesh.userface = faces.ravel()
+
+
+def _is_palm(corners: NDArray[np.float32]) -> NDArray[np.bool_]:
+    centres = corners.mean(axis=1)
+    inside: NDArray[np.bool_] = (np.abs(centres[:, 0]) < _PALM_LENGTH) & (centres[:, 2] < _PALM_WIDTH)
+    return inside
+
+
+def _add_surroundings(world: Any) -> None:
+    types = mujoco().mjtGeom
+    looks = [
+        world.add_geom(
+            name="floor", type=types.mjGEOM_PLANE, pos=[0, 0, FLOOR], size=[4, 4, 0.1], rgba=[0.5, 0.55, 0.6, 1]
+        ),
+        world.add_geom(
+            name="red_ball", type=types.mjGEOM_SPHERE, pos=BALL_POSITION, size=[BALL_RADIUS, 0, 0], rgba=RED
+        ),
+        world.add_geom(name="green_box", type=types.mjGEOM_BOX, pos=BOX_POSITION, size=[BOX_HALF] * 3, rgba=GREEN),
+    ]
+    for geom in looks:
+        collisions.make_visual(geom)
+    sun = mujoco().mjtLightType.mjLIGHT_DIRECTIONAL
+    for direction, strength in _LIGHTS:
+        world.add_light(type=sun, pos=[0, 0, 3], dir=direction, diffuse=[strength] * 3, castshadow=False)
+    world.add_camera(name="outside", pos=_OUTSIDE, quat=_looking(_OUTSIDE, _CENTRE), fovy=45)
+
+
+def _looking(place: tuple[float, float, float], at: tuple[float, float, float]) -> NDArray[np.float64]:
+    """Give the quaternion of an upright camera at ``place`` that looks at a point."""
+    backwards = np.subtract(place, at)
+    backwards /= np.linalg.norm(backwards)
+    right = np.cross((0.0, 0.0, 1.0), backwards)
+    right /= np.linalg.norm(right)
+    rotation = np.column_stack([right, np.cross(backwards, right), backwards])
+    quaternion = np.zeros(4)
+    mujoco().mju_mat2Quat(quaternion, rotation.ravel())
+    return quaternion

@@ -1,0 +1,112 @@
+"""The sensors of the simulated robot as devices of a configuration, to be attached to the simulation."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from rtf.bottle import as_string
+from rtf.robot.device import Device
+from rtf.robot.errors import DeviceError
+from rtf.robot.interfaces import IAnalogSensor, IMultipleAnalogSensors
+from rtf.simulator.device import simulation_of
+from rtf.simulator.sensing import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from rtf.bottle import Property
+    from rtf.robot.interfaces import SensorCategory, SensorInfo, SensorReading, SensorStatus
+    from rtf.simulator.simulation import Simulation
+
+S = TypeVar("S", SimulatedForceTorques, SimulatedImu)
+
+
+class _AttachedSensors(Device, IMultipleAnalogSensors, Generic[S]):
+    """Sensors of a simulation that runs in another thread: each reading is between two of its steps."""
+
+    _sensors: S | None = None
+
+    @abstractmethod
+    def _make(self, simulation: Simulation) -> S:
+        """The sensors. Raises DeviceError when the robot has not got them."""
+
+    def open(self, configuration: Property) -> None:
+        """See Device."""
+
+    def attach(self, devices: Mapping[str, Device]) -> None:
+        """See Device: to a simulated robot."""
+        self._sensors = self._make(simulation_of(self, devices))
+
+    def detach(self) -> None:
+        """See Device."""
+        self._sensors = None
+
+    def close(self) -> None:
+        """See Device."""
+        self.detach()
+
+    def _attached(self) -> S:
+        if self._sensors is None:
+            raise DeviceError(f"{self.name} is attached to no simulated robot; its action 'attach' comes first")
+        return self._sensors
+
+    def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
+        """See IMultipleAnalogSensors."""
+        return self._attached().sensors(category)
+
+    def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:
+        """See IMultipleAnalogSensors."""
+        return self._attached().sensor_status(category, index)
+
+    def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
+        """See IMultipleAnalogSensors."""
+        sensors = self._attached()
+        with sensors.simulation.gate:
+            return sensors.read_sensor(category, index)
+
+
+class SimulatedImuDevice(_AttachedSensors[SimulatedImu]):
+    """``simulatedImu``: the inertial unit of the head."""
+
+    def _make(self, simulation: Simulation) -> SimulatedImu:
+        return SimulatedImu(simulation)
+
+
+class SimulatedForceTorqueDevice(_AttachedSensors[SimulatedForceTorques], IAnalogSensor):
+    """``simulatedForceTorque``: the force-torque sensor that ``sensor`` names, such as ``l_arm_ft_sensor``."""
+
+    _name = ""
+    _sensor: SimulatedForceTorque | None = None
+
+    def open(self, configuration: Property) -> None:
+        """See Device."""
+        self._name = as_string(configuration.find("sensor"))
+
+    def _make(self, simulation: Simulation) -> SimulatedForceTorques:
+        known = {sensor.name: sensor for sensor in simulation.robot.ft_sensors}
+        if self._name not in known:
+            raise DeviceError(f"{self.name}: the robot has no sensor {self._name!r}; it has {', '.join(known)}")
+        self._sensor = SimulatedForceTorque(known[self._name], simulation)
+        return SimulatedForceTorques((self._sensor,), simulation)
+
+    def _single(self) -> SimulatedForceTorque:
+        self._attached()
+        assert self._sensor is not None
+        return self._sensor
+
+    def channels(self) -> int:
+        """See IAnalogSensor."""
+        return self._single().channels()
+
+    def read(self) -> SensorReading:
+        """See IAnalogSensor."""
+        sensor = self._single()
+        with sensor.simulation.gate:
+            return sensor.read()
+
+    def calibrate(self, channel: int | None = None, value: float | None = None) -> None:
+        """See IAnalogSensor."""
+        sensor = self._single()
+        with sensor.simulation.gate:
+            sensor.calibrate(channel, value)

@@ -1,0 +1,189 @@
+"""The simulation: physics and boards, step by step, and what happens at moments between the steps.
+
+Time is counted in steps of a millisecond, so that no rounding ever shifts a message. What happens at a moment (messages
+that are published, delayed ones, faults that begin) stands in a queue; between two of them the loop only computes.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rtf import clock
+from rtf.simulator.boards import Boards
+from rtf.simulator.engine import mujoco
+from rtf.simulator.gate import Gate
+from rtf.simulator.model import TIMESTEP
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot.periodic import Publisher
+    from rtf.simulator.model import IcubModel
+
+#: Seconds that the loop may be behind the machine's clock before it gives up catching up.
+_LATE = 0.1
+#: Random numbers that are drawn at once.
+_DRAWN = 4096
+
+
+class Simulation:
+    """A robot in its world. ``advance`` lets time pass, in one thread; commands come through ``gate`` from any.
+
+    ``factor`` is how many times faster than the machine's clock time may pass at most; None: as fast as it can.
+    ``seed`` is where all that is random begins: two simulations with the same seed that are told the same at the same
+    moments are the same to the last bit.
+    """
+
+    def __init__(self, robot: IcubModel, *, seed: int = 0, factor: float | None = None) -> None:
+        self.robot = robot
+        self.seed = seed
+        self.factor = factor
+        self.random = np.random.default_rng(seed)
+        self.data: Any = robot.data()
+        self.boards = Boards(robot, self.data)
+        self.gate = Gate()
+        self.on_reset: list[Callable[[], None]] = []
+        self.settle: list[Callable[[], None]] = []
+        self._noise = np.empty(0)
+        self._noise_used = 0
+        self._step1, self._step2 = mujoco().mj_step1, mujoco().mj_step2
+        self._queue: list[tuple[int, int, Callable[[], None], bool]] = []
+        self._order = itertools.count()
+        self._publishers: dict[int, list[Publisher]] = {}  # by their periods
+        self._halfway = False  # the physics stand between the halves of a step, and nothing has touched them since
+        self._paced: tuple[float, float, float] | None = None  # a moment of the machine's clock, the time at it, factor
+
+    @property
+    def now(self) -> float:
+        """Seconds since the beginning."""
+        return self.boards.now
+
+    def noise(self, count: int) -> FloatArray:
+        """So many random numbers of the standard normal distribution; a view that is not to be changed.
+
+        They are drawn many at a time, which costs a tenth.
+        """
+        begin, end = self._noise_used, self._noise_used + count
+        if end > len(self._noise):
+            self._noise = self.random.standard_normal(max(_DRAWN, count))
+            begin, end = 0, count
+        self._noise_used = end
+        return self._noise[begin:end]
+
+    def at(self, tick: int, happening: Callable[[], None], *, looks: bool = False) -> None:
+        """Let something happen at a step, in the loop, which holds the gate; in the order of asking.
+
+        ``looks``: it leaves the physics as they are, so that nothing has to be computed again because of it.
+        """
+        heapq.heappush(self._queue, (tick, next(self._order), happening, looks))
+
+    def after(self, seconds: float, happening: Callable[[], None], *, looks: bool = False) -> None:
+        """Let something happen so much later, at the next step at the earliest."""
+        self.at(self.boards.tick + max(1, round(seconds / TIMESTEP)), happening, looks=looks)
+
+    def publish_regularly(self, publisher: Publisher) -> None:
+        """Have a publisher called at every multiple of its period, from now on."""
+        period = max(1, round(publisher.period / TIMESTEP))
+        publishers = self._publishers.get(period)
+        if publishers is not None:
+            publishers.append(publisher)
+            return
+        publishers = self._publishers[period] = [publisher]
+
+        def happening() -> None:
+            now = self.now
+            for each in publishers:
+                each.publish(now)
+            self.at(self.boards.tick + period, happening, looks=True)
+
+        self.at(-(-self.boards.tick // period) * period, happening, looks=True)
+
+    def advance(self, until: float) -> float:
+        """Let time pass up to ``until`` seconds; returns the time that it is then.
+
+        When it returns everything that was published has been delivered to readers that acknowledge.
+        """
+        end = math.ceil(round(until / TIMESTEP, 6))
+        self.gate.enter()
+        self._halfway = False
+        try:
+            while self.boards.tick < end:
+                self._happen()
+                self._compute(min(end, self._queue[0][0] if self._queue else end))
+                if self.factor is not None:
+                    self._pace(self.factor)
+            self._happen()
+            self.refresh()
+        finally:
+            self.gate.leave()
+        for settle in self.settle:
+            settle()
+        return self.now
+
+    def refresh(self) -> None:
+        """Bring what is measured up to the moment; the state of the physics stays as it is."""
+        if not self._halfway:
+            self._step1(self.robot.model, self.data)
+            self._halfway = True
+        self.boards.measure()
+
+    def _happen(self) -> None:
+        """Let everything happen that is due."""
+        queue, tick = self._queue, self.boards.tick
+        if queue and queue[0][0] <= tick:
+            self.refresh()
+            while queue and queue[0][0] <= tick:
+                _, _, happening, looks = heapq.heappop(queue)
+                happening()
+                self._halfway = self._halfway and looks
+
+    def _compute(self, end: int) -> None:
+        """Step up to a moment before which nothing happens. Flat: here nearly all the time is spent."""
+        boards, gate = self.boards, self.gate
+        first, second, step = self._step1, self._step2, boards.step
+        model, data = self.robot.model, self.data
+        halfway, self._halfway = self._halfway, False
+        for _ in range(end - boards.tick):
+            if halfway:
+                halfway = False
+            else:
+                first(model, data)
+            step()
+            second(model, data)
+            if gate.wanted:
+                gate.pass_on()
+
+    def _pace(self, factor: float) -> None:
+        """Wait until the machine's clock has come as far; others may command meanwhile."""
+        machine, now = clock.monotonic(), self.now
+        if self._paced is None or self._paced[2] != factor:
+            self._paced = machine, now, factor
+        wait = self._paced[0] + (now - self._paced[1]) / factor - machine
+        if wait < -_LATE:
+            self._paced = machine, now, factor  # too late to catch up
+        elif wait > 0:
+            self.gate.leave()
+            try:
+                clock.sleep(wait)
+            finally:
+                self.gate.enter()
+
+    def reset(self) -> None:
+        """Put the robot back to its home, at rest and healthy, as if it had just been started; time goes on."""
+        self.gate.enter()
+        try:
+            self._halfway = False
+            for clean in self.on_reset:
+                clean()
+            self.robot.reset(self.data)
+            self.boards.reset()
+            self.random = np.random.default_rng(self.seed)
+            self._noise = np.empty(0)
+        finally:
+            self.gate.leave()

@@ -1,0 +1,65 @@
+"""A robot without a network: simulation, boards and parts, and a few words for what tests do with them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rtf.robot.control_modes import ControlMode
+from rtf.simulator.axes import INDEX
+from rtf.simulator.model import Options, build
+from rtf.simulator.part import SimulatedPart
+from rtf.simulator.simulation import Simulation
+
+
+class Rig:
+    """A new robot at home. ``frictionless``: nothing that would hide what a board forgets to hold."""
+
+    def __init__(self, *, frictionless: bool = False, **options: Any) -> None:
+        if frictionless:
+            options |= {"friction": False, "damping": False}
+        self.simulation = Simulation(build(Options(**options)))
+        self.boards = self.simulation.boards
+        self.data = self.simulation.data
+        self.model = self.simulation.robot.model
+
+    def run(self, seconds: float) -> None:
+        """Let time pass."""
+        self.simulation.advance(self.simulation.now + seconds)
+
+    def part(self, name: str) -> SimulatedPart:
+        """A part as a device."""
+        return SimulatedPart(name, self.boards, self.simulation.gate)
+
+    def enter(self, axis: str, mode: ControlMode) -> None:
+        """Ask for a mode."""
+        self.boards.request_mode(INDEX[axis], mode)
+
+    def mode(self, axis: str) -> ControlMode:
+        """The mode of an axis."""
+        return ControlMode(int(self.boards.mode[INDEX[axis]]))
+
+    def at(self, axis: str) -> float:
+        """Where an axis is, as its encoder says."""
+        return float(self.boards.position[INDEX[axis]])
+
+    def torque(self, axis: str) -> float:
+        """What its drive is told to give (Nm)."""
+        return float(self.data.ctrl[INDEX[axis]])
+
+    def push(self, axis: str, torque: float) -> None:
+        """Let somebody turn an axis from outside, from now on (Nm)."""
+        self.data.qfrc_applied[self.simulation.robot.dofs[INDEX[axis]]] = torque
+
+    def say(self, command: Any, axis: str, *values: float) -> None:
+        """Give a command of the boards to one axis."""
+        command(np.array([INDEX[axis]]), *[np.array([value]) for value in values])
+
+    def farthest(self, seconds: float, start: np.ndarray, axes: Any = slice(None)) -> float:
+        """Let time pass; by how much axes were away from a start at most."""
+        most = 0.0
+        for _ in range(round(seconds / 0.01)):
+            self.run(0.01)
+            most = max(most, float(np.abs(self.boards.position - start)[axes].max()))
+        return most

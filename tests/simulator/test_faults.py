@@ -1,0 +1,894 @@
+"""Every kind of fault, in a robot without a network: what it claims shows, and afterwards nothing of it is left."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import os
+import re
+import signal
+import subprocess
+import sys
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.errors import RefusedError
+from rtf.robot.interfaces import SensorCategory
+from rtf.simulator.axes import INDEX
+from rtf.simulator.faults import KINDS, FaultInjector, Layer, Target, catalogue, find_kind
+from rtf.simulator.faults.injection import MOST_FAULTS
+from rtf.simulator.outlets import SimulatedOutlet
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.simulator.faults import Fault
+    from rtf.simulator.model import IcubModel
+
+pytestmark = pytest.mark.skipif(
+    not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
+)
+
+PORT = "/icubSim/left_arm/state:o"
+JOINT = "l_elbow"
+ELBOW = INDEX[JOINT]
+HERE = np.array([ELBOW])
+#: What of the boards is not state: where it is kept, and what is computed anew at each step.
+_NOT_STATE = {"robot", "data", "references", "_scratch", "_snapshot"}
+
+
+@cache
+def model() -> IcubModel:
+    """A model to be copied."""
+    from rtf.simulator.model import build
+
+    return build()
+
+
+class Outlet:
+    """A port that keeps what is written, and when."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+        self.outputs = ()
+        self.closed = False
+        self.written: list[tuple[float, object]] = []
+
+    def write(self, value: object, *, envelope: str) -> None:
+        """Keep it."""
+        del envelope
+        self.written.append((self.bench.simulation.now, value))
+
+
+class Bench:
+    """All of a simulated robot that faults strike, without ports; at 0.2 s everything has settled."""
+
+    def __init__(self, seed: int = 0, age: float = 0.2) -> None:
+        from rtf.simulator.part import SimulatedPart
+        from rtf.simulator.sensing import SimulatedForceTorque, SimulatedImu
+        from rtf.simulator.simulation import Simulation
+
+        own = dataclasses.replace(model(), model=copy.copy(model().model))
+        self.simulation = Simulation(own, seed=seed)
+        self.boards = self.simulation.boards
+        self.arm = SimulatedPart("left_arm", self.boards, self.simulation.gate)
+        self.force_torques = {"left_arm": SimulatedForceTorque(own.ft_sensors[0], self.simulation)}
+        self.imu = SimulatedImu(self.simulation)
+        self.cameras = {"left": SimpleNamespace(faults=[])}
+        self.port = Outlet(self)
+        self.outlet = SimulatedOutlet(self.port, self.simulation)  # type: ignore[arg-type]  # it writes, as that does
+        self.outlets = SimpleNamespace(by_name={PORT: self.outlet})
+        self.faults = FaultInjector(self)  # type: ignore[arg-type]  # it has what faults look for
+        self.run(age)
+
+    def inject(self, kind: str, **options: Any) -> int:
+        """Break something with its own parameters, at what it strikes."""
+        return self.faults.inject(kind, TARGETS[find_kind(kind).target_kind], **options)
+
+    def run(self, seconds: float) -> None:
+        """Let time pass."""
+        self.simulation.advance(self.simulation.now + seconds)
+
+    def move(self, target: float, seconds: float = 0.6) -> None:
+        """Move the elbow, quickly, and let time pass."""
+        self.boards.speeds[ELBOW] = 100.0
+        self.boards.move(HERE, np.array([target]))
+        self.run(seconds)
+
+    @property
+    def true(self) -> float:
+        """Where the elbow is (deg), whatever the encoder shows."""
+        return float(np.degrees(self.simulation.data.actuator_length[ELBOW]))
+
+    @property
+    def shown(self) -> float:
+        """Where the encoder shows it."""
+        return self.arm.encoders(3).item()
+
+    @property
+    def mode(self) -> ControlMode:
+        """The mode of the elbow."""
+        (mode,) = self.arm.control_modes([3])
+        return mode
+
+    def pictures(self, count: int = 2) -> list[np.ndarray]:
+        """Pictures of something that moves, as the camera tells them."""
+        told = []
+        for number in range(count):
+            pixels = np.full((24, 32, 3), 10 + number, np.uint8)
+            for fault in self.cameras["left"].faults:
+                pixels = fault(pixels, self.simulation.now)
+            told.append(pixels)
+        return told
+
+    def publish(self, count: int = 200, period: float = 0.01) -> list[tuple[float, object]]:
+        """Write numbers, one each period; returns what came out, and when."""
+        del self.port.written[:]
+        for number in range(count):
+            self.outlet.write(number, envelope="")
+            self.run(period)
+        self.run(0.1)
+        return list(self.port.written)
+
+
+TARGETS = {
+    Target.AXIS: JOINT,
+    Target.FORCE_TORQUE: "left_arm",
+    Target.IMU: "imu",
+    Target.CAMERA: "left",
+    Target.PORT: PORT,
+    Target.ROBOT: "",
+}
+
+
+@pytest.fixture
+def bench() -> Bench:
+    """A healthy robot."""
+    return Bench()
+
+
+def numbers_of(thing: object, without: set[str]) -> dict[str, object]:
+    """All that an object consists of, such that it can be compared."""
+    found: dict[str, object] = {}
+    for name, value in vars(thing).items():
+        if name not in without:
+            found[name] = value.tobytes() if isinstance(value, np.ndarray) else re.sub(r" at 0x\w+", "", repr(value))
+    return found
+
+
+def health(bench: Bench) -> dict[str, object]:
+    """Everything that a fault may change and has to put back."""
+    boards = bench.boards
+    names = [name for name in vars(boards) if name.startswith("configured_") or name.endswith("_faults")]
+    names += ["minimum", "maximum", "limit_slack", "pids", "max_current", "_kp", "_kd", "_ki", "_bias", "_limit"]
+    found = {key: value for key, value in numbers_of(boards, set()).items() if key in names}
+    engine = bench.simulation.robot.model
+    found["friction"], found["gains"] = engine.dof_frictionloss.tobytes(), engine.actuator_gainprm.tobytes()
+    found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
+    found["limits"] = (boards.references.minimum.tobytes(), boards.references.maximum.tobytes())
+    found["told"] = [list(bench.imu.faults), list(bench.force_torques["left_arm"].faults)]
+    found["seen"], found["sent"] = list(bench.cameras["left"].faults), list(bench.outlet.disturbances)
+    return found
+
+
+def state(bench: Bench) -> dict[str, object]:
+    """All that the future of a robot depends on."""
+    data = bench.simulation.data
+    physics = {
+        name: getattr(data, name).tobytes() for name in ("qpos", "qvel", "act", "ctrl", "qfrc_applied", "xfrc_applied")
+    }
+    return {
+        **health(bench),
+        **physics,
+        **numbers_of(bench.boards, _NOT_STATE),
+        "references": numbers_of(bench.boards.references, set()),
+        "random": str(bench.simulation.random.bit_generator.state),
+    }
+
+
+# What each claims --------------------------------------------------------------------------------------------------
+
+
+def held_jam(bench: Bench) -> None:
+    """It does not move, however much it is driven."""
+    before, output = bench.true, abs(bench.boards.output[ELBOW])
+    bench.move(80.0)
+    assert abs(bench.true - before) < 0.5
+    assert abs(bench.boards.output[ELBOW]) > 5 * output
+
+
+def rubs(bench: Bench) -> None:
+    """It takes as much more output to move it."""
+    healthy = Bench()
+    for one in (healthy, bench):
+        one.move(80.0, 0.2)
+    more = (bench.boards.output - healthy.boards.output)[ELBOW] * bench.boards.newton_metres[ELBOW]
+    assert 3.0 < more < 7.0
+
+
+def is_pushed(bench: Bench) -> None:
+    """A stiff joint needs torque to hold, a compliant one gives way."""
+    weight = Bench().boards.measured_torques()[ELBOW]
+    bench.run(0.5)
+    # Dry friction takes a part, on one side or the other.
+    assert bench.boards.measured_torques()[ELBOW] == pytest.approx(weight - 2.0, abs=0.6)
+    before = bench.true
+    bench.arm.set_interaction_modes(InteractionMode.COMPLIANT, [3])
+    bench.run(0.5)
+    assert bench.true > before + 2.0
+
+
+def falls(bench: Bench) -> None:
+    """It falls, and does not come back."""
+    before = bench.true
+    bench.run(0.5)
+    assert abs(bench.true - before) > 5.0
+
+
+def is_weak(bench: Bench) -> None:
+    """It takes more output to hold the same weight."""
+    before = Bench().boards.output[ELBOW]
+    bench.run(1.0)
+    assert bench.boards.output[ELBOW] > 2.5 * before
+
+
+def runs_away(bench: Bench) -> None:
+    """It goes away from its target, to a limit."""
+    bench.run(1.0)
+    low, high = bench.arm.limits(3)
+    assert min(abs(bench.true - low), abs(bench.true - high)) < 3.0
+
+
+def burns(bench: Bench) -> None:
+    """The current reads higher, and the joint is switched off within a tenth of a second."""
+    assert bench.arm.currents(3).item() > 15.0
+    bench.run(0.1)
+    assert bench.mode is ControlMode.HARDWARE_FAULT
+    code, message = bench.arm.last_joint_fault(3)
+    assert code
+    assert "over-current" in message
+
+
+def drifts(bench: Bench) -> None:
+    """The encoder is off by as much as has had time to grow, and the joint has followed."""
+    before = bench.true
+    bench.run(2.0)
+    assert bench.shown - bench.true == pytest.approx(2.0, abs=0.02)
+    assert bench.true == pytest.approx(before - 2.0, abs=0.2)
+
+
+def is_biased(bench: Bench) -> None:
+    """It is off at once, by 5 degrees."""
+    bench.run(0.001)
+    assert bench.shown - bench.true == pytest.approx(5.0, abs=0.02)
+
+
+def is_scaled(bench: Bench) -> None:
+    """It shows 1.2 times what is true."""
+    bench.run(0.5)
+    assert bench.shown == pytest.approx(1.2 * bench.true, abs=0.02)
+
+
+def counts_down(bench: Bench) -> None:
+    """What it shows has the other sign."""
+    bench.run(0.05)
+    assert bench.shown == pytest.approx(-bench.true, abs=0.02)
+
+
+def shows_the_same(bench: Bench) -> None:
+    """It shows the same while the joint moves."""
+    bench.run(0.001)
+    shown, true = bench.shown, bench.true
+    bench.move(60.0, 0.3)
+    assert bench.shown == shown
+    assert abs(bench.true - true) > 3.0
+    assert bench.arm.encoder_speeds(3).item() == 0.0
+
+
+def jitters(bench: Bench) -> None:
+    """It deviates from what is true by half a degree."""
+    errors = []
+    for _ in range(300):
+        bench.run(0.001)
+        errors.append(bench.shown - bench.true)
+    assert 0.4 < np.std(errors) < 0.6
+
+
+def motor(bench: Bench) -> tuple[float, float]:
+    """The angle that the elbow's motor shows, and the one at which it is (deg)."""
+    true = bench.boards.gearbox * (bench.boards.joint_to_motor @ np.degrees(bench.simulation.data.actuator_length))
+    return bench.arm.motor_encoders(3).item(), float(true[ELBOW])
+
+
+def motor_drifts(bench: Bench) -> None:
+    """The motor's encoder is off by as much as has had time to grow; the joint's is right."""
+    bench.run(2.0)
+    shown, true = motor(bench)
+    assert shown - true == pytest.approx(2.0, abs=0.5)
+    assert bench.shown == pytest.approx(bench.true, abs=0.02)
+
+
+def motor_jumps(bench: Bench) -> None:
+    """It is off by a turn."""
+    shown, true = motor(bench)
+    assert shown - true == pytest.approx(360.0, abs=0.5)
+
+
+def motor_is_scaled(bench: Bench) -> None:
+    """It has turned 1.2 times as much as the joint and the gearbox say."""
+    bench.move(60.0)
+    shown, true = motor(bench)
+    assert shown == pytest.approx(1.2 * true, abs=0.5)
+
+
+def motor_counts_down(bench: Bench) -> None:
+    """It goes the other way."""
+    before = motor(bench)
+    bench.move(60.0)
+    after = motor(bench)
+    assert after[0] - before[0] == pytest.approx(before[1] - after[1], abs=0.5)
+
+
+def motor_shows_the_same(bench: Bench) -> None:
+    """The joint moves, its motor does not."""
+    before = motor(bench)[0]
+    bench.move(60.0)
+    assert motor(bench)[0] == before
+    assert bench.shown == pytest.approx(60.0, abs=0.5)
+
+
+def has_play(bench: Bench) -> None:
+    """The motor leads by half the play, on the side to which it drives."""
+    shown, true = motor(bench)
+    towards = 1.0 if bench.boards.output[ELBOW] > 0 else -1.0
+    assert (shown - true) / bench.boards.gearbox[ELBOW] == pytest.approx(1.5 * towards, abs=0.02)
+
+
+def torque_is_biased(bench: Bench) -> None:
+    """It shows 3 Nm more than there are."""
+    assert bench.arm.torques(3).item() == pytest.approx(bench.simulation.data.actuator_force[ELBOW] + 3.0)
+
+
+def torque_is_scaled(bench: Bench) -> None:
+    """It shows 1.2 times what there is."""
+    assert bench.arm.torques(3).item() == pytest.approx(1.2 * bench.simulation.data.actuator_force[ELBOW])
+
+
+def misses(bench: Bench) -> None:
+    """Every other move does not begin."""
+    begun = []
+    for target in (50.0, 60.0, 55.0, 65.0):
+        before = bench.shown
+        bench.arm.set_reference_speeds(100.0, 3)
+        bench.arm.position_move(target, 3)
+        bench.run(0.3)
+        begun.append(abs(bench.shown - before) > 1.0)
+    assert begun == [True, False, True, False]
+
+
+def leaves_its_fault(bench: Bench) -> None:
+    """A joint in fault takes any mode."""
+    bench.boards.fault(ELBOW, 1, "broken")
+    bench.arm.set_control_modes([ControlMode.VELOCITY], [3])
+    assert bench.mode is ControlMode.VELOCITY
+
+
+def ignores_modes(bench: Bench) -> None:
+    """It says yes and stays."""
+    bench.arm.set_control_modes([ControlMode.TORQUE], [3])
+    assert bench.mode is ControlMode.POSITION
+
+
+def takes_another_mode(bench: Bench) -> None:
+    """Torque becomes position; everything else is as it should be."""
+    for asked, there in (("VELOCITY", "VELOCITY"), ("TORQUE", "POSITION")):
+        bench.arm.set_control_modes([ControlMode[asked]], [3])
+        assert bench.mode is ControlMode[there]
+
+
+def goes_beyond(bench: Bench) -> None:
+    """It carries a command out that ends beyond the limit that it tells."""
+    healthy = Bench()
+    for one in (healthy, bench):
+        one.arm.set_reference_speeds(100.0, 3)
+        one.arm.position_move(200.0, 3)
+    limit = bench.arm.limits(3)[1]
+    assert float(healthy.boards.targets[ELBOW]) == limit
+    assert float(bench.boards.targets[ELBOW]) == limit + 5.0
+
+
+def tells_another_gearbox(bench: Bench) -> None:
+    """It tells 1.5 times what is built in; the motor turns as ever."""
+    assert bench.arm.gearbox_ratio(3) == pytest.approx(1.5 * bench.boards.gearbox[ELBOW])
+    shown, true = motor(bench)
+    assert shown == pytest.approx(true, abs=0.5)
+
+
+def upper_limit_is_wrong(bench: Bench) -> None:
+    """The limit that is told is 10 degrees too high, and kept; the lower one is right."""
+    low, high = Bench().arm.limits(3)
+    assert bench.arm.limits(3) == (low, high + 10.0)
+    bench.arm.position_move(500.0, 3)
+    assert bench.boards.targets[ELBOW] == high + 10.0
+
+
+def lower_limit_is_wrong(bench: Bench) -> None:
+    """Likewise at the other end, 10 degrees too low."""
+    low, high = Bench().arm.limits(3)
+    assert bench.arm.limits(3) == (low - 10.0, high)
+
+
+def tells_another_coupling(bench: Bench) -> None:
+    """The row of the joint is half of what it should be; the mechanics are as ever."""
+    wrong = bench.boards.configured_couplings[ELBOW]
+    assert np.array_equal(wrong, 0.5 * bench.boards.joint_to_motor[ELBOW])
+
+
+def is_slack(bench: Bench) -> None:
+    """The joint lags behind far more than it should, and the gains that are told are small."""
+    healthy = Bench()
+    for one in (healthy, bench):
+        one.move(80.0, 0.15)
+    assert abs(bench.boards.error[ELBOW]) > 3 * abs(healthy.boards.error[ELBOW])
+    assert bench.boards.pids[ELBOW].kp == pytest.approx(0.05 * healthy.boards.pids[ELBOW].kp)
+
+
+def wrenches(bench: Bench, count: int = 50) -> np.ndarray:
+    """Measurements of the force-torque sensor, less what is true."""
+    sensor, found = bench.force_torques["left_arm"], []
+    for _ in range(count):
+        bench.run(0.001)
+        found.append(sensor.read().values - sensor.sensor.read(bench.simulation.data.sensordata))
+    return np.array(found)
+
+
+def force_is_biased(bench: Bench) -> None:
+    """Each force is 10 N off, each torque right."""
+    assert wrenches(bench).mean(axis=0) == pytest.approx([10.0] * 3 + [0.0] * 3, abs=0.1)
+
+
+def force_freezes(bench: Bench) -> None:
+    """The same numbers for ever, while the arm moves."""
+    sensor = bench.force_torques["left_arm"]
+    before = sensor.read().values
+    bench.move(80.0)
+    assert np.array_equal(sensor.read().values, before)
+
+
+def force_is_noisy(bench: Bench) -> None:
+    """Forces deviate by 2 N, torques as ever."""
+    deviations = wrenches(bench, 300).std(axis=0)
+    assert deviations[:3] == pytest.approx([2.0] * 3, rel=0.2)
+    assert max(deviations[3:]) < 0.01
+
+
+def inertial(bench: Bench, category: SensorCategory) -> np.ndarray:
+    """What the inertial unit tells, mean of many."""
+    found = []
+    for _ in range(50):
+        bench.run(0.001)
+        found.append(bench.imu.read_sensor(category, 0).values)
+    return np.mean(found, axis=0)
+
+
+def imu_is_turned(bench: Bench) -> None:
+    """Gravity comes from another side, and the yaw is a quarter of a turn off."""
+    healthy = Bench()
+    right = inertial(healthy, SensorCategory.ACCELEROMETER)
+    wrong = inertial(bench, SensorCategory.ACCELEROMETER)
+    assert wrong == pytest.approx([right[1], -right[0], right[2]], abs=0.05)
+    told = healthy.imu.read_sensor(SensorCategory.ORIENTATION, 0).values
+    turned = bench.imu.read_sensor(SensorCategory.ORIENTATION, 0).values
+    assert np.abs(turned - told).max() > 45.0
+
+
+def imu_freezes(bench: Bench) -> None:
+    """The same numbers for ever."""
+    before = [bench.imu.read_sensor(kind, 0).values for kind in (SensorCategory.GYROSCOPE, SensorCategory.ORIENTATION)]
+    bench.run(0.1)
+    after = [bench.imu.read_sensor(kind, 0).values for kind in (SensorCategory.GYROSCOPE, SensorCategory.ORIENTATION)]
+    assert all(map(np.array_equal, before, after))
+
+
+def camera_freezes(bench: Bench) -> None:
+    """All pictures are the first one."""
+    first, second = bench.pictures()
+    assert np.array_equal(first, second)
+    assert first.max() == 10
+
+
+def camera_is_black(bench: Bench) -> None:
+    """All pixels are zero, in a picture of the right size."""
+    for picture in bench.pictures():
+        assert picture.shape == (24, 32, 3)
+        assert not picture.any()
+
+
+def camera_is_small(bench: Bench) -> None:
+    """Half as wide and half as high."""
+    assert [picture.shape for picture in bench.pictures()] == [(12, 16, 3)] * 2
+
+
+def is_late(bench: Bench) -> None:
+    """Each comes 0.05 s after it was written, in order."""
+    came = bench.publish(20)
+    assert [value for _, value in came] == [*range(20)]
+    assert [now for now, _ in came] == pytest.approx([0.2 + 0.01 * number + 0.05 for number in range(20)])
+
+
+def comes_irregularly(bench: Bench) -> None:
+    """Each comes, between 0 and 0.02 s late."""
+    came = {value: now - 0.2 - 0.01 * value for now, value in bench.publish()}
+    assert len(came) == 200
+    assert -1e-9 < min(came.values()) < 0.003
+    assert 0.017 < max(came.values()) < 0.0205
+
+
+def gets_lost(bench: Bench) -> None:
+    """A fifth is missing."""
+    came = bench.publish(400, 0.001)
+    assert 280 < len(came) < 360
+    assert len({value for _, value in came}) == len(came)
+
+
+def comes_twice(bench: Bench) -> None:
+    """A fifth comes twice, one after the other."""
+    values = [value for _, value in bench.publish(400, 0.001)]
+    assert sorted(set(values)) == [*range(400)]
+    assert values == sorted(values)
+    assert 440 < len(values) < 520
+
+
+def is_slow(bench: Bench) -> None:
+    """Every other one is sent."""
+    assert [value for _, value in bench.publish(10)] == [1, 3, 5, 7, 9]
+
+
+SHOWS: dict[str, Callable[[Bench], None]] = {
+    "jam": held_jam,
+    "friction": rubs,
+    "push": is_pushed,
+    "motor_dead": falls,
+    "motor_weak": is_weak,
+    "motor_sign": runs_away,
+    "motor_overcurrent": burns,
+    "encoder_drift": drifts,
+    "encoder_bias": is_biased,
+    "encoder_scale": is_scaled,
+    "encoder_sign": counts_down,
+    "encoder_frozen": shows_the_same,
+    "encoder_noise": jitters,
+    "motor_encoder_drift": motor_drifts,
+    "motor_encoder_jump": motor_jumps,
+    "motor_encoder_scale": motor_is_scaled,
+    "motor_encoder_sign": motor_counts_down,
+    "motor_encoder_frozen": motor_shows_the_same,
+    "backlash": has_play,
+    "torque_bias": torque_is_biased,
+    "torque_scale": torque_is_scaled,
+    "missed_command": misses,
+    "fault_left": leaves_its_fault,
+    "mode_ignored": ignores_modes,
+    "wrong_mode": takes_another_mode,
+    "limits_ignored": goes_beyond,
+    "wrong_gear_ratio": tells_another_gearbox,
+    "wrong_upper_limit": upper_limit_is_wrong,
+    "wrong_lower_limit": lower_limit_is_wrong,
+    "wrong_coupling": tells_another_coupling,
+    "wrong_gains": is_slack,
+    "ft_bias": force_is_biased,
+    "ft_frozen": force_freezes,
+    "ft_noise": force_is_noisy,
+    "imu_rotated": imu_is_turned,
+    "imu_frozen": imu_freezes,
+    "camera_frozen": camera_freezes,
+    "camera_black": camera_is_black,
+    "camera_size": camera_is_small,
+    "latency": is_late,
+    "jitter": comes_irregularly,
+    "loss": gets_lost,
+    "duplicate": comes_twice,
+    "wrong_rate": is_slow,
+}
+IN_PROCESS = [kind for kind in KINDS.values() if kind.layer is not Layer.PROCESS]
+
+
+def test_every_kind_has_its_proof():
+    """No kind is there whose claim nobody looks at."""
+    assert set(SHOWS) == {kind.kind for kind in IN_PROCESS}
+
+
+@pytest.mark.parametrize("kind", SHOWS)
+def test_a_fault_shows_what_it_claims(bench: Bench, kind: str):
+    """It can be seen, and is not there in a healthy robot; taken out, the robot is as healthy as before."""
+    with pytest.raises(AssertionError):
+        SHOWS[kind](Bench())
+    before = health(bench)
+    number = bench.inject(kind)
+    assert health(bench) != before
+    SHOWS[kind](bench)
+    assert bench.faults.clear(number) == 1
+    bench.arm.set_interaction_modes(InteractionMode.STIFF, [3])
+    bench.arm.set_control_modes([ControlMode.FORCE_IDLE], [3])
+    bench.arm.set_control_modes([ControlMode.POSITION], [3])
+    bench.run(0.01)
+    assert health(bench) == before
+
+
+LAYERS = [layer for layer in Layer if layer is not Layer.PROCESS]
+
+
+def kinds_of(layer: Layer) -> list[str]:
+    """The kinds of a layer."""
+    return [kind.kind for kind in IN_PROCESS if kind.layer is layer]
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_a_reset_leaves_nothing_of_faults(layer: Layer):
+    """A robot that was broken and reset is, to the last bit, the one that was only reset, then and later."""
+    robots = [Bench(), Bench()]
+    for kind in kinds_of(layer):
+        robots[1].inject(kind)
+    for robot in robots:
+        robot.run(0.1)
+    assert state(robots[0]) != state(robots[1])
+    for robot in robots:
+        robot.simulation.reset()
+    assert state(robots[0]) == state(robots[1])
+    assert robots[1].faults.active == ()
+    for robot in robots:
+        robot.move(60.0, 0.1)
+    assert state(robots[0]) == state(robots[1])
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_broken_robots_are_the_same_with_the_same_seed(layer: Layer):
+    """A fault is no excuse: told the same at the same moments, two robots end in the same state, to the last bit."""
+    robots = [Bench(seed=7), Bench(seed=7)]
+    for robot in robots:
+        for kind in kinds_of(layer):
+            robot.inject(kind, delay=0.02, duration=0.05)
+        robot.publish(10)
+        robot.force_torques["left_arm"].read()
+        robot.imu.read_sensor(SensorCategory.GYROSCOPE, 0)
+    assert state(robots[0]) == state(robots[1])
+    assert robots[0].port.written == robots[1].port.written
+
+
+def test_chance_is_another_one_with_another_seed():
+    """What is random is not the same for ever."""
+    robots = [Bench(seed=7), Bench(seed=8)]
+    for robot in robots:
+        robot.inject("encoder_noise")
+        robot.run(0.05)
+    assert robots[0].shown != robots[1].shown
+
+
+@pytest.mark.parametrize("kind", IN_PROCESS, ids=lambda kind: kind.kind)
+def test_no_value_that_is_allowed_ends_the_time(bench: Bench, kind: type[Fault]):
+    """However bad a fault is, the simulation goes on, with numbers."""
+    for end in ("minimum", "maximum") if kind.parameters else ("",):
+        number = bench.inject(kind.kind, values={one.name: getattr(one, end) for one in kind.parameters})
+        bench.move(60.0, 0.05)
+        bench.publish(2)
+        bench.pictures()
+        data = bench.simulation.data
+        assert np.isfinite(data.qpos).all()
+        assert np.isfinite(bench.boards.position).all()
+        assert not any(warning.number for warning in data.warning)
+        bench.faults.clear(number)
+
+
+# Time -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_fault_comes_and_goes_at_its_time(bench: Bench):
+    """It begins after the delay and ends after the duration, to the millisecond."""
+    number = bench.faults.inject("encoder_bias", JOINT, delay=0.05, duration=0.02)
+    (active,) = bench.faults.active
+    assert (active.number, active.running) == (number, False)
+    assert (active.begins, active.ends) == pytest.approx((0.25, 0.27))
+    wrong = []
+    for step in range(100):
+        bench.run(0.001)
+        if abs(bench.shown - bench.true) > 4.0:
+            wrong.append(step)
+    # An encoder is read before what happens at a moment: the fault is seen from the next step on.
+    assert wrong == [*range(50, 70)]
+    assert bench.faults.active == ()
+
+
+def test_a_fault_that_is_cleared_before_its_time_never_begins(bench: Bench):
+    """Neither then nor later."""
+    before = health(bench)
+    number = bench.faults.inject("jam", JOINT, delay=0.05)
+    bench.faults.clear(number)
+    bench.run(0.1)
+    assert health(bench) == before
+
+
+def test_a_fault_that_is_cleared_before_its_end_does_not_end_twice(bench: Bench):
+    """Nor does its end take out the next one of the same kind."""
+    number = bench.faults.inject("jam", JOINT, duration=0.05)
+    bench.faults.clear(number)
+    again = bench.faults.inject("jam", JOINT)
+    bench.run(0.1)
+    assert [one.number for one in bench.faults.active] == [again]
+
+
+# Several ----------------------------------------------------------------------------------------------------------
+
+KEEPERS = [kind.kind for kind in IN_PROCESS if kind.keeps]
+
+
+@pytest.mark.parametrize("kind", KEEPERS)
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 2, 0)])
+def test_faults_on_the_same_joint_end_in_any_order(kind: str, order: tuple[int, ...]):
+    """What is left is what the others make of a healthy robot; in the end it is healthy."""
+    bench = Bench(age=0.0)
+    (parameter,) = find_kind(kind).parameters
+    values = [{parameter.name: value} for value in (0.1, 0.7, 0.3)]
+    numbers = [bench.inject(kind, values=one) for one in values]
+    left = [0, 1, 2]
+    for place in order:
+        bench.faults.clear(numbers[place])
+        left.remove(place)
+        other = Bench(age=0.0)
+        for one in left:
+            other.inject(kind, values=values[one])
+        assert health(bench) == health(other)
+
+
+def test_the_order_in_which_they_begin_counts_and_not_their_numbers(bench: Bench):
+    """A fault that was put in first and begins last ends as well as any other."""
+    before = health(bench)
+    late = bench.inject("wrong_gear_ratio", delay=0.01)
+    early = bench.inject("wrong_gear_ratio", values={"factor": 3.0})
+    bench.run(0.05)
+    bench.faults.clear(early)
+    assert bench.arm.gearbox_ratio(3) == 1.5 * bench.boards.gearbox[ELBOW]
+    bench.faults.clear(late)
+    assert health(bench) == before
+
+
+def test_all_kinds_at_once(bench: Bench):
+    """Everything can be broken at the same time, and mended with one word."""
+    before = health(bench)
+    for kind in SHOWS:
+        bench.inject(kind)
+    bench.run(0.1)
+    assert len(bench.faults.active) == len(SHOWS)
+    assert bench.faults.clear() == len(SHOWS)
+    bench.arm.set_control_modes([ControlMode.FORCE_IDLE], [3])
+    bench.arm.set_control_modes([ControlMode.POSITION], [3])
+    assert health(bench) == before
+
+
+def test_a_fault_strikes_its_joint_and_no_other(bench: Bench):
+    """The same fault of the wrist leaves the elbow alone."""
+    bench.faults.inject("encoder_bias", "l_wrist_prosup")
+    bench.run(0.01)
+    assert bench.shown == pytest.approx(bench.true, abs=0.02)
+    assert bench.arm.encoders(4).item() == pytest.approx(5.0, abs=1.0)
+
+
+# What is refused --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "target", "values", "mend"),
+    [
+        ("earthquake", "", {}, "there are jam, friction"),
+        ("jam", "", {}, "its joints are neck_pitch"),
+        ("jam", "elbow", {}, "its joints are neck_pitch"),
+        ("ft_bias", "left_hand", {}, "there are left_arm"),
+        ("imu_frozen", "imu2", {}, "one inertial unit, imu"),
+        ("camera_black", "middle", {}, "there are left"),
+        ("loss", "/icubSim/nothing:o", {}, f"but at {PORT}"),
+        ("crash", "head", {}, "is not needed"),
+        ("jam", JOINT, {"force": 1.0}, "what can be set is torque"),
+        ("motor_dead", JOINT, {"share": 1.0}, "what can be set is nothing"),
+        ("jam", JOINT, {"torque": -1.0}, "from 0 to 100000 Nm"),
+        ("jam", JOINT, {"torque": float("nan")}, "from 0 to 100000 Nm"),
+        ("loss", PORT, {"share": 1.5}, "from 0 to 1"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_the_mend(
+    bench: Bench, kind: str, target: str, values: dict[str, float], mend: str
+):
+    """A name or a value that is wrong is told with what would be right, and nothing is broken."""
+    before = health(bench)
+    with pytest.raises(RefusedError) as refused:
+        bench.faults.inject(kind, target, values)
+    assert mend in str(refused.value)
+    assert health(bench) == before
+    assert bench.faults.active == ()
+
+
+@pytest.mark.parametrize(
+    "times", [{"delay": -1.0}, {"duration": 0.0}, {"delay": float("nan")}, {"delay": float("inf")}, {"duration": -1.0}]
+)
+def test_times_that_cannot_be_are_refused(bench: Bench, times: dict[str, float]):
+    """A fault begins now or later, and lasts."""
+    with pytest.raises(RefusedError, match="begins after 0 s or more"):
+        bench.inject("jam", **times)
+
+
+def test_a_number_that_is_not_there_is_refused(bench: Bench):
+    """With those that are."""
+    number = bench.inject("jam")
+    with pytest.raises(RefusedError, match=rf"no fault number 99; there are \[{number}\]"):
+        bench.faults.clear(99)
+
+
+def test_there_is_a_bound(bench: Bench):
+    """Nobody fills the memory with faults."""
+    for _ in range(MOST_FAULTS):
+        bench.inject("motor_dead", delay=1000.0)
+    with pytest.raises(RefusedError, match="clear some"):
+        bench.inject("motor_dead")
+
+
+# The process ------------------------------------------------------------------------------------------------------
+
+PROGRAM = """
+import sys
+from types import SimpleNamespace
+from rtf.simulator.faults.network import Crash, Hang
+robot = SimpleNamespace(simulation=SimpleNamespace(boards=None, now=0.0))
+print("begins", flush=True)
+{"crash": Crash, "hang": Hang}[sys.argv[1]](robot).start()
+print("goes on", flush=True)
+"""
+
+
+def start_program(kind: str) -> subprocess.Popen[bytes]:
+    """A process in which a fault begins at once."""
+    return subprocess.Popen([sys.executable, "-c", PROGRAM, kind], stdout=subprocess.PIPE)
+
+
+def test_a_crash():
+    """The process is killed at once, without a last word."""
+    process = start_program("crash")
+    assert process.communicate(timeout=20)[0] == b"begins\n"
+    assert process.returncode == -signal.SIGKILL
+
+
+def test_a_hang():
+    """The process is there and does nothing; told to go on, it does."""
+    process = start_program("hang")
+    assert os.WIFSTOPPED(os.waitpid(process.pid, os.WUNTRACED)[1])
+    process.send_signal(signal.SIGCONT)
+    assert process.communicate(timeout=20)[0] == b"begins\ngoes on\n"
+
+
+# The catalogue ----------------------------------------------------------------------------------------------------
+
+
+def test_the_catalogue_leaves_nothing_out():
+    """All kinds and parameters are in all its forms."""
+    text, table = catalogue.as_text(KINDS.values()), catalogue.as_markdown(KINDS.values())
+    for kind in KINDS.values():
+        assert f"  {kind.kind}  (" in text
+        assert f"| `{kind.kind}` |" in table
+        told = catalogue.facts(kind)
+        assert told["layer"] == kind.layer.value
+        for parameter, facts in zip(kind.parameters, told["parameters"], strict=True):
+            assert f"{parameter.name}={parameter.default:g}" in text
+            assert (facts["name"], facts["default"]) == (parameter.name, parameter.default)
+            assert parameter.minimum <= parameter.default <= parameter.maximum
+
+
+def test_the_page_has_the_catalogue():
+    """The tables of the page on faults are those of the kinds, to the letter."""
+    page = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
+    found = re.search(r"<!-- the kinds: [^\n]* -->\n(.*)<!-- the kinds end -->", page, re.DOTALL)
+    assert found is not None
+    assert found[1].strip() == catalogue.as_markdown(KINDS.values()).strip()

@@ -1,0 +1,237 @@
+"""What the boards' controllers follow: trajectories, and the blocks in which they are computed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rtf.simulator.references import BLOCK, References
+
+STEP = 1e-3
+AXES = np.arange(3)
+LIMIT = 80.0
+
+
+@pytest.fixture
+def references() -> References:
+    """Three axes at 0, 10 and -20 degrees, which may be from -80 to 80."""
+    return made()
+
+
+def made() -> References:
+    """Anew."""
+    return References(np.array([0.0, 10.0, -20.0]), np.full(3, -LIMIT), np.full(3, LIMIT), STEP)
+
+
+def path(references: References, begin: int, steps: int, axis: int = 0) -> np.ndarray:
+    """Position, speed and acceleration at some steps, (3, steps)."""
+    axes = np.array([axis])
+    return np.array([[number[0] for number in references.at(tick, axes)] for tick in range(begin, begin + steps)]).T
+
+
+def same(value: float) -> np.ndarray:
+    """One number for all axes."""
+    return np.full(3, value)
+
+
+class TestMoves:
+    """Minimum-jerk moves."""
+
+    @pytest.mark.parametrize(("target", "speed"), [(30.0, 20.0), (-45.0, 60.0), (10.5, 100.0), (80.0, 50.0)])
+    def test_from_rest_it_is_the_known_polynomial(self, references: References, target: float, speed: float):
+        """10 s³ - 15 s⁴ + 6 s⁵ of the way, which takes as long as the mean speed says."""
+        references.move(np.array([1]), np.array([target]), np.array([speed]), 100)
+        way, duration = target - 10.0, abs(target - 10.0) / speed
+        steps = round(duration / STEP) + 50
+        s = np.minimum(np.arange(steps) * STEP / duration, 1.0)
+        found = path(references, 100, steps, axis=1)
+        assert found[0] == pytest.approx(10.0 + way * s**3 * (10 - 15 * s + 6 * s**2), abs=1e-9)
+        assert found[1] == pytest.approx(way / duration * 30 * s**2 * (1 - s) ** 2, abs=1e-7)
+        assert found[2] == pytest.approx(way / duration**2 * 60 * s * (1 - s) * (1 - 2 * s), abs=1e-5)
+
+    @pytest.mark.parametrize("moment", [1, 150, 499, 900, 1000])
+    @pytest.mark.parametrize("target", [-30.0, 25.0, 60.0])
+    def test_from_motion_nothing_jumps(self, references: References, moment: int, target: float):
+        """Position, speed and acceleration go on from what they are, and the move ends at rest at its target."""
+        references.move(AXES, same(20.0), same(20.0), 0)
+        before = path(references, moment, 1)[:, 0]
+        references.move(AXES, same(target), same(30.0), moment)
+        steps = round(abs(target - before[0]) / 30.0 / STEP) + 2
+        found = path(references, moment, steps)
+        assert found[:, 0] == pytest.approx(before, abs=1e-9)
+        assert found[:, -1] == pytest.approx([target, 0.0, 0.0], abs=1e-9)
+        assert np.abs(np.diff(found[0])).max() < 0.5, "the reference jumps"
+        # What is said of speed is what the positions do.
+        assert np.diff(found[0])[:-1] / STEP == pytest.approx(((found[1][1:] + found[1][:-1]) / 2)[:-1], abs=0.5)
+
+    def test_done_at_the_end_and_not_before(self, references: References):
+        """The step at which the target is reached is the first one at which the motion is done."""
+        references.move(np.array([0, 1]), np.array([10.0, 60.0]), same(20.0)[:2], 7)
+        assert references.done(AXES, 506).tolist() == [False, False, True]
+        assert references.done(AXES, 507).tolist() == [True, False, True]
+        assert references.done(AXES, 2507).tolist() == [True, True, True]
+
+    def test_speed_zero_is_slow_but_ends(self, references: References):
+        """A speed of 0 asks for no division by it."""
+        references.move(AXES, same(1.0), same(0.0), 0)
+        assert np.isfinite(references.at(5, AXES)[0]).all()
+
+    def test_a_target_where_the_reference_is_changes_nothing(self, references: References):
+        """A move of no length is done at the next step."""
+        references.move(AXES, np.array([0.0, 10.0, -20.0]), same(10.0), 3)
+        assert references.at(4, AXES)[0] == pytest.approx([0.0, 10.0, -20.0])
+        assert references.done(AXES, 4).all()
+
+    def test_a_move_from_motion_stays_within_the_limits(self, references: References):
+        """Whoever is fast near a limit and told to end there slowly does not swing beyond it."""
+        references.run(AXES, same(60.0), same(1e6), 0)
+        references.move(AXES, same(LIMIT), same(1.0), 1300)
+        found = path(references, 1300, 3000)
+        assert found[0].max() <= LIMIT
+
+
+class TestSpeeds:
+    """Running at speeds."""
+
+    def test_a_ramp_and_then_a_line(self, references: References):
+        """The speed grows with the acceleration and stays."""
+        references.run(AXES, same(20.0), same(100.0), 50)
+        t = np.arange(1000) * STEP
+        found = path(references, 50, 1000)
+        assert found[1] == pytest.approx(np.minimum(100.0 * t, 20.0), abs=1e-9)
+        assert found[0] == pytest.approx(np.where(t < 0.2, 50 * t**2, 20 * t - 2), abs=1e-9)
+
+    def test_speeds_follow_on_each_other(self, references: References):
+        """From one speed to its opposite there is a ramp, and positions do not jump."""
+        references.run(AXES, same(20.0), same(1000.0), 0)
+        references.run(AXES, same(-20.0), same(100.0), 500)
+        found = path(references, 500, 600)
+        assert found[1][0] == pytest.approx(20.0)
+        assert found[1][400:] == pytest.approx(-20.0)
+        assert np.abs(np.diff(found[0])).max() <= 20.0 * STEP + 1e-9
+
+    def test_to_a_stop(self, references: References):
+        """Speed 0 ends at rest, v²/2a further."""
+        references.run(AXES, same(30.0), same(1e9), 0)
+        references.run(AXES, same(0.0), same(1000.0), 1000)
+        assert references.at(1030, AXES)[0][0] == pytest.approx(30.0 + 0.45)
+        assert references.at(99999, AXES)[0][0] == pytest.approx(30.0 + 0.45)
+        assert references.at(99999, AXES)[1][0] == 0.0
+
+    def test_a_line_ends_at_the_limit(self, references: References):
+        """There the speed is 0; and from there it goes back at once."""
+        references.run(AXES, same(100.0), same(1e9), 0)
+        assert references.at(5000, AXES)[0] == pytest.approx(same(LIMIT))
+        assert references.at(5000, AXES)[1].tolist() == [0.0, 0.0, 0.0]
+        references.run(AXES, same(-10.0), same(1e9), 5000)
+        assert references.at(5100, AXES)[0] == pytest.approx(same(LIMIT - 1.0), abs=1e-6)
+
+    @pytest.mark.parametrize("acceleration", [1.0, 10.0, 100.0])
+    def test_slowing_down_does_not_lead_beyond_the_limit(self, references: References, acceleration: float):
+        """Who is told to stop gently near a limit stops at it."""
+        references.run(AXES, same(100.0), same(1e9), 0)
+        references.run(AXES, same(0.0), same(acceleration), 780)
+        for tick in (780, 800, 900, 2000, 200_000):
+            assert references.at(tick, AXES)[0].max() <= LIMIT
+        assert references.at(200_000, AXES)[1].tolist() == [0.0, 0.0, 0.0]
+
+    def test_speeding_up_does_not_lead_beyond_the_limit(self, references: References):
+        """Nor does a ramp that takes longer than the way."""
+        references.run(AXES, same(100.0), same(1.0), 0)
+        assert references.at(90_000, AXES)[0] == pytest.approx(same(LIMIT))
+        assert references.at(90_000, AXES)[1].tolist() == [0.0, 0.0, 0.0]
+
+
+class TestLimits:
+    """Between what references are."""
+
+    def test_one_that_begins_outside_may_come_back_and_no_further_out(self, references: References):
+        """A joint that was pushed beyond its limit is led back, not snatched."""
+        references.hold(AXES, same(LIMIT + 3), 0)
+        assert references.at(10, AXES)[0] == pytest.approx(same(LIMIT + 3))
+        references.run(AXES, same(10.0), same(1e9), 10)
+        assert references.at(500, AXES)[0] == pytest.approx(same(LIMIT + 3))
+        references.move(AXES, same(70.0), same(13.0), 500)
+        assert references.at(502, AXES)[0] == pytest.approx(same(LIMIT + 3), abs=0.01)
+        assert references.at(9999, AXES)[0] == pytest.approx(same(70.0))
+
+    def test_limits_that_leave_an_axis_outside_stop_it(self, references: References):
+        """It stays where it is then, instead of jumping to the limit."""
+        references.run(AXES, same(20.0), same(1e9), 0)
+        references.set_limits(0, -10.0, 5.0, 1000)
+        references.set_limits(2, -90.0, 5.0, 1000)
+        assert references.at(3000, AXES)[0] == pytest.approx([20.0, 70.0, 5.0])
+        assert references.within_limits(AXES, same(100.0)).tolist() == [5.0, LIMIT, 5.0]
+
+
+#: What may be told to some axes at a step, and how.
+_COMMANDS = st.one_of(
+    st.tuples(st.just("move"), st.floats(-80, 80), st.floats(0, 200)),
+    st.tuples(st.just("run"), st.floats(-200, 200), st.floats(0, 2000)),
+    st.tuples(st.just("hold"), st.floats(-80, 80), st.just(0.0)),
+    st.tuples(st.just("limits"), st.floats(-80, -1), st.floats(1, 80)),
+)
+
+
+def tell(references: References, axes: list[int], command: tuple[str, float, float], now: int) -> None:
+    """Give one command."""
+    what, first, second = command
+    chosen = np.array(axes)
+    one, other = np.full(len(axes), first), np.full(len(axes), second)
+    if what == "move":
+        references.move(chosen, one, other, now)
+    elif what == "run":
+        references.run(chosen, one, other, now)
+    elif what == "hold":
+        references.hold(chosen, one, now)
+    else:
+        references.set_limits(axes[0], first, second, now)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    history=st.lists(
+        st.tuples(st.integers(0, 70), st.lists(st.integers(0, 2), min_size=1, max_size=3, unique=True), _COMMANDS),
+        max_size=6,
+    ),
+    scale=st.floats(0.1, 1000.0),
+)
+def test_rows_are_what_an_evaluation_gives(history: list, scale: float):
+    """Whatever was told when, the row of each step is the trajectory there, and is within or on the way to limits."""
+    references = References(
+        np.array([0.0, 10.0, -20.0]),
+        same(-LIMIT),
+        same(LIMIT),
+        STEP,
+        scales=(np.array([1.0, scale, 2.0]), 0.5),
+    )
+    tick = 0
+    for wait, axes, command in [*history, (BLOCK + 5, [0], ("hold", 0.0, 0.0))]:
+        for _ in range(wait):
+            row = tick - references.begin
+            if row >= BLOCK:
+                references.fill(tick)
+                row = 0
+            positions, speeds, _ = references.at(tick, AXES)
+            assert references.positions[row] == pytest.approx(positions * [1.0, scale, 2.0], rel=1e-12, abs=1e-9)
+            assert references.velocities[row] == pytest.approx(speeds * 0.5, rel=1e-12, abs=1e-9)
+            tick += 1
+        if tick - references.begin <= BLOCK:
+            tell(references, axes, command, tick)
+
+
+@settings(max_examples=40, deadline=None)
+@given(history=st.lists(st.tuples(st.integers(1, 2000), _COMMANDS.filter(lambda one: one[0] != "limits")), max_size=10))
+def test_no_history_leads_beyond_the_limits(history: list):
+    """Whatever is told, references are between the limits at every moment."""
+    references, tick = made(), 0
+    for wait, command in history:
+        for after in range(0, wait, max(1, wait // 7)):
+            positions, speeds, accelerations = references.at(tick + after, AXES)
+            assert np.abs(positions).max() <= LIMIT
+            assert np.isfinite(speeds).all()
+            assert np.isfinite(accelerations).all()
+        tick += wait
+        tell(references, [0, 1, 2], command, tick)
