@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 def demo(words: Sequence[str]) -> ExitCode:
     """Run the demonstration in a folder of its own, and compare."""
     from rtf.cli import testrunner
+    from rtf.cli.moving import move
     from rtf.cli.talking import talk
     from rtf.errors import RtfError
     from rtf.testing import replay
@@ -51,6 +52,10 @@ def demo(words: Sequence[str]) -> ExitCode:
         print("\n".join(talk()))
     except (RtfError, OSError) as error:
         wrong.append(f"two programs that talk: {error}")
+    try:
+        print("\n".join(move(runs)))
+    except (RtfError, OSError) as error:
+        wrong.append(f"a robot that moves: {error}")
     for line in wrong:
         print(f"not as expected: {line}")
     total = len(results.tests)

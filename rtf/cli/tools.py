@@ -22,10 +22,15 @@ tests:
   page        the page of a run that is over, or still going on
   history     what became of tests and measurements over the runs
   where FILE  where a parameter file is looked for, and which one wins
+  proof       run every robot test on every fault that it claims to find
   demo        run the demonstration suite and check every verdict
 
 network:
 {network}
+
+robot:
+  robotinterface  start a robot from its configuration, and end it in order
+  simulator       start a simulated iCub, and break it on purpose
 
 other:
   version     the version of the framework
@@ -49,6 +54,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # 'where' is asked two things: with a file where that is looked for, without one where the name server is.
     if tool in network.TOOLS and (tool != "where" or words[1:] in ([], ["-h"], ["--help"])):
         return int(network.run(tool, words[1:]))
+    if tool == "robotinterface":
+        from rtf.cli.robotinterface import robotinterface
+
+        return robotinterface(words[1:])
+    if tool == "simulator":
+        from rtf.cli.simulator import simulator
+
+        return simulator(words[1:])
     return _run_tests(tool, words)
 
 
@@ -59,6 +72,10 @@ def _run_tests(tool: str, words: list[str]) -> int:
         from rtf.cli.demo import demo
 
         return int(demo(words[1:]))
+    if tool == "proof":
+        from rtf.cli.proof import proof
+
+        return int(proof(words[1:]))
     if tool == "run":
         return testrunner.main(words[1:])
     if tool in testrunner.COMMANDS:

@@ -1,0 +1,124 @@
+"""``rtf proof``: run every test on every fault it claims to find, and write down what came of it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf.cli.arguments import Parser
+from rtf.testing.verdict import ExitCode
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Sequence
+
+    from rtf.robot_testing.proof import Case, Finding
+
+_EXAMPLES = """\
+examples:
+  rtf proof                          everything, on all cores; hours of robot time in minutes
+  rtf proof --fast                   the subset that the project's own tests run
+  rtf proof --test JointLimits       one test
+  rtf proof --resume                 go on with a proof that was interrupted
+  rtf proof --output docs/proof.md   write the matrix there
+"""
+
+
+def proof(words: Sequence[str]) -> ExitCode:
+    """Run the command; returns 0 when every claim holds, 1 otherwise."""
+    options = _parse(words)
+    from rtf.robot_testing.proof import write_matrix
+    from rtf.robot_testing.proof.suites import write_suites
+
+    cases = _cases(options)
+    if options.list:
+        print("\n".join(f"{case.expectation.value:9}  {case.name}" for case in cases))
+        print(f"{len(cases)} cases")
+        return ExitCode.PASSED
+    folder = Path(options.folder).absolute()
+    folder.mkdir(parents=True, exist_ok=True)
+    files, by_test = write_suites(cases, folder, options.jobs)
+    code = _run(options, folder, files)
+    if code in (ExitCode.INTERRUPTED, ExitCode.USAGE, ExitCode.INTERNAL):
+        print("PROOF INTERRUPTED  go on with it by: rtf proof --resume")
+        return code
+    findings = _findings(folder / "run", by_test)
+    text = write_matrix(findings)
+    target = Path(options.output) if options.output else folder / "proof.md"
+    target.write_text(text, encoding="utf-8")
+    return _tell(findings, target)
+
+
+def _parse(words: Sequence[str]) -> argparse.Namespace:
+    parser = Parser(
+        prog="rtf proof",
+        description="Run every robot test on every fault of the simulated robot that it claims to find, on faults "
+        "that it must not mind, and on the healthy robot.",
+        epilog=_EXAMPLES,
+    )
+    parser.add_argument("--test", metavar="NAME", action="append", default=[], help="only the claims of this test")
+    parser.add_argument("--fault", metavar="KIND", action="append", default=[], help="only cases with this fault")
+    parser.add_argument("--fast", action="store_true", help="only the fast subset")
+    parser.add_argument("--list", action="store_true", help="list the cases and run nothing")
+    parser.add_argument("-j", "--jobs", type=int, default=os.cpu_count() or 1, help="simulators at a time")
+    parser.add_argument("--folder", metavar="DIR", default="rtf-runs/proof", help="where suites and results are kept")
+    parser.add_argument(
+        "--output", metavar="FILE", help="where the matrix is written (default: proof.md in the folder)"
+    )
+    parser.add_argument("--resume", action="store_true", help="go on with a proof that was interrupted")
+    return parser.parse_args(words)
+
+
+def _cases(options: argparse.Namespace) -> list[Case]:
+    from rtf.robot_testing.proof import cases_of, read_claims
+    from rtf.testing.plugins import shipped_folder
+
+    cases: list[Case] = []
+    for file in sorted((shipped_folder("test") / "claims").glob("*.toml")):
+        claims = read_claims(file)
+        if options.test and claims.test not in options.test:
+            continue
+        cases += [
+            case for case in cases_of(claims, fast=options.fast) if not options.fault or case.fault in options.fault
+        ]
+    return cases
+
+
+def _run(options: argparse.Namespace, folder: Path, files: Sequence[Path]) -> ExitCode:
+    """Have the ordinary runner do it; a proof that is gone on with has its run already."""
+    import shutil
+
+    from rtf.cli import testrunner
+
+    run = folder / "run"
+    if options.resume and run.exists():
+        return ExitCode(testrunner.main(["--resume", str(run)]))
+    if run.exists():
+        shutil.rmtree(run)
+    suites = [word for file in files for word in ("--suite", str(file))]
+    words = [*suites, "--run-folder", str(run), "-j", str(len(files)), "--answer", "default", "-q"]
+    return ExitCode(testrunner.main(words))
+
+
+def _findings(run: Path, by_test: dict[str, Case]) -> list[Finding]:
+    from rtf.robot_testing.proof import judge
+    from rtf.testing import replay
+    from rtf.testing.results import RunResult
+
+    results = RunResult()
+    for event in replay.as_one_run(run):
+        results.apply(event)
+    return [judge(case, results.tests.get(test)) for test, case in by_test.items()]
+
+
+def _tell(findings: Sequence[Finding], target: Path) -> ExitCode:
+    wrong = [finding for finding in findings if not finding.judgement.good]
+    for finding in wrong:
+        print(f"{finding.judgement.value}: {finding.case.name}: {finding.sentence}")
+    print(f"The matrix is in {target}")
+    if wrong:
+        print(f"PROOF FAILED  {len(wrong)} of {len(findings)} claims do not hold")
+        return ExitCode.FAILURES
+    print(f"PROOF PASSED  all {len(findings)} claims hold")
+    return ExitCode.PASSED

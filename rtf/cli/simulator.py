@@ -1,0 +1,248 @@
+"""``rtf simulator``: start a simulated robot, list what can be broken in it, and talk to one that runs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf.cli.arguments import Parser, count, key_value, seconds
+from rtf.errors import RtfError
+from rtf.testing.verdict import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.simulator.faults import Fault
+
+_EPILOG = """\
+to a simulator that runs (each has its own --help):
+  rtf simulator status                                  how it is, and what is broken
+  rtf simulator inject KIND [TARGET] [NAME=VALUE ...]   break something
+  rtf simulator clear [NUMBER]                          mend it, or everything
+without one:
+  rtf simulator faults [KIND] [--json]                  what can be broken
+
+examples:
+  rtf simulator --nameserver                            a whole robot, in real time
+  rtf simulator --robot icubSim --parts head,left_arm --lockstep
+  rtf simulator --realtime-factor inf --cameras auto
+  rtf simulator inject jam l_elbow torque=50 --delay 2 --duration 5
+
+The first SIGINT or SIGTERM closes all ports, the second ends it at once.
+
+exit codes:
+  0  it ended because it was asked to   1  it was not started, or its time ended with an error
+  4  the command line is wrong   130  ended at once
+"""
+_FASTEST = float("inf")
+
+
+def simulator(words: Sequence[str]) -> int:
+    """Run one of the commands; returns the exit code."""
+    command = _COMMANDS.get(words[0]) if words else None
+    try:
+        return command(words[1:]) if command is not None else _run(words)
+    except RtfError as error:
+        print(f"rtf simulator: {error}", file=sys.stderr)
+        return int(ExitCode.FAILURES)
+
+
+# Starting one ----------------------------------------------------------------------------------------------------
+
+
+def _run(words: Sequence[str]) -> int:
+    from rtf.bottle import Dialect
+    from rtf.simulator.program import Settings, run_simulator
+
+    options = _parser().parse_args(words)
+    return run_simulator(
+        Settings(
+            robot=options.robot,
+            parts=options.parts,
+            seed=options.seed,
+            lockstep=options.lockstep,
+            factor=options.realtime_factor,
+            cameras=options.cameras,
+            collision=options.collision,
+            clock=options.clock,
+            dialect=None if options.dialect is None else Dialect(options.dialect),
+            nameserver=options.nameserver,
+            ready_file=options.ready_file,
+        )
+    )
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="rtf simulator",
+        usage="rtf simulator [options] | faults | status | inject | clear ...",
+        description="Start a simulated iCub: its ports are those of the robot, and /clock is its time.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    _add_robot(parser)
+    parser.add_argument("--parts", metavar="A,B", type=_parts, default=(), help="the parts to serve (default: all)")
+    parser.add_argument("--seed", metavar="N", type=count, default=0, help="where all that is random begins")
+    pace = parser.add_mutually_exclusive_group()
+    pace.add_argument("--lockstep", action="store_true", help="time passes only while all who take part wait for it")
+    pace.add_argument(
+        "--realtime-factor",
+        metavar="F",
+        type=_factor,
+        default=1.0,
+        help="how many times faster than the machine's clock time passes at most: 0.1 and more, or inf (default: 1)",
+    )
+    parser.add_argument("--clock", metavar="/PORT", type=_port, default="/clock", help="its clock (default: /clock)")
+    parser.add_argument(
+        "--cameras",
+        nargs="?",
+        choices=("auto", "yes", "no"),
+        const="yes",
+        default="no",
+        help="with the eyes; auto: where pictures can be made",
+    )
+    parser.add_argument(
+        "--collision",
+        choices=("capsules", "hulls", "none"),
+        default="capsules",
+        help="what can touch what: outlines, hulls of the covers, or nothing",
+    )
+    parser.add_argument("--dialect", choices=(3, 4), type=int, help="the major version of YARP to speak (default: 3)")
+    parser.add_argument(
+        "--nameserver", action="store_true", help="be the name server, too, at the place that the configuration says"
+    )
+    parser.add_argument("--ready-file", metavar="FILE", type=Path, help="write a file when it is ready")
+    return parser
+
+
+def _add_robot(parser: Parser) -> None:
+    parser.add_argument(
+        "--robot", metavar="NAME", type=_robot, default="icubSim", help="the beginning of its ports (default: icubSim)"
+    )
+
+
+def _robot(text: str) -> str:
+    name = text.strip("/")
+    if not name or any(map(str.isspace, name)):
+        raise argparse.ArgumentTypeError(f"{text!r} is no name of a robot; write one without blanks, such as icubSim")
+    return name
+
+
+def _port(text: str) -> str:
+    from rtf.cli.network.options import own_name
+
+    return own_name(text)
+
+
+def _parts(text: str) -> tuple[str, ...]:
+    from rtf.simulator.axes import PARTS
+
+    parts = tuple(part.strip() for part in text.split(",") if part.strip())
+    unknown = [part for part in parts if part not in PARTS]
+    if unknown or not parts:
+        raise argparse.ArgumentTypeError(f"there is no part {', '.join(unknown)!r}; there are {', '.join(PARTS)}")
+    return tuple(dict.fromkeys(parts))
+
+
+def _factor(text: str) -> float:
+    from rtf.simulator.control import SLOWEST
+
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = 0.0
+    if not SLOWEST <= factor <= _FASTEST:
+        raise argparse.ArgumentTypeError(f"{text!r} is no factor; write a number from {SLOWEST:g} on, or inf")
+    return factor
+
+
+# What can be broken ----------------------------------------------------------------------------------------------
+
+
+def _faults(words: Sequence[str]) -> int:
+    parser = Parser(prog="rtf simulator faults", description="The kinds of faults, by layer.", allow_abbrev=False)
+    parser.add_argument("kind", nargs="?", metavar="KIND", help="this one only, with all there is to say of it")
+    parser.add_argument("--json", action="store_true", help="for a program")
+    options = parser.parse_args(words)
+    from rtf.simulator.faults import KINDS, catalogue, find_kind
+
+    kinds: list[type[Fault]] = list(KINDS.values()) if options.kind is None else [find_kind(options.kind)]
+    if options.json:
+        print(json.dumps([catalogue.facts(kind) for kind in kinds], indent=1))
+    else:
+        print(catalogue.as_text(kinds), end="")
+    return int(ExitCode.PASSED)
+
+
+# Talking to one that runs ----------------------------------------------------------------------------------------
+
+
+def _status(words: Sequence[str]) -> int:
+    parser = Parser(prog="rtf simulator status", description="How a simulator is.", allow_abbrev=False)
+    _add_robot(parser)
+    options = parser.parse_args(words)
+    from rtf.cli.network.options import make_network
+    from rtf.simulator.control import SimulatorControl, describe_status
+
+    with SimulatorControl(options.robot, network=make_network()) as control:
+        print(describe_status(control.status()), end="")
+    return int(ExitCode.PASSED)
+
+
+def _inject(words: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rtf simulator inject",
+        description="Break something in a simulator that runs; prints the number of the fault, for clear.",
+        epilog="example:\n  rtf simulator inject encoder_drift l_elbow rate=0.5 --delay 2 --duration 10",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    _add_robot(parser)
+    parser.add_argument("kind", metavar="KIND", help="one of 'rtf simulator faults'")
+    parser.add_argument("words", nargs="*", metavar="TARGET | NAME=VALUE", help="what it strikes, and its parameters")
+    parser.add_argument("--delay", metavar="S", type=seconds, default=0.0, help="it begins so much later")
+    parser.add_argument("--duration", metavar="S", type=seconds, default=float("inf"), help="it ends by itself")
+    options = parser.parse_intermixed_args(words)
+    targets = [word for word in options.words if "=" not in word]
+    if len(targets) > 1:
+        parser.error(f"there is one target, {targets[0]}, and then {targets[1]!r}; parameters are NAME=VALUE")
+    values = dict(_value(parser, word) for word in options.words if "=" in word)
+    target = targets[0] if targets else ""
+    from rtf.cli.network.options import make_network
+    from rtf.simulator.control import SimulatorControl
+
+    with SimulatorControl(options.robot, network=make_network()) as control:
+        print(control.inject(options.kind, target, values, delay=options.delay, duration=options.duration))
+    return int(ExitCode.PASSED)
+
+
+def _value(parser: Parser, word: str) -> tuple[str, float]:
+    name, text = key_value(word)
+    try:
+        return name, float(text)
+    except ValueError:
+        parser.error(f"{name}: {text!r} is no number")
+
+
+def _clear(words: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rtf simulator clear",
+        description="Mend a simulator that runs; prints how many faults were taken out.",
+        allow_abbrev=False,
+    )
+    _add_robot(parser)
+    parser.add_argument("number", nargs="?", type=count, metavar="NUMBER", help="of the fault (default: all)")
+    options = parser.parse_args(words)
+    from rtf.cli.network.options import make_network
+    from rtf.simulator.control import SimulatorControl
+
+    with SimulatorControl(options.robot, network=make_network()) as control:
+        print(control.clear(options.number))
+    return int(ExitCode.PASSED)
+
+
+_COMMANDS = {"faults": _faults, "status": _status, "inject": _inject, "clear": _clear}

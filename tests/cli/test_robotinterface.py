@@ -1,0 +1,429 @@
+"""``rtf robotinterface`` as a program of its own: what it prints, signals in each phase, exit codes."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from lxml import etree
+from scripted_devices import action_xml as action
+from scripted_devices import device_xml as device
+from scripted_devices import install, robot_xml
+
+from rtf.bottle import Bottle
+from rtf.middleware.naming import configuration
+from rtf.middleware.naming.server import NameServer
+from rtf.middleware.network import Network
+from rtf.middleware.rpc import RpcClient
+from waiting import eventually
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+TESTS = Path(__file__).parents[1]
+RECORDED = TESTS / "data" / "yarp_config" / "fakerobot.xml"
+_LIMIT = 60.0
+
+
+class Program:
+    """One run of it; what it says goes to a file, what its devices are asked to another one."""
+
+    def __init__(self, lab: Lab, words: tuple[str, ...], environment: dict[str, str]) -> None:
+        self._lab = lab
+        self._err = lab.folder / "stderr.txt"
+        with self._err.open("wb") as err, (lab.folder / "stdout.txt").open("wb") as out:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "rtf.cli.tools", "robotinterface", *words],
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                env=environment,
+                cwd=lab.folder,
+            )
+
+    @property
+    def stderr(self) -> str:
+        """What it said so far."""
+        return self._err.read_text(encoding="utf-8")
+
+    @property
+    def calls(self) -> list[str]:
+        """What its devices were asked so far."""
+        return self._lab.log.read_text(encoding="utf-8").splitlines() if self._lab.log.exists() else []
+
+    def until(self, text: str) -> None:
+        """Wait until it has said something, or one of its devices was asked something."""
+
+        def there() -> bool:
+            return text in self.stderr or text in self.calls
+
+        eventually(lambda: there() or self.process.poll() is not None, f"{text!r} does not come", _LIMIT)
+        assert there(), self.stderr
+
+    def send(self, *signals: signal.Signals) -> None:
+        """Send signals, each when the one before has been heard."""
+        for number, one in enumerate(signals, 1):
+            before = self.stderr.count(": asked to end")
+            self.process.send_signal(one)
+            eventually(
+                lambda before=before: self.stderr.count(": asked to end") > before or self.process.poll() is not None,
+                f"signal {number} is not heard",
+            )
+
+    def end(self) -> int:
+        """Wait for its end."""
+        code = self.process.wait(_LIMIT)
+        assert "Traceback" not in self.stderr, self.stderr
+        return code
+
+
+class Lab:
+    """A folder with a robot, a name server, and the programs that ran."""
+
+    def __init__(self, folder: Path, server: NameServer) -> None:
+        self.folder = folder
+        self.log = folder / "log.txt"
+        self.server = server
+        self._environment = {**os.environ, "NO_COLOR": "1"}
+        self._environment["PYTHONPATH"] = os.pathsep.join([str(install(folder / "site")), str(TESTS)])
+        self.programs: list[Program] = []
+
+    def write(self, inside: str, attributes: str = 'build="1" portprefix="/bot"') -> None:
+        """Write the robot's file; its devices note what they are asked."""
+        text = re.sub(r"(<device [^>]*>)", rf'\1<param name="log">{self.log}</param>', inside)
+        (self.folder / "robot.xml").write_text(robot_xml(text, attributes), encoding="utf-8")
+
+    def start(self, *words: str) -> Program:
+        """Start it."""
+        self.programs.append(Program(self, words or ("--config", "robot.xml"), self._environment))
+        return self.programs[-1]
+
+    def run(self, *words: str) -> Program:
+        """Run it to its end."""
+        program = self.start(*words)
+        program.end()
+        return program
+
+    def ask(self, question: str) -> str:
+        """Ask its port."""
+        with RpcClient("/asks", "/bot/yarprobotinterface", network=Network(configuration.find_names())) as client:
+            return client.call(Bottle.parse(question), timeout=10).to_text()
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
+    """A name server of the test's own; afterwards no program runs, and every name was given back."""
+    monkeypatch.setenv("YARP_CONFIG_HOME", str(tmp_path / "user"))
+    monkeypatch.setenv("YARP_DATA_HOME", str(tmp_path / "user"))
+    for name in ("YARP_NAMESPACE", "YARP_PORT_PREFIX", "YARP_ROBOT_NAME"):
+        monkeypatch.delenv(name, raising=False)
+    with NameServer() as server:
+        configuration.write_place(server.contact)
+        made = Lab(tmp_path, server)
+        yield made
+        left = [program for program in made.programs if program.process.poll() is None]
+        for program in left:
+            program.process.kill()
+            program.process.wait()
+        assert [program.stderr for program in left] == []
+
+
+BOARD = device("board")
+STUB = device("stub", inside=action("attach", level=5, device="board") + action("detach", "shutdown", 5))
+
+
+def calibrator(inside: str = "", **parameters: str) -> str:
+    """A calibrator with a calibration, a parking, and more."""
+    actions = action("calibrate", level=10, target="board") + action("park", "shutdown", 2, target="board")
+    return device("cal", "scriptedCalibrator", actions + inside, **parameters)
+
+
+def custom(*places: tuple[str, int]) -> str:
+    """Actions that say when they were done."""
+    return "".join(action("custom", phase, level, name=f"{phase}{level}") for phase, level in places)
+
+
+class TestRunning:
+    """From the start to the end."""
+
+    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, "quit"])
+    def test_from_start_to_end(self, lab: Lab, how: signal.Signals | str):
+        """It says what it does with how long that took, is asked, and ends with 0; every name is given back."""
+        lab.write(BOARD + STUB + calibrator())
+        program = lab.start()
+        program.until("bot is ready")
+        assert [lab.ask(one) for one in ("get_phase", "is_ready", "get_robot")] == ["run", "[ok]", "bot"]
+        if how == "quit":
+            assert lab.ask("quit") == "bye"
+        else:
+            program.send(how)
+        assert program.end() == 0, program.stderr
+        assert program.calls == [
+            *("board open", "stub open", "cal open", "stub attach board=board", "cal calibrate board"),
+            *("cal park board", "stub detach", "cal close", "stub close", "board close"),
+        ]
+        lines = program.stderr.splitlines()
+        assert any(re.fullmatch(r"\[INFO\] opened stub \(scripted\) in \d+ ms \[2/3\]", line) for line in lines)
+        assert any(re.fullmatch(r"\[INFO\] park of cal \(shutdown, level 2\) done in \d+ ms", line) for line in lines)
+        assert re.fullmatch(r"\[INFO\] FINE: bot ran and was closed in order \(.*s\)", lines[-1])
+        assert configuration.find_names().query("/bot/yarprobotinterface") is None
+
+    def test_autoclose(self, lab: Lab):
+        """It ends as soon as it is ready."""
+        lab.write(BOARD)
+        program = lab.run("--config", "robot.xml", "--autocloseAfterStart")
+        assert program.process.returncode == 0
+        assert program.calls == ["board open", "board close"]
+
+    def test_values_from_the_command_line(self, lab: Lab):
+        """Any key is a value for extern-name; one that nobody asks for is told, and so is the other prefix."""
+        inside = '<action phase="startup" level="1" type="custom"><param name="n" extern-name="my">0</param></action>'
+        lab.write(device("one", inside=inside, at="${portprefix}"))
+        words = (
+            "--config",
+            "robot.xml",
+            "--my",
+            "7",
+            "--yours",
+            "8",
+            "--portprefix",
+            "/other",
+            "--autocloseAfterStart",
+        )
+        program = lab.run(*words)
+        assert program.process.returncode == 0
+        assert "one custom (n 7)" in program.calls
+        assert "[WARNING] --yours: no parameter of the robot asks for it by extern-name" in program.stderr
+        assert "--my:" not in program.stderr
+        assert "port /other/yarprobotinterface answers questions" in program.stderr
+
+    def test_a_device_that_cannot_be_opened(self, lab: Lab):
+        """The exit code is 1, the reason has the place, and the last line is the verdict."""
+        lab.write(BOARD + device("odd", "unheardOf"))
+        program = lab.run()
+        assert program.process.returncode == 1
+        assert re.search(
+            r"\[ERROR\] robot\.xml:5:1: odd \(unheardOf\) cannot be opened: there is no type", program.stderr
+        )
+        assert program.stderr.splitlines()[-1].startswith(
+            "[ERROR] FAILED: bot was never ready; what was open is closed"
+        )
+        assert program.calls == ["board open", "board close"]
+
+    def test_a_second_one_is_refused(self, lab: Lab):
+        """Two programs that move one robot do not know of each other."""
+        lab.write(BOARD)
+        first = lab.start()
+        first.until("bot is ready")
+        said = lab.folder / "first.txt"
+        (lab.folder / "stderr.txt").rename(said)
+        second = lab.run()
+        assert second.process.returncode == 1
+        assert "there is a port /bot/yarprobotinterface already" in second.stderr
+        first.process.send_signal(signal.SIGINT)
+        assert first.process.wait(_LIMIT) == 0
+        assert lab.log.read_text().splitlines() == ["board open", "board close"]
+
+    def test_no_name_server(self, lab: Lab):
+        """Nothing is opened, and it is said where it should be."""
+        lab.write(BOARD)
+        lab.server.close()
+        program = lab.run()
+        assert program.process.returncode == 1
+        assert "rtf nameserver" in program.stderr
+        assert program.calls == []
+
+
+class TestSignals:
+    """Signals in each phase, in the real program."""
+
+    @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+    def test_during_a_calibration(self, lab: Lab, number: signal.Signals):
+        """It is aborted at once; the interrupt's actions, the parking and the rest are still done."""
+        lab.write(BOARD + STUB + calibrator(custom(("startup", 11), ("interrupt1", 1)), calibrate="wait"))
+        program = lab.start()
+        program.until("cal calibrate board")
+        program.send(number)
+        assert program.end() == 1
+        assert program.calls[5:] == [
+            "cal abort",
+            "cal custom (name interrupt11)",
+            *("cal park board", "stub detach", "cal close", "stub close", "board close"),
+        ]
+        assert "calibrate of cal (startup, level 10) [scriptedCalibrator] failed: aborted" in program.stderr
+
+    def test_while_a_device_hangs_in_open(self, lab: Lab):
+        """The first signal waits for it, the second does not: the program ends, and the others are closed."""
+        lab.write(BOARD + device("slow", open="hang") + STUB)
+        program = lab.start()
+        program.until("slow open")
+        program.send(signal.SIGINT, signal.SIGINT)
+        assert program.end() == 1
+        assert "board close" in program.calls
+        assert "stub open" not in program.calls
+        assert "the opening of slow (scripted) has not come to an end" in program.stderr
+
+    @pytest.mark.parametrize("where", ["attach", "detach"])
+    def test_while_a_device_hangs_in_an_action(self, lab: Lab, where: str):
+        """Two signals are enough to get on."""
+        actions = action("attach", level=1, device="board") + action("detach", "shutdown", 1)
+        lab.write(BOARD + device("slow", inside=actions, **{where: "hang"}) + STUB)
+        program = lab.start()
+        program.until("slow attach board=board" if where == "attach" else "bot is ready")
+        program.send(signal.SIGINT)
+        if where == "detach":
+            program.until("slow detach")
+        program.send(signal.SIGINT)
+        assert program.end() == 1
+        assert "board close" in program.calls
+        assert f"{where} of slow" in program.stderr
+        assert "was not waited for" in program.stderr
+
+    def test_while_a_device_hangs_in_close(self, lab: Lab):
+        """Likewise."""
+        lab.write(BOARD + device("slow", close="hang"))
+        program = lab.start()
+        program.until("bot is ready")
+        program.send(signal.SIGTERM)
+        program.until("slow close")
+        program.send(signal.SIGTERM)
+        assert program.end() == 1
+        assert program.calls[-1] == "board close"
+
+    def test_hanging_is_bounded_without_signals(self, lab: Lab):
+        """The patience is a matter of the command line."""
+        lab.write(BOARD + device("slow", open="hang"))
+        program = lab.run("--config", "robot.xml", "--patience", "200ms")
+        assert program.process.returncode == 1
+        assert "the opening of slow (scripted) hangs since 200 ms" in program.stderr
+        assert "board close" in program.calls
+
+    def test_during_the_shutdown(self, lab: Lab):
+        """A parking is stopped, the second interrupt's actions are done, and what is left of the shutdown."""
+        lab.write(BOARD + STUB + calibrator(custom(("interrupt2", 1), ("interrupt1", 1)), park="wait"))
+        program = lab.start()
+        program.until("bot is ready")
+        program.send(signal.SIGTERM)
+        program.until("cal park board")
+        assert lab.ask("get_phase") == "shutdown"
+        program.send(signal.SIGTERM)
+        assert program.end() == 1
+        assert program.calls[-7:] == [
+            *("cal park board", "cal abort", "cal custom (name interrupt21)"),
+            *("stub detach", "cal close", "stub close", "board close"),
+        ]
+
+    def test_three_of_them(self, lab: Lab):
+        """Each interrupt has its actions done at once, and a calibrator that does not listen keeps nobody."""
+        inside = custom(("interrupt2", 1), ("interrupt3", 1)) + action("park", "interrupt1", 1, target="board")
+        last = action("calibrate", "interrupt2", 2, target="board")
+        lab.write(BOARD + STUB + calibrator(inside + last, park="deaf"))
+        program = lab.start()
+        program.until("bot is ready")
+        program.send(signal.SIGINT)
+        program.until("cal park board")
+        program.send(signal.SIGINT)
+        program.until("cal calibrate board")
+        program.until("cal custom (name interrupt21)")
+        program.send(signal.SIGINT)
+        program.until("cal custom (name interrupt31)")
+        program.send(signal.SIGINT)
+        assert program.end() == 1
+        assert program.calls[-4:] == ["stub detach", "cal close", "stub close", "board close"]
+        assert "park of cal (interrupt1, level 1) has not come to an end" in program.stderr
+
+    def test_a_device_that_takes_the_process_with_it(self, lab: Lab):
+        """Nothing can be done about it in this process; whoever watches it notices."""
+        lab.write(BOARD + device("bomb", open="crash"))
+        program = lab.start()
+        assert program.process.wait(_LIMIT) == -signal.SIGKILL
+        assert "board close" not in program.calls
+
+
+class TestUsage:
+    """Command lines and files that are wrong, and what is only drawn."""
+
+    def test_dry_run(self, lab: Lab):
+        """The plan is printed and drawn, and nothing is opened; no name server is needed."""
+        lab.server.close()
+        lab.write(BOARD + STUB + device("a&lt;&amp;&quot;b", "no-such-type"))
+        program = lab.run("--config", "robot.xml", "--dryrun", "--svg", "plan.svg")
+        assert program.process.returncode == 0
+        assert program.calls == []
+        assert "attach stub to board" in (lab.folder / "stdout.txt").read_text()
+        texts = [*etree.parse(lab.folder / "plan.svg").getroot().itertext()]
+        assert 'a<&"b (no-such-type)' in texts
+
+    def test_dry_run_in_any_locale(self, lab: Lab):
+        """What marks things that go on together is no ASCII, and is printed nevertheless; nobody has to read it."""
+        lab.write(BOARD + calibrator())
+        lab._environment |= {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
+        program = lab.run("--config", "robot.xml", "--dry-run")
+        assert program.process.returncode == 0
+        assert "∥ calibrate board by cal" in (lab.folder / "stdout.txt").read_text(encoding="utf-8")
+        reading, writing = os.pipe()
+        os.close(reading)
+        words = [sys.executable, "-m", "rtf.cli.tools", "robotinterface", "--config", "robot.xml", "--dry-run"]
+        done = subprocess.run(
+            words, stdout=writing, stderr=subprocess.PIPE, env=lab._environment, cwd=lab.folder, check=False
+        )
+        os.close(writing)
+        assert (done.returncode, done.stderr) == (0, b"")
+
+    def test_everything_that_is_wrong_is_told(self, lab: Lab):
+        """With exit code 2, before anything is opened."""
+        lab.write(BOARD + device("stub", inside=action("attach", device="bord")) + "<odd/>")
+        program = lab.run()
+        assert program.process.returncode == 2
+        lines = program.stderr.splitlines()
+        assert len(lines) == 2
+        assert re.match(r"\[ERROR\] robot\.xml:6:1: <odd> has no place in <robot>", lines[0])
+        assert re.match(
+            r"\[ERROR\] robot\.xml:5:.*attach of stub .*there is no device 'bord'; is it 'board'\?", lines[1]
+        )
+        assert program.calls == []
+
+    @pytest.mark.parametrize(
+        ("words", "complaint"),
+        [
+            ((), "there is no --config"),
+            (("--config",), "expected one argument"),
+            (("--config", "nothing.xml"), "nothing.xml: not found"),
+            (("robot.xml",), "'robot.xml' stands alone"),
+            (("--config", "robot.xml", "--patience", "long"), "is no duration"),
+            (("--config", "robot.xml", "--svg", "x.svg"), "it goes with --dry-run"),
+            (("--config", "robot.xml", "--dry-run", "--svg", "no/x.svg"), "write to a folder that is there"),
+        ],
+    )
+    def test_wrong_usage(self, lab: Lab, words: tuple[str, ...], complaint: str):
+        """The exit code is 2, and it is said what to write."""
+        lab.write(BOARD)
+        program = Program(lab, words, lab._environment)
+        assert program.end() == 2
+        assert complaint in program.stderr
+
+    def test_help_teaches(self, lab: Lab):
+        """It says what happens when, shows examples and the exit codes."""
+        program = lab.run("--help")
+        assert program.process.returncode == 0
+        text = (lab.folder / "stdout.txt").read_text()
+        for word in ("interrupt2", "--dry-run", "examples:", "exit codes:", "extern-name", "--allow-deprecated-dtd"):
+            assert word in text
+
+    def test_a_configuration_is_found_where_yarp_looks(self, lab: Lab):
+        """In the folder of the robot that the environment names, by a default file that names it."""
+        home = lab.folder / "user" / "robots" / "mine"
+        home.mkdir(parents=True)
+        lab.write(BOARD)
+        (lab.folder / "robot.xml").rename(home / "mine.xml")
+        (home / "yarprobotinterface.ini").write_text("config mine.xml\n")
+        lab._environment["YARP_ROBOT_NAME"] = "mine"
+        program = Program(lab, ("--dry-run",), lab._environment)
+        assert program.end() == 0, program.stderr
+        assert "board (scripted)" in (lab.folder / "stdout.txt").read_text()

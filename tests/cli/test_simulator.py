@@ -1,0 +1,191 @@
+"""``rtf simulator`` on the command line: what can be broken, and talking to one that runs."""
+
+from __future__ import annotations
+
+import json
+import os
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.bottle import Dialect
+from rtf.cli.simulator import simulator
+from rtf.middleware.naming import configuration
+from rtf.middleware.naming.server import NameServer
+from rtf.middleware.network import Network
+from rtf.simulator import program
+from rtf.simulator.faults import KINDS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from rtf.simulator.service import SimulatorService
+
+Captured = pytest.CaptureFixture[str]
+
+
+class TestStarting:
+    """What the command line makes of words."""
+
+    @pytest.fixture(autouse=True)
+    def started(self, monkeypatch: pytest.MonkeyPatch) -> list[program.Settings]:
+        """The settings with which one would be started."""
+        found: list[program.Settings] = []
+        monkeypatch.setattr(program, "run_simulator", lambda settings: found.append(settings) or 0)
+        return found
+
+    def test_nothing_said_is_a_whole_robot_in_real_time(self, started: list[program.Settings]):
+        """The defaults of the program."""
+        assert simulator([]) == 0
+        assert started == [program.Settings()]
+
+    def test_everything_said(self, started: list[program.Settings], tmp_path: Path):
+        """Each option comes to where it belongs."""
+        words = "--robot /bot --parts head,left_arm --cameras auto --seed 5 --lockstep --clock /time --collision none"
+        words += f" --dialect 4 --nameserver --ready-file {tmp_path / 'ready'}"
+        assert simulator(words.split()) == 0
+        (settings,) = started
+        assert settings == program.Settings(
+            robot="bot",
+            parts=("head", "left_arm"),
+            seed=5,
+            lockstep=True,
+            cameras="auto",
+            clock="/time",
+            collision="none",
+            dialect=Dialect.YARP4,
+            nameserver=True,
+            ready_file=tmp_path / "ready",
+        )
+
+    def test_cameras_alone_means_yes(self, started: list[program.Settings]):
+        """And a factor may be without bound."""
+        assert simulator(["--cameras", "--realtime-factor", "inf"]) == 0
+        assert (started[0].cameras, started[0].factor) == ("yes", float("inf"))
+
+    @pytest.mark.parametrize(
+        ("words", "mend"),
+        [
+            ("--parts arm", "there are head, left_arm"),
+            ("--parts ,", "there are head, left_arm"),
+            ("--realtime-factor 0", "write a number from 0.1 on, or inf"),
+            ("--realtime-factor nan", "write a number from 0.1 on, or inf"),
+            ("--realtime-factor fast", "write a number from 0.1 on, or inf"),
+            ("--lockstep --realtime-factor 2", "not allowed with"),
+            ("--seed -1", "must not be negative"),
+            ("--robot /", "is no name of a robot"),
+            ("--clock clock", "is no port"),
+            ("--dialect 2", "invalid choice: 2"),
+            ("--cameras maybe", "invalid choice: 'maybe'"),
+            ("dance", "unrecognized arguments: dance"),
+        ],
+    )
+    def test_what_is_wrong_is_told(self, words: str, mend: str, started: list[program.Settings], capsys: Captured):
+        """With the mend, and exit code 4; nothing is started."""
+        with pytest.raises(SystemExit) as ended:
+            simulator(words.split())
+        assert ended.value.code == 4
+        assert mend in capsys.readouterr().err
+        assert started == []
+
+
+class TestFaults:
+    """The list of what can be broken."""
+
+    def test_all_of_them(self, capsys: Captured):
+        """By layer, with parameters."""
+        assert simulator(["faults"]) == 0
+        text = capsys.readouterr().out
+        assert all(f"  {kind}  (" in text for kind in KINDS)
+        assert text.index("PLANT") < text.index("ENCODER") < text.index("PROCESS")
+
+    def test_one_of_them(self, capsys: Captured):
+        """With all there is to say of it."""
+        assert simulator(["faults", "jam"]) == 0
+        text = capsys.readouterr().out
+        assert "torque=400 Nm: what it would take to move it; 0 … 100000" in text
+        assert "friction  (" not in text
+
+    def test_for_programs(self, capsys: Captured):
+        """The same as JSON."""
+        assert simulator(["faults", "--json"]) == 0
+        found = json.loads(capsys.readouterr().out)
+        assert [one["kind"] for one in found] == [*KINDS]
+
+    def test_a_kind_that_is_not_there(self, capsys: Captured):
+        """With those that are."""
+        assert simulator(["faults", "quake"]) == 1
+        assert "there are jam, friction" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'")
+class TestTalking:
+    """Commands to a simulator that runs."""
+
+    @pytest.fixture
+    def service(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SimulatorService]:
+        """A robot of one part in lockstep, as the configuration finds it."""
+        from rtf.simulator.icub import SimulatedIcub
+        from rtf.simulator.service import SimulatorService
+
+        monkeypatch.setenv("YARP_CONFIG_HOME", str(tmp_path / "user"))
+        for name in ("YARP_NAMESPACE", "YARP_PORT_PREFIX"):
+            monkeypatch.delenv(name, raising=False)
+        with NameServer() as server:
+            configuration.write_place(server.contact)
+            network = Network(configuration.find_names())
+            with SimulatedIcub("bot", network=network, parts=("left_arm",), lockstep=True) as robot:
+                made = SimulatorService(robot, network=network, end=os.abort, lockstep=True)
+                yield made
+                made.close()
+
+    def test_break_look_and_mend(self, service: SimulatorService, capsys: Captured):
+        """A fault is put in, seen, and taken out."""
+        words = "inject encoder_drift l_elbow rate=0.5 --delay 2 --duration 500ms --robot bot"
+        assert simulator(words.split()) == 0
+        assert capsys.readouterr().out == "1\n"
+        (active,) = service.injector.active
+        assert (active.fault.kind, active.fault.target, active.begins, active.ends) == (
+            "encoder_drift",
+            "l_elbow",
+            2.0,
+            2.5,
+        )
+        assert active.fault.rate == 0.5
+        assert simulator(["status", "--robot", "bot"]) == 0
+        assert "encoder_drift l_elbow to come, from 2.000 s to 2.500 s" in capsys.readouterr().out
+        assert simulator(["clear", "1", "--robot", "bot"]) == 0
+        assert simulator(["clear", "--robot", "bot"]) == 0
+        assert capsys.readouterr().out == "1\n0\n"
+        assert service.injector.active == ()
+
+    def test_what_it_refuses_is_told(self, service: SimulatorService, capsys: Captured):
+        """Its sentence on stderr, and exit code 1."""
+        assert simulator(["inject", "jam", "l_elbow", "force=1", "--robot", "bot"]) == 1
+        assert "jam has no parameter force; what can be set is torque" in capsys.readouterr().err
+        assert service.injector.active == ()
+
+    @pytest.mark.parametrize(
+        ("words", "mend"),
+        [
+            ("inject jam a b", "there is one target, a, and then 'b'"),
+            ("inject jam l_elbow torque=much", "torque: 'much' is no number"),
+            ("inject jam l_elbow --delay -1", "a duration must be positive"),
+            ("inject", "the following arguments are required: KIND"),
+            ("clear all", "'all' is no whole number"),
+        ],
+    )
+    def test_what_is_wrong_is_told(self, words: str, mend: str, capsys: Captured):
+        """Before anybody is asked."""
+        with pytest.raises(SystemExit) as ended:
+            simulator(words.split())
+        assert ended.value.code == 4
+        assert mend in capsys.readouterr().err
+
+    def test_nobody_there(self, service: SimulatorService, capsys: Captured):
+        """It is told who was asked."""
+        assert service.robot.name == "bot"
+        assert simulator(["status", "--robot", "nobody"]) == 1
+        assert "/nobody/simulator/rpc:i" in capsys.readouterr().err
