@@ -1,0 +1,199 @@
+"""Camera: pictures come at their rate and of their size, and show what is there now."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rtf.bottle import Dialect, Property
+from rtf.errors import RtfError
+from rtf.middleware.types import IMAGE
+from rtf.robot.client.frame_grabber import FrameGrabberClient
+from rtf.robot_testing import Safety, likely_causes
+from rtf.robot_testing.pictures import png
+from rtf.robot_testing.stream_test import RateTest
+from rtf.robot_testing.streams import within
+from rtf.testing import Parameter
+from rtf.testing.verdict import MeasurementVerdict
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.middleware.types import Image
+    from rtf.robot_testing.listening import Message
+
+#: How far and how fast the simulated eyes are turned to see whether the picture follows, deg and deg/s.
+_TURN, _TURNING_SPEED = 5.0, 20.0
+_EYES = ("eyes_tilt", "eyes_version")
+
+
+class _Seen(NamedTuple):
+    """What is kept of a picture."""
+
+    width: int
+    height: int
+    code: str
+    spread: float  # standard deviation of its pixels, of 255
+
+
+class CameraTest(RateTest):
+    """Counts every picture of a camera, and looks at them: size, format, whether they show anything and go on.
+
+    On a real robot nothing moves, for no two pictures of a real camera are the same. The simulated world stands still;
+    there the eyes are turned a little if all pictures were equal.
+    """
+
+    aliases = ("cameraTest", "camera", "Camera")
+    tags = ("streams", "camera")
+    safety = Safety.MOTION
+
+    port = Parameter(str, "the camera's port; none: all of the robot", default="", key="portname", aliases=("port",))
+    time = Parameter(
+        float, "how long pictures are counted", unit="s", default=2.0, low=0.1, key="measure_time", aliases=("time",)
+    )
+    frequency = Parameter(
+        float, "pictures a second", unit="Hz", default=30.0, low=0.01, key="expected_frequency", aliases=("frequency",)
+    )
+    tolerance = Parameter(float, "pictures more or less in the whole time", unit="count", default=5.0, low=0.0)
+    max_loss = Parameter(float, "share of pictures that may be missing", unit="%", default=10.0, low=0.0, high=100.0)
+    max_jitter = Parameter(
+        float, "by how much later than the quickest picture nine of ten may come: about a period", unit="ms",
+        default=30.0, low=0.0,
+    )  # fmt: skip
+    width = Parameter(int, "pixels a row; 0: as many as the camera says it has", unit="px", default=0, low=0)
+    height = Parameter(int, "rows; 0: likewise", unit="px", default=0, low=0)
+    format = Parameter(str, "format of the pixels, such as rgb; none: any, but always the same", default="")
+    contrast = Parameter(
+        float, "least standard deviation of the pixels, in per cent of white", unit="%", default=1.0, low=0.0
+    )
+    max_repeated = Parameter(float, "pictures that may be equal to the one before", unit="%", default=60.0, low=0.0)
+    eyes = Parameter(str, "the part that the simulated eyes belong to", default="head")
+
+    def _ask_for_leave(self) -> None:
+        """Nothing moves on a real robot, so nobody is asked."""
+
+    def setup(self) -> None:
+        """Find the cameras."""
+        super().setup()
+        self._last: dict[str, Image] = {}
+        begin = f"/{self.robot_name}/cam/"
+        self.ports = [self.port] if self.port else [name for name in self.known_ports("") if _is_camera(name, begin)]
+        self.assert_error_if_false(
+            self.ports,
+            f"the name server knows no camera below {begin}; give its port as portname, "
+            "and start a simulated robot with cameras",
+        )
+
+    def run(self) -> None:
+        """Count the pictures of all cameras, then look at those of each."""
+        there = [name for name in self.ports if self._listen_to(name)]
+        if there:
+            self.listen(self.time)
+        windows = {name: within(self.listener.recorders[name].messages, self.warm_up, self.time) for name in there}
+        turned = self._turned(there) if self.simulated and any(map(_all_equal, windows.values())) else {}
+        for name in there:
+            with self.subresult(name):
+                self._judge(name, turned.get(name))
+
+    def _listen_to(self, name: str) -> bool:
+        """Listen to one; of its pictures little is kept, and the last one as it is."""
+        try:
+            self.listener.add(name, look=partial(self._look, self._last, name, self.network.dialect))
+        except RtfError as error:
+            with self.subresult(name):
+                self.assert_fail(f"{name} cannot be listened to: {error}")
+        return name in self.listener.recorders
+
+    @staticmethod
+    def _look(last: dict[str, Image], name: str, dialect: Dialect, data: bytes) -> _Seen:
+        """Look at a picture. In the thread of its connection."""
+        image = last[name] = IMAGE.decode(data, dialect)
+        return _Seen(image.width, image.height, str(image.code), float(image.pixels[::4, ::4].std()))
+
+    def _turned(self, names: Sequence[str]) -> dict[str, list[Message]]:
+        """Turn the eyes and back; returns the pictures that came meanwhile."""
+        before = {name: len(self.listener.recorders[name].messages) for name in names}
+        part = self.open_part(self.eyes)
+        joints = [part.joint(name) for name in _EYES]
+        start = part.board.encoders(joints)
+        try:
+            there = part.move(start + _TURN, joints, speed=_TURNING_SPEED)
+            self.require(there, "where it should look", part, joints, start + _TURN)
+        finally:
+            part.move(start, joints, speed=_TURNING_SPEED)
+        return {name: self.listener.recorders[name].messages[before[name] :] for name in names}
+
+    # Judging -----------------------------------------------------------------------------------------------------
+
+    def _judge(self, name: str, turned: list[Message] | None) -> None:
+        recorder = self.listener.recorders[name]
+        if recorder.problems:
+            self.assert_fail(f"{len(recorder.problems)} messages of {name} hold no picture: {recorder.problems[0]}")
+        found = self.judged(recorder.messages, self.time)
+        self.judge(found, self.frequency, self.tolerance / self.time)
+        seen = [message.content for message in found if isinstance(message.content, _Seen)]
+        self._judge_size(name, seen)
+        self._attach(name)
+        least = min(one.spread for one in seen) / 2.55
+        dark = self.measure("contrast", least, "%", low=self.contrast)
+        if dark.verdict is MeasurementVerdict.FAILED:
+            self.report(f"pictures of {name} show nothing: all pixels are alike; {likely_causes('camera dark')}")
+        else:
+            self._judge_content(name, found if turned is None else turned)
+
+    def _judge_size(self, name: str, seen: Sequence[_Seen]) -> None:
+        width, height = self._wanted_size(name)
+        kinds = sorted({one[:3] for one in seen})
+        self.check_fail_if_true(len(kinds) > 1, f"pictures of {name} are not always of one size and format: {kinds}")
+        self._measure_side("width", seen[-1].width, width)
+        self._measure_side("height", seen[-1].height, height)
+        if self.format:
+            self.check_equal(seen[-1].code, self.format, f"format of the pixels of {name}")
+
+    def _measure_side(self, side: str, found: int, wanted: int) -> None:
+        limit = wanted or None
+        if self.measure(side, found, "px", low=limit, high=limit).verdict is MeasurementVerdict.FAILED:
+            self.report(f"the {side} is {found} and should be {wanted}; {likely_causes('camera size')}")
+
+    def _wanted_size(self, name: str) -> tuple[int, int]:
+        """The size that the parameters say; else that the camera itself says, which it may not know."""
+        if self.width and self.height:
+            return self.width, self.height
+        camera = FrameGrabberClient(name, network=self.network)
+        try:
+            camera.open(Property({"remote": name, "no_stream": True}))
+            said = camera.width(), camera.height()
+        except RtfError as error:
+            self.report(f"{name} does not say how large its pictures are: {error}")
+            said = 0, 0
+        finally:
+            camera.close()
+        return self.width or said[0], self.height or said[1]
+
+    def _judge_content(self, name: str, found: Sequence[Message]) -> None:
+        digests = np.array([message.digest for message in found])
+        self.assert_true(digests.size > 1, f"{digests.size} pictures came while the eyes of {name} were turned")
+        repeated = 100.0 * float(np.mean(digests[1:] == digests[:-1]))
+        if self.measure("repeated pictures", repeated, "%", high=self.max_repeated).verdict is (
+            MeasurementVerdict.FAILED
+        ):
+            self.report(f"pictures of {name} do not go on; {likely_causes('camera frozen')}")
+
+    def _attach(self, name: str) -> None:
+        try:
+            picture = self._last[name].to("rgb").pixels
+        except RtfError as error:
+            self.report(f"the pixels of {name} cannot be shown: {error}")
+            return
+        self.attach(png(np.ascontiguousarray(picture)), f"{name.strip('/').replace('/', '-')}.png", "image/png")
+
+
+def _is_camera(name: str, begin: str) -> bool:
+    """Whether a port is a camera's own; below it there are ports that answer questions."""
+    return name.startswith(begin) and "/" not in name.removeprefix(begin)
+
+
+def _all_equal(found: Sequence[Message]) -> bool:
+    return len({message.digest for message in found}) == 1

@@ -1,0 +1,362 @@
+"""Control modes: every request in every mode leads where the table of modes says, and nothing moves in a wrong mode."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rtf.bottle import Bottle
+from rtf.robot.control_modes import (
+    REQUESTS,
+    STATES,
+    TRAJECTORY_MODES,
+    USER_MODES,
+    VELOCITY_MODES,
+    ControlMode,
+    InteractionMode,
+    answer,
+)
+from rtf.robot.errors import NotSupportedError, RefusedError
+from rtf.robot_testing import Limits, Safety, likely_causes
+from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.mode_walk import HOLDING, ModeWalk
+from rtf.testing import Parameter
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Trace
+
+
+class _Command(NamedTuple):
+    """A command that moves joints, the modes that take it, and how it is sent: the board, joints, and which way."""
+
+    name: str
+    modes: frozenset[ControlMode]
+    send: Callable[[RemoteControlBoard, list[int], FloatArray], None]
+
+
+class ControlModes(JointsTest):
+    """Walks all joints through all modes; what each joint reads after each request is compared with the table.
+
+    What must change changes within ``change_time`` and stays; what must not change is watched for ``settle`` seconds.
+    Then the joints are driven into faults by a greatest current of zero, which nothing but a forced idle may end.
+    """
+
+    aliases = ("controlModes",)
+    tags = ("modes", "faults")
+    safety = Safety.FAULT
+    # Joints fall while they have no power, which no motor holds against.
+    limits = Limits(beyond=15.0, speed=math.inf, current=None)
+
+    tolerance = Parameter(float, "how near home is at home", unit="deg", default=0.5, low=0.001)
+    without = Parameter(list[str], "words of modes that the boards have not got, such as icur", default=[])
+    faults = Parameter(bool, "whether joints are driven into faults", default=True)
+    change_time = Parameter(float, "time that a board has to change a mode", unit="s", default=0.5, low=0.001)
+    settle = Parameter(float, "how long a mode is watched that must not change", unit="s", default=0.1, low=0.001)
+    moved = Parameter(float, "what counts as moving by a command of another mode", unit="deg", default=0.5, low=0.001)
+
+    def setup(self) -> None:
+        """Open the part, ask what its joints can do, and bring them home."""
+        super().setup()
+        part = self.robot_part
+        words = {mode.word: mode for mode in USER_MODES}
+        unknown = [word for word in self.without if word not in words]
+        self.assert_error_if_true(unknown, f"without: {', '.join(unknown)} are none of {', '.join(words)}")
+        self.missing = {words[word] for word in self.without}
+        self.compliant = self._torque_controlled()
+        self.currents = [part.board.max_current(joint) for joint in self.chosen] if self.faults else []
+        self.assert_error_if_true(
+            any(current <= 0 for current in self.currents), f"{part.name}: a greatest current is zero before the test"
+        )
+        self.tested: dict[int, set[tuple[ControlMode, ControlMode]]] = {joint: set() for joint in self.chosen}
+        self.wrong: dict[int, list[str]] = {joint: [] for joint in self.chosen}
+        self.slowest = dict.fromkeys(self.chosen, 0.0)
+        self.bring_home(tolerance=self.tolerance)
+
+    def _torque_controlled(self) -> set[int]:
+        """The chosen joints that have torque control, as the board's variable says; without it: none."""
+        try:
+            lists = self.robot_part.board.variable("torqueControlEnabled")
+        except (NotSupportedError, RefusedError):
+            self.warn(f"{self.robot_part.name} does not say which joints have torque control: none is taken to")
+            return set()
+        flags = [flag for block in lists for flag in (block if isinstance(block, Bottle) else [block])]
+        return {joint for joint in self.chosen if joint < len(flags) and flags[joint]}
+
+    def run(self) -> None:
+        """Walk, drive into faults, and judge each joint."""
+        with self.guarded():
+            needed = self._walk()
+            if self.faults:
+                needed |= self._fault()
+            self._try_request(ControlMode.POSITION)
+        for joint in self.chosen:
+            with self.subresult(self.robot_part.names[joint]):
+                self._judge(joint, needed)
+
+    # Modes -------------------------------------------------------------------------------------------------------
+
+    def _walk(self) -> set[tuple[ControlMode, ControlMode]]:
+        walk = ModeWalk((*USER_MODES, ControlMode.IDLE), self.missing)
+        needed, state, seen = walk.pairs, ControlMode.POSITION, set[ControlMode]()
+        while True:
+            if state not in seen:
+                self._visit(state)
+                seen.add(state)
+                self.progress(0.7 * len(seen) / len(walk.open), state.word)
+            if state is ControlMode.POSITION:
+                self._come_back()
+            request = walk.next_request(state)
+            if request is None:
+                return needed
+            self._try_request(request)
+            state = answer(state, request)[1]
+
+    def _visit(self, state: ControlMode) -> None:
+        """What is tried once in each mode: to be compliant, commands of other modes, what nobody may ask for."""
+        self._change_interaction(state)
+        if state in HOLDING or state is ControlMode.IDLE:
+            for command in _COMMANDS:
+                if state not in command.modes:
+                    self._command(state, command)
+        if state is ControlMode.POSITION:
+            for mode in _NEVER:
+                self._try_request(mode)
+
+    def _try_request(self, request: ControlMode) -> None:
+        """Ask all joints for a mode, and compare what each of them makes of it with the table."""
+        part = self.robot_part
+        joints = [joint for joint in self.chosen if request is not ControlMode.TORQUE or joint in self.compliant]
+        if not joints:
+            return
+        before = dict(zip(joints, part.board.control_modes(joints), strict=True))
+        lost = [joint for joint, mode in before.items() if mode not in STATES]
+        for joint in lost:
+            self.wrong[joint].append(f"it is in {before[joint].word}")
+            joints.remove(joint)
+        expected = {joint: answer(before[joint], request)[1] for joint in joints}
+        reliable = [joint for joint in joints if not self.wrong[joint]] or joints[:1]
+        unchanged = any(expected[joint] is before[joint] for joint in joints)
+        begin = self.now()
+        with part.recorded() as trace:
+            refused = self._request(request, joints)
+            if request is ControlMode.CURRENT:  # else boards may go on with the current of a moment ago
+                part.board.set_reference_currents([0.0] * len(joints), joints)
+            part.wait_until(
+                lambda: all(part.board.control_mode(joint) is expected[joint] for joint in reliable),
+                self.change_time, pace=_LOOK,
+            )  # fmt: skip
+            part.wait(self.settle if unchanged else _STAYS, pace=_LOOK)
+        for joint in joints:
+            self.tested[joint].add((before[joint], request))
+            self._compare_modes(joint, before[joint], request, expected[joint], trace, begin, refused)
+
+    def _request(self, request: ControlMode, joints: list[int]) -> str:
+        try:
+            self.robot_part.board.set_control_modes([request] * len(joints), joints)
+        except RefusedError as error:
+            return str(error)
+        return ""
+
+    def _compare_modes(
+        self,
+        joint: int,
+        before: ControlMode,
+        request: ControlMode,
+        expected: ControlMode,
+        trace: Trace,
+        begin: float,
+        refused: str,
+    ) -> None:
+        modes = trace.control_modes[:, joint]
+        there = np.flatnonzero(modes == expected)
+        first = int(there[0]) if len(there) else len(modes)
+        asked = f"asked for {request.word} in {before.word} it"
+        if not len(modes) or modes[-1] != expected:
+            now = _word(int(modes[-1])) if len(modes) else "unknown"
+            why = f" ({refused})" if refused else ""
+            self.wrong[joint].append(f"{asked} is in {now}, not {expected.word}{why}")
+        elif (modes[:first] != before).any() or (modes[first:] != expected).any():
+            passed = ", ".join(_word(mode) for mode in dict.fromkeys(modes.tolist()))
+            self.wrong[joint].append(f"{asked} goes through {passed} to {expected.word}")
+        elif expected is not before:
+            self.slowest[joint] = max(self.slowest[joint], float(trace.time[first]) - begin)
+
+    def _change_interaction(self, state: ControlMode) -> None:
+        """Make all joints compliant and stiff again: those with torque control obey, the others stay, no mode changes.
+
+        A board refuses it for a joint that cannot.
+        """
+        part = self.robot_part
+        for wanted in (InteractionMode.COMPLIANT, InteractionMode.STIFF):
+            expected = {j: wanted if j in self.compliant else InteractionMode.STIFF for j in self.chosen}
+            before = part.board.control_modes(self.chosen)
+            for joints in (sorted(self.compliant), [j for j in self.chosen if j not in self.compliant]):
+                if joints:
+                    self._request_interaction(wanted, joints)
+            part.wait_until(partial(self._interactions_are, expected), self.change_time, pace=_LOOK)
+            part.wait(_STAYS, pace=_LOOK)
+            found, after = self._interactions(), part.board.control_modes(self.chosen)
+            for joint, old, new in zip(self.chosen, before, after, strict=True):
+                asked = f"asked to be {wanted.word} in {state.word} it"
+                if found[joint] is not expected[joint]:
+                    self.wrong[joint].append(f"{asked} is {found[joint].word}, not {expected[joint].word}")
+                if new is not old:
+                    self.wrong[joint].append(f"{asked} changes from {old.word} to {new.word}")
+
+    def _interactions_are(self, expected: dict[int, InteractionMode]) -> bool:
+        return self._interactions() == expected
+
+    def _interactions(self) -> dict[int, InteractionMode]:
+        return dict(zip(self.chosen, self.robot_part.board.interaction_modes(self.chosen), strict=True))
+
+    def _request_interaction(self, wanted: InteractionMode, joints: list[int]) -> None:
+        try:
+            self.robot_part.board.set_interaction_modes([wanted] * len(joints), joints)
+        except (RefusedError, NotSupportedError) as error:
+            if set(joints) & self.compliant:
+                self.warn(f"{self.names_of(joints)}: {error}")
+
+    # Commands of other modes -------------------------------------------------------------------------------------
+
+    def _command(self, state: ControlMode, command: _Command) -> None:
+        """Send a command that the mode does not take: no joint may move by it, and no motor be driven that is off.
+
+        What falls moves by itself; whether it is driven can only be said when nothing else of the part is.
+        """
+        part = self.robot_part
+        modes = part.board.control_modes()
+        joints = [joint for joint in self.chosen if modes[joint] is state]
+        if not joints or (state not in HOLDING and any(mode is not state for mode in modes)):
+            return
+        before = part.board.encoders(joints)
+        middle = (part.low[joints] + part.high[joints]) / 2
+        with part.recorded() as trace:
+            with suppress(RefusedError, NotSupportedError):  # as good as ignoring it
+                command.send(part.board, joints, np.where(before < middle, 1.0, -1.0))
+            part.wait(_WATCHED, pace=_LOOK)
+        if state in HOLDING:
+            found, most, unit = np.abs(trace.positions[:, joints] - before), self.moved, "deg"
+        else:
+            found, most, unit = np.abs(trace.duty_cycles[:, joints]), _DRIVEN, "%"
+        for joint, value in zip(joints, found.max(axis=0), strict=True):
+            if value > most:
+                what = "moves by" if state in HOLDING else "is driven with"
+                self.wrong[joint].append(f"in {state.word} it {what} {value:.2f} {unit} at a command of {command.name}")
+
+    def _come_back(self) -> None:
+        """Bring those joints home that obey, when they have fallen while they had no power."""
+        part = self.robot_part
+        joints = [joint for joint in self.chosen if not self.wrong[joint]]
+        if joints and np.abs(part.board.encoders(joints) - part.home[joints]).max() > _FALLEN:
+            part.move(part.home[joints], joints, speed=_RETURN, tolerance=_FALLEN / 2)
+
+    # Faults ------------------------------------------------------------------------------------------------------
+
+    def _fault(self) -> set[tuple[ControlMode, ControlMode]]:
+        """Drive all joints into fault, try to leave it in all ways that are forbidden, and then in the allowed one."""
+        fault = ControlMode.HARDWARE_FAULT
+        walk = ModeWalk([fault], self.missing)
+        needed = walk.pairs
+        self._provoke(self.chosen)
+        for joint, mode in zip(self.chosen, self.robot_part.board.control_modes(self.chosen), strict=True):
+            if mode is not fault:
+                self.wrong[joint].append(f"a greatest current of 0 A leaves it in {mode.word}, not {fault.word}")
+        for request in (*[r for r in walk.open[fault] if r is not ControlMode.FORCE_IDLE], *_NEVER):
+            self._try_request(request)
+            modes = self.robot_part.board.control_modes(self.chosen)
+            left = [joint for joint, mode in zip(self.chosen, modes, strict=True) if mode is not fault]
+            if left:
+                self._provoke(left)
+        for command in _COMMANDS[:3]:
+            self._command(fault, command)
+        self._try_request(ControlMode.FORCE_IDLE)
+        self._try_request(ControlMode.POSITION)
+        self._come_back()
+        self.progress(0.95, "out of fault")
+        return needed
+
+    def _provoke(self, joints: Sequence[int]) -> None:
+        """Bring joints into fault by a greatest current of zero, and give them their current back at once."""
+        part = self.robot_part
+        allowed = dict(zip(self.chosen, self.currents, strict=True))
+        try:
+            for joint in joints:
+                part.board.set_max_current(joint, 0.0)
+            part.wait_until(
+                lambda: all(mode is ControlMode.HARDWARE_FAULT for mode in part.board.control_modes(joints)),
+                self.change_time, pace=_LOOK,
+            )  # fmt: skip
+        finally:
+            for joint in joints:
+                part.board.set_max_current(joint, allowed[joint])
+
+    # Verdict -----------------------------------------------------------------------------------------------------
+
+    def _judge(self, joint: int, needed: set[tuple[ControlMode, ControlMode]]) -> None:
+        name, wrong = self.robot_part.names[joint], self.wrong[joint]
+        if joint not in self.compliant:
+            needed = {pair for pair in needed if ControlMode.TORQUE not in pair}
+        left = needed - self.tested[joint]
+        self.measure("requests tried", len(needed) - len(left))
+        self.measure("slowest change", 1e3 * self.slowest[joint], "ms", high=1e3 * self.change_time)
+        self.measure("wrong answers", len(wrong), high=0)
+        if wrong:
+            more = f"; and {len(wrong) - _TOLD} more" if len(wrong) > _TOLD else ""
+            self.assert_fail(f"{name}: {'; '.join(wrong[:_TOLD])}{more}; {likely_causes('mode')}")
+        self.assert_error_if_true(left, f"{name}: {len(left)} requests could not be tried")
+
+
+def _word(mode: int) -> str:
+    try:
+        return ControlMode(mode).word
+    except ValueError:
+        return str(mode)
+
+
+#: Seconds between two looks at modes; how long a new mode is watched; how long a joint that should not move.
+_LOOK, _STAYS, _WATCHED = 0.01, 0.03, 0.1
+#: How far joints may fall before they are brought back, deg; at what speed, deg/s.
+_FALLEN, _RETURN = 3.0, 30.0
+_DRIVEN = 1.0  # per cent of duty cycle, of a motor that is off
+_TOLD = 5  # wrong answers that a failure names
+#: What nobody may ask for.
+_NEVER = tuple(mode for mode in STATES if mode not in REQUESTS)
+#: Large enough to be seen, small enough to be borne: deg, deg/s, per cent of the range.
+_STEP, _SPEED, _EFFORT = 3.0, 20.0, 10.0
+
+
+def _torque(board: RemoteControlBoard, joints: list[int], way: FloatArray) -> None:
+    most = np.array([board.torque_range(joint)[1] for joint in joints])
+    board.set_reference_torques(_EFFORT / 100.0 * most * way, joints)
+
+
+def _current(board: RemoteControlBoard, joints: list[int], way: FloatArray) -> None:
+    most = np.array([board.current_range(joint)[1] for joint in joints])
+    board.set_reference_currents(_EFFORT / 100.0 * most * way, joints)
+
+
+_COMMANDS = (
+    _Command(
+        "position", TRAJECTORY_MODES,
+        lambda board, joints, way: board.position_move(board.encoders(joints) + _STEP * way, joints),
+    ),
+    _Command("velocity", VELOCITY_MODES, lambda board, joints, way: board.velocity_move(_SPEED * way, joints)),
+    _Command(
+        "direct position", frozenset({ControlMode.POSITION_DIRECT}),
+        lambda board, joints, way: board.set_positions(board.encoders(joints) + _STEP * way, joints),
+    ),
+    _Command("torque", frozenset({ControlMode.TORQUE}), _torque),
+    _Command("current", frozenset({ControlMode.CURRENT}), _current),
+    _Command(
+        "duty cycle", frozenset({ControlMode.PWM}),
+        lambda board, joints, way: board.set_reference_duty_cycles(_EFFORT * way, joints),
+    ),
+)  # fmt: skip

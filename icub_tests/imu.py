@@ -1,0 +1,315 @@
+"""IMU: the inertial units feel what the joints say, at rest and in motion."""
+
+from __future__ import annotations
+
+import math
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rtf.errors import RtfError
+from rtf.robot.control_modes import ControlMode
+from rtf.robot.interfaces import SensorCategory
+from rtf.robot.sensor_message import SENSOR_MESSAGE
+from rtf.robot_testing import Safety, likely_causes
+from rtf.robot_testing.descriptions import read_description
+from rtf.robot_testing.kinematics import rotation_of, rotation_vector
+from rtf.robot_testing.orientations import turn_between, turns_of, vertical_turn
+from rtf.robot_testing.sensor_streams import MEASURES, sensors_of
+from rtf.robot_testing.stream_test import StreamTest
+from rtf.robot_testing.streams import stream_of
+from rtf.testing import Parameter
+from rtf.testing.verdict import MeasurementVerdict
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Part, Trace
+    from rtf.robot_testing.kinematics import KinematicModel
+    from rtf.robot_testing.listening import Message
+
+_GRAVITY = 9.81
+_SHARE = 0.8  # of the wanted motion that has to come about
+_REST = 0.6  # s at each turning point, so that there are postures at rest
+_HOMING_SPEED = 20.0
+#: Motion is compared over windows of so many messages; what turns slower than this (deg/s) is at rest.
+_WINDOW, _AT_REST = 10, 0.5
+_FEWEST_AT_REST = 20
+
+
+class _Unit(NamedTuple):
+    """One inertial unit: its name and frame, and its place among the sensors of each category; None: it has none."""
+
+    name: str
+    frame: str
+    orientation: int
+    gyroscope: int | None
+    accelerometer: int | None
+
+
+class _Felt(NamedTuple):
+    """What a unit measured, a row a message, and how the joints say that it was turned (shape (n, 3, 3))."""
+
+    times: FloatArray
+    expected: FloatArray
+    orientations: FloatArray
+    speeds: FloatArray | None
+    accelerations: FloatArray | None
+
+
+class Imu(StreamTest):
+    """Moves the joints that carry the inertial units and compares what these say with the model of the robot.
+
+    Only the heading is taken from the units, for the north of a unit is not the robot's front: how it is mounted is
+    judged by gravity, by the turning rates, and by the orientation in all postures.
+    """
+
+    aliases = ("imu", "ImuTest", "IMU")
+    tags = ("motion", "sensors", "imu")
+    safety = Safety.MOTION
+
+    port = Parameter(str, "the server of the units, without /measures:o; none: /ROBOT/inertial", default="")
+    parts = Parameter(
+        list[str], "parts whose joints carry the units", default=["head", "torso"], key="remoteControlBoards",
+        aliases=("parts",),
+    )  # fmt: skip
+    axes = Parameter(
+        list[str], "joints to be moved, as far as they carry a unit; none: all that do", default=[], key="axesNames",
+        aliases=("axes",),
+    )  # fmt: skip
+    model = Parameter(str, "the description of the robot, a URDF file; none: the published one", default="")
+    sensors = Parameter(list[str], "the units, or all", default=["all"], key="sensorsList", aliases=("sensors",))
+    amplitude = Parameter(float, "how far each joint is moved to both sides", unit="deg", default=15.0, low=2.0)
+    speed = Parameter(float, "how fast", unit="deg/s", default=20.0, low=1.0, high=60.0)
+    max_error = Parameter(
+        float, "greatest error of the orientation", unit="rad", default=0.1, low=0.0, key="maxError",
+        aliases=("max_error",),
+    )  # fmt: skip
+    max_gravity_error = Parameter(float, "the same of the direction of gravity", unit="deg", default=3.0, low=0.0)
+    max_rate_error = Parameter(float, "rms error of the turning rate", unit="deg/s", default=3.0, low=0.0)
+    gravity_tolerance = Parameter(float, "how far off 9.81 gravity may be", unit="m/s^2", default=0.5, low=0.0)
+
+    def setup(self) -> None:
+        """Read the model, find the units, and bring the parts home."""
+        super().setup()
+        self.kinematics = self._model()
+        self.server = (self.port or f"/{self.robot_name}/inertial").removesuffix(MEASURES)
+        self.units = self._units()
+        self.robot_parts = [self.open_part(name) for name in self.parts]
+        self.moved = self._moved()
+        for part in self.robot_parts:
+            part.set_mode(ControlMode.POSITION)
+
+    def _model(self) -> KinematicModel:
+        try:
+            return read_description(self.model, self.robot_name)
+        except RtfError as error:
+            self.assert_error(f"there is no model to compare with: {error}")
+
+    def _units(self) -> list[_Unit]:
+        try:
+            infos = sensors_of(self.network, f"{self.server}{MEASURES}")
+        except RtfError as error:
+            self.assert_error(f"{self.server} does not say which units it has: {error}")
+        places = [{info.name: k for k, info in enumerate(infos[category])} for category in _CATEGORIES]
+        found = [
+            _Unit(info.name, info.frame, k, places[0].get(info.name), places[1].get(info.name))
+            for k, info in enumerate(infos[SensorCategory.ORIENTATION])
+        ]
+        if self.sensors != ["all"]:
+            missing = set(self.sensors) - {unit.name for unit in found}
+            there = ", ".join(unit.name for unit in found)
+            self.assert_error_if_true(missing, f"{self.server} has no {', '.join(sorted(missing))}; it has {there}")
+            found = [unit for unit in found if unit.name in self.sensors]
+        self.assert_error_if_false(found, f"{self.server} has no unit that knows its orientation")
+        for unit in found:
+            self.assert_error_if_false(
+                unit.frame in self.kinematics.links,
+                f"{unit.name} measures in the frame {unit.frame!r}, which is no link of {self.kinematics.place}",
+            )
+        return found
+
+    def _moved(self) -> list[tuple[Part, int]]:
+        """The joints that are moved: those that carry a unit, or those of the parameter."""
+        carrying = {joint for unit in self.units for joint in self.kinematics.chain(unit.frame)}
+        known = {name: (part, k) for part in self.robot_parts for k, name in enumerate(part.names)}
+        missing = carrying - set(known)
+        self.assert_error_if_true(
+            missing, f"no part of {', '.join(self.parts)} has {', '.join(sorted(missing))}; add its part"
+        )
+        moved = [name for name in known if name in carrying and (not self.axes or name in self.axes)]
+        self.assert_error_if_false(
+            moved, f"none of {', '.join(self.axes)} carries a unit; those that do are {', '.join(sorted(carrying))}"
+        )
+        return [known[name] for name in moved]
+
+    # Moving ------------------------------------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Move joint by joint while everything is recorded, then compare."""
+        stream = f"{self.server}{MEASURES}"
+        if not self.open_stream(stream, keep=True):
+            return
+        with ExitStack() as recording:
+            traces = [recording.enter_context(part.recorded()) for part in self.robot_parts]
+            self.robot_parts[0].wait(_REST)
+            for place, (part, joint) in enumerate(self.moved):
+                self.progress(place / len(self.moved), part.names[joint])
+                self._move(part, joint)
+        self._check_motion(traces)
+        times, angles = self._angles(traces)
+        messages = stream_of(self.listener.recorders[stream].messages).messages
+        for unit in self.units:
+            with self.subresult(unit.name):
+                self._judge(unit, self._felt(unit, messages, times, angles))
+
+    def _goals(self, part: Part, joint: int) -> tuple[float, float]:
+        """How far a joint is moved: within its limits, by the amplitude to both sides of where it waits."""
+        home = part.home[joint]
+        return min(part.high[joint], home + self.amplitude), max(part.low[joint], home - self.amplitude)
+
+    def _move(self, part: Part, joint: int) -> None:
+        home = part.home[joint]
+        try:
+            for goal in self._goals(part, joint):
+                there = part.move([goal], [joint], speed=self.speed)
+                self.require(there, "where the unit is to be felt", part, [joint], [goal])
+                part.wait(_REST)
+        finally:
+            back = part.move([home], [joint], speed=self.speed)
+        self.require(back, "home", part, [joint], [home])
+
+    def _check_motion(self, traces: Sequence[Trace]) -> None:
+        """Without motion there is nothing to compare: that would be no success."""
+        for part, joint in self.moved:
+            high, low = self._goals(part, joint)
+            moved = float(np.ptp(traces[self.robot_parts.index(part)].positions[:, joint]))
+            self.measure(f"motion of {part.names[joint]}", moved, "deg")
+            self.assert_error_if_true(
+                moved < _SHARE * (high - low),
+                f"{part.names[joint]} moved by {moved:.1f} deg and should by {high - low:.1f}: nothing can be compared",
+            )
+
+    # Comparing ---------------------------------------------------------------------------------------------------
+
+    def _angles(self, traces: Sequence[Trace]) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """The times of the states, and the angles (rad) of all joints at these."""
+        times = traces[0].time
+        angles = {}
+        for part, trace in zip(self.robot_parts, traces, strict=True):
+            own, positions = trace.time, np.radians(trace.positions)
+            for joint, name in enumerate(part.names):
+                angles[name] = np.interp(times, own, positions[:, joint])
+        return times, angles
+
+    def _felt(
+        self, unit: _Unit, messages: Sequence[Message], times: FloatArray, angles: dict[str, FloatArray]
+    ) -> _Felt:
+        """What a unit measured while there were states, and what it should have."""
+        read = [SENSOR_MESSAGE.decode(one.data, self.network.dialect) for one in messages]
+        stamps = np.array([values[SensorCategory.ORIENTATION][unit.orientation].time for values in read])
+        inside = (stamps >= times[0]) & (stamps <= times[-1])
+        self.assert_true(
+            inside.sum() > _FEWEST_AT_REST, f"only {inside.sum()} measurements of {unit.name} came while joints moved"
+        )
+        stamps, read = stamps[inside], [values for values, used in zip(read, inside, strict=True) if used]
+        chain = self.kinematics.chain(unit.frame)
+        at = {name: np.interp(stamps, times, angles[name]) for name in chain}
+        expected = [
+            self.kinematics.transform(unit.frame, {name: values[k] for name, values in at.items()})[:3, :3]
+            for k in range(stamps.size)
+        ]
+        told = [rotation_of(*np.radians(one[SensorCategory.ORIENTATION][unit.orientation].values)) for one in read]
+        gyroscope, accelerometer = (
+            None if place is None else np.array([one[category][place].values for one in read])
+            for category, place in zip(_CATEGORIES, (unit.gyroscope, unit.accelerometer), strict=True)
+        )
+        return _Felt(stamps, np.array(expected), np.array(told), gyroscope, accelerometer)
+
+    def _judge(self, unit: _Unit, felt: _Felt) -> None:
+        turning = turns_of(felt.expected, felt.times, _WINDOW)
+        self._judge_orientation(felt)
+        expected, found = [], []
+        if felt.speeds is not None:
+            expected.append(turning)
+            found.append(self._judge_rates(felt.times, felt.speeds, turning))
+        if felt.accelerations is not None:
+            up, measured = self._judge_gravity(unit, felt.expected, felt.accelerations, np.linalg.norm(turning, axis=1))
+            expected.append(up * _AT_REST)
+            found.append(measured * _AT_REST)
+        if self.failing and found:
+            self._hint(unit, np.concatenate(expected), np.concatenate(found))
+
+    def _judge_orientation(self, felt: _Felt) -> None:
+        heading = vertical_turn(felt.orientations, felt.expected)
+        self.measure("heading of the unit's north", math.degrees(heading), "deg")
+        aligned = rotation_of(0.0, 0.0, heading) @ felt.orientations
+        errors = np.array(
+            [rotation_vector(found @ wanted.T) for found, wanted in zip(aligned, felt.expected, strict=True)]
+        )
+        size = np.linalg.norm(errors, axis=1)
+        self.record(
+            "orientation",
+            time=(felt.times - felt.times[0], "s"),
+            error=(np.degrees(size), "deg"),
+            **{f"about_{axis}": (np.degrees(errors[:, k]), "deg") for k, axis in enumerate("xyz")},
+        )
+        self.measure("rms error of the orientation", float(np.sqrt(np.mean(size**2))), "rad")
+        for k, axis in enumerate("xyz"):
+            self.measure(f"greatest error about {axis}", float(np.abs(errors[:, k]).max()), "rad")
+        self._off("greatest error of the orientation", float(size.max()), "rad", self.max_error)
+        still = int((np.ptp(felt.orientations, axis=0) == 0.0).all())
+        self.check_fail_if_true(still, f"the orientation never changed; {likely_causes('sensor frozen')}")
+
+    def _judge_rates(self, times: FloatArray, speeds: FloatArray, turning: FloatArray) -> FloatArray:
+        """Compare means over windows with how far the joints turned the unit meanwhile; returns the means."""
+        steps = np.diff(times)[:, None] * (speeds[1:] + speeds[:-1]) / 2
+        turned = np.cumsum(np.vstack([np.zeros(3), steps]), axis=0)
+        means: FloatArray = (turned[_WINDOW:] - turned[:-_WINDOW]) / (times[_WINDOW:] - times[:-_WINDOW])[:, None]
+        errors = np.linalg.norm(means - turning, axis=1)
+        self.record(
+            "turning rate",
+            time=(times[_WINDOW:] - times[0], "s"),
+            expected=(np.linalg.norm(turning, axis=1), "deg/s"),
+            measured=(np.linalg.norm(means, axis=1), "deg/s"),
+        )
+        self._off("rms error of the turning rate", float(np.sqrt(np.mean(errors**2))), "deg/s", self.max_rate_error)
+        return means
+
+    def _judge_gravity(
+        self, unit: _Unit, expected: FloatArray, accelerations: FloatArray, turning: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Compare where up is in the unit's frame, at rest, without aligning anything; returns expected and found."""
+        # A joint that begins or ends its move pulls at the unit before and after it turns.
+        around = 2 * _WINDOW + 1
+        rest = np.flatnonzero(np.convolve(turning < _AT_REST, np.ones(around), "same") > around - 0.5)
+        self.assert_error_if_true(
+            rest.size < _FEWEST_AT_REST, f"{unit.name} was at rest in {rest.size} of {turning.size} windows only"
+        )
+        up = expected[rest][:, 2, :]
+        found = np.array([accelerations[k : k + _WINDOW].mean(axis=0) for k in rest])
+        size = np.linalg.norm(found, axis=1)
+        cosine = np.einsum("ij,ij->i", up, found) / np.maximum(size, 1e-9)
+        angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        self._off("greatest error of the direction of gravity", float(angle.max()), "deg", self.max_gravity_error)
+        mean = float(size.mean())
+        self.measure("gravity", mean, "m/s^2", _GRAVITY - self.gravity_tolerance, _GRAVITY + self.gravity_tolerance)
+        return up, found / np.maximum(size, 1e-9)[:, None]
+
+    def _off(self, name: str, value: float, symbol: str, high: float) -> None:
+        if self.measure(name, value, symbol, high=high).verdict is MeasurementVerdict.FAILED:
+            self.report(f"{name} is {value:.3g} {symbol}; {likely_causes('orientation')}")
+
+    def _hint(self, unit: _Unit, expected: FloatArray, found: FloatArray) -> None:
+        """Say by which turn of the unit all that it feels would be explained."""
+        vector = np.degrees(rotation_vector(turn_between(found, expected)))
+        angle = float(np.linalg.norm(vector))
+        self.report(
+            f"{unit.name} feels as if it were mounted turned by {angle:.1f} deg about "
+            f"({', '.join(f'{part:.2f}' for part in vector / max(angle, 1e-9))}) of its frame {unit.frame}"
+        )
+
+
+_CATEGORIES = (SensorCategory.GYROSCOPE, SensorCategory.ACCELEROMETER)

@@ -1,0 +1,223 @@
+"""Joint limits: every joint reaches the limits of its configuration, and goes no further."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from rtf.robot.interfaces import PidType
+from rtf.robot_testing import Safety, likely_causes
+from rtf.robot_testing.companions import in_turn, lanes, together
+from rtf.robot_testing.joints_case import JointsTest
+from rtf.testing import Parameter
+from rtf.testing.verdict import MeasurementVerdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.robot.interfaces import Pid
+    from rtf.robot_testing import Trace
+
+#: A joint is at rest that has not moved by so much (deg) for so long (s): longer where it should not be, for a
+#: controller may still be gathering the torque that it lacks.
+_STILL, _AT_REST, _STALLED = 0.05, 0.15, 1.0
+#: What a move is given beyond twice its time, s; and what it takes a board at least to begin with one, s.
+_GRACE, _REACTION = 3.0, 0.15
+#: A controller that is asked beyond its limit and follows adds its gain times the way to its output. It must not add
+#: this share of that, nor of its greatest output: a little it may, while its integral still gathers.
+_PUSH, _LEAST_PUSH = 0.4, 0.03
+#: How far a configured limit may be from the one that is expected, deg.
+_SAME = 0.5
+
+
+class _Side(NamedTuple):
+    """One end of a joint's range; ``sign`` points outwards."""
+
+    name: str
+    limit: float
+    sign: float
+
+
+class _Stay(NamedTuple):
+    """Where a joint has come to rest (deg), and what its controller gives for it (the controller's unit)."""
+
+    position: float
+    output: float
+
+
+class JointLimits(JointsTest):
+    """Moves each joint to both limits and asks it to go beyond; what it reaches and keeps is measured.
+
+    The output of the position controllers is weakened first, so that a joint which meets something does it no harm.
+    A joint that is at its mechanical stop goes nowhere, but its controller must not push against it either. Joints that
+    cannot meet each other move at the same time, the others in turn. Limits that can be reached but are not
+    the robot's are only found when ``lower`` and ``upper`` say what they should be.
+    """
+
+    aliases = ("jointsLimits", "jointLimits", "JointsLimits")
+    tags = ("motion", "limits")
+    safety = Safety.MOTION
+
+    speed = Parameter(list[float], "speed of all moves", unit="deg/s", default=[60.0], low=0.1)
+    out_of_bound = Parameter(
+        list[float], "how far beyond a limit it is asked to go", unit="deg", default=[2.0], low=0.001,
+        key="outOfBoundPosition",
+    )  # fmt: skip
+    output_percent = Parameter(
+        list[float], "share of the controller's greatest output that is left to it", unit="%", default=[60.0],
+        low=1.0, high=100.0, key="outputLimitPercent",
+    )  # fmt: skip
+    tolerance = Parameter(float, "how near is at the limit", unit="deg", default=0.5, low=0.001)
+    tolerances = Parameter(list[float], "the same for each joint", unit="deg", default=[], key="toleranceList")
+    lower = Parameter(list[float], "lower limits that the robot should have; none: any", unit="deg", default=[])
+    upper = Parameter(list[float], "upper limits that the robot should have; none: any", unit="deg", default=[])
+
+    def setup(self) -> None:
+        """Open the part, weaken it and bring it home."""
+        super().setup()
+        part, chosen = self.robot_part, self.chosen
+        self.speeds = self._by_joint("speed", self.speed)
+        self.beyond = self._by_joint("outOfBoundPosition", self.out_of_bound)
+        self.near = self._by_joint("toleranceList", self.tolerances or [self.tolerance])
+        self.wanted = {
+            "lower": self._by_joint("lower", self.lower) if self.lower else {},
+            "upper": self._by_joint("upper", self.upper) if self.upper else {},
+        }
+        percents = self._by_joint("outputLimitPercent", self.output_percent)
+        self.gains = {joint: self._weaken(joint, percent / 100.0) for joint, percent in percents.items()}
+        self.bring_home(speed=min(self.speeds.values()))
+        part.board.set_reference_speeds([self.speeds[joint] for joint in chosen], chosen)
+
+    def _by_joint(self, name: str, values: list[float]) -> dict[int, float]:
+        return dict(zip(self.chosen, self.per_joint(name, values, self.chosen), strict=True))
+
+    def _weaken(self, joint: int, share: float) -> Pid:
+        board = self.robot_part.board
+        pid = board.pid(PidType.POSITION, joint)
+        weak = pid._replace(max_output=pid.max_output * share, max_integral=pid.max_integral * share)
+        board.set_pid(PidType.POSITION, joint, weak)
+        self.assert_error_if_false(
+            abs(board.pid(PidType.POSITION, joint).max_output - weak.max_output) < 1e-3 * abs(pid.max_output) + 1e-6,
+            f"{self.robot_part.names[joint]}: the board does not keep the output limit of {weak.max_output:g} %",
+        )
+        return weak
+
+    def run(self) -> None:
+        """Let all lanes go at once; each joint is judged when it is home again."""
+        part = self.robot_part
+        self._spans: dict[int, tuple[float, float]] = {}
+        courses = [
+            in_turn(together(self._course(joint) for joint in members) for members in lane)
+            for lane in lanes(part.names, self.chosen)
+        ]
+        with self.guarded(), part.recorded() as trace:
+            for _ in together(courses):
+                part.wait(_PACE, pace=_PACE)
+        self._keep(trace)
+
+    def _course(self, joint: int) -> Iterator[None]:
+        """The way of one joint, to both limits and home again."""
+        part = self.robot_part
+        begin = self.now()
+        low, high = float(part.low[joint]), float(part.high[joint])
+        if not low < high:
+            with self.subresult(part.names[joint]):
+                self.assert_error_if_false(
+                    low < high, f"{part.names[joint]}: the limits {low:g} and {high:g} leave no range"
+                )
+            return
+        found: list[tuple[_Side, _Stay, _Stay]] = []
+        for side in (_Side("upper", high, 1.0), _Side("lower", low, -1.0)):
+            yield from self._travel(joint, side.limit)
+            reached = self._stay(joint)
+            yield from self._travel(joint, side.limit + side.sign * self.beyond[joint], beyond=True)
+            found.append((side, reached, self._stay(joint)))
+        yield from self._travel(joint, float(part.home[joint]))
+        self._spans[joint] = begin, self.now()
+        with self.subresult(part.names[joint]):
+            for side, reached, kept in found:
+                self._judge(joint, side, reached, kept)
+            self._judge_return(joint)
+        self.progress(len(self._spans) / len(self.chosen), part.names[joint])
+
+    def _stay(self, joint: int) -> _Stay:
+        board = self.robot_part.board
+        return _Stay(board.encoder(joint), float(board.pid_outputs(PidType.POSITION, joint)[0]))
+
+    def _travel(self, joint: int, target: float, *, beyond: bool = False) -> Iterator[None]:
+        """Move until the joint is at rest after the time that the way should take, or the time is up."""
+        board, speed = self.robot_part.board, self.speeds[joint]
+        here = board.encoder(joint)
+        expected = abs(target - here) / speed
+        board.position_move([target], [joint])
+        begin = since = self.now()
+        while (now := self.now()) < begin + 2 * expected + _GRACE:
+            position = board.encoder(joint)
+            if abs(position - here) > _STILL:
+                here, since = position, now
+            arrived = beyond or abs(position - target) <= self.near[joint]
+            if now >= begin + expected + _REACTION and now - since >= (_AT_REST if arrived else _STALLED):
+                return
+            yield None
+
+    def _judge(self, joint: int, side: _Side, reached: _Stay, asked: _Stay) -> None:
+        """``reached`` is how it was at the limit, ``asked`` after it was asked to go on. Going inwards is no excess."""
+        name, tolerance, sign = self.robot_part.names[joint], self.near[joint], side.sign
+        if joint in self.wanted[side.name]:
+            wanted = self.wanted[side.name][joint]
+            self.measure(f"{side.name} limit", side.limit, "deg", low=wanted - _SAME, high=wanted + _SAME)
+        missing = sign * (side.limit - reached.position)
+        measured = self.measure(f"short of the {side.name} limit", missing, "deg", high=tolerance)
+        if measured.verdict is MeasurementVerdict.FAILED:
+            self.report(
+                f"{name} stops at {reached.position:.2f} deg, {missing:.2f} deg short of its {side.name} limit of "
+                f"{side.limit:g} deg; {likely_causes('short of limit')}"
+            )
+        excess = sign * (asked.position - side.limit)
+        measured = self.measure(f"beyond the {side.name} limit", excess, "deg", high=tolerance)
+        if measured.verdict is MeasurementVerdict.FAILED:
+            self.report(
+                f"{name} goes {excess:.2f} deg beyond its {side.name} limit of {side.limit:g} deg; "
+                f"{likely_causes('beyond limit')}"
+            )
+        if missing <= tolerance:
+            self._judge_push(joint, side, sign * (asked.output - reached.output))
+
+    def _judge_push(self, joint: int, side: _Side, push: float) -> None:
+        """What the controller gives more when it is asked to go on: nothing, for its reference ends at the limit."""
+        pid = self.gains[joint]
+        full = abs(pid.max_output)
+        if full <= 0:
+            return
+        allowed = _PUSH * min(abs(pid.kp) * self.beyond[joint], full) / full
+        percent = 100.0 * push / full
+        measured = self.measure(
+            f"push beyond the {side.name} limit", percent, "%", high=100.0 * max(allowed, _LEAST_PUSH)
+        )
+        if measured.verdict is MeasurementVerdict.FAILED:
+            self.report(
+                f"{self.robot_part.names[joint]} pushes on at its {side.name} limit of {side.limit:g} deg with "
+                f"{percent:.0f} % of its output when asked to go beyond; {likely_causes('beyond limit')}"
+            )
+
+    def _judge_return(self, joint: int) -> None:
+        part = self.robot_part
+        here, home = part.board.encoder(joint), float(part.home[joint])
+        self.measure("away from home afterwards", abs(here - home), "deg", high=max(self.near[joint], _HOME))
+
+    def _keep(self, trace: Trace) -> None:
+        """Record what each joint did while it had its turn."""
+        time, positions, currents = trace.time, trace.positions, trace.currents
+        for joint, (begin, end) in self._spans.items():
+            rows = (time >= begin) & (time <= end)
+            self.record(
+                f"{self.robot_part.names[joint]}: position",
+                time=(time[rows] - begin, "s"),
+                position=(positions[rows, joint], "deg"),
+                current=(currents[rows, joint], "A"),
+            )
+
+
+#: Seconds between two looks at joints that move.
+_PACE = 0.02
+#: How near to home a joint has to come, deg.
+_HOME = 1.0

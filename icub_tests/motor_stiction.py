@@ -1,0 +1,97 @@
+"""Stiction: how much duty cycle it takes to set each motor going, in both directions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot_testing import Safety, confidence, likely_causes
+from rtf.robot_testing.duty_case import DutyTest, Steps
+from rtf.testing import Parameter
+from rtf.testing.verdict import MeasurementVerdict
+
+if TYPE_CHECKING:
+    from rtf.robot_testing.duty_case import BothWays
+
+_START = 0.0  # %: a ramp begins with what holds the joint
+
+
+class MotorStiction(DutyTest):
+    """Drives each motor with a slowly growing duty cycle until it has moved, upwards and downwards, several times.
+
+    Half the distance between the two duty cycles at which it begins to move is the stiction; in the middle is what
+    gravity needs. A joint under test begins with the duty cycle that holds it; all others are held by controllers.
+    """
+
+    aliases = ("motorStiction", "MotorStiction")
+    safety = Safety.EFFORT
+    tags = ("motion", "motors", "friction")
+
+    output_step = Parameter(
+        list[float], "by how much the duty cycle grows", unit="%", default=[0.5], low=0.01, high=10.0, key="outputStep"
+    )
+    output_delay = Parameter(
+        list[float], "time between two steps", unit="s", default=[0.2], low=0.02, key="outputDelay"
+    )
+    output_max = Parameter(
+        list[float], "greatest duty cycle that is added", unit="%", default=[50.0], low=0.1, high=100.0, key="outputMax"
+    )
+    threshold = Parameter(list[float], "motion that counts, of the joint", unit="deg", default=[5.0], low=0.5)
+    repeat = Parameter(int, "how often each motor is tested", default=2, low=1)
+    # A few per cent is what motors behind gears of 100:1 take; a dry or a bent one takes several times that.
+    stiction = Parameter(
+        list[float], "greatest stiction", unit="%", default=[10.0], low=0.1, high=100.0, key="maxStiction"
+    )
+    speed = Parameter(list[float], "taken and not needed", unit="deg/s", default=[20.0])
+
+    def setup(self) -> None:
+        """Read how the duty cycles grow."""
+        super().setup()
+        columns = (
+            self.per_joint("outputStep", self.output_step, self.chosen),
+            self.per_joint("outputDelay", self.output_delay, self.chosen),
+            self.per_joint("outputMax", self.output_max, self.chosen),
+            self.per_joint("threshold", self.threshold, self.chosen),
+        )
+        self.steps = [Steps(_START, *values) for values in zip(*columns, strict=True)]
+        self.most = self.per_joint("maxStiction", self.stiction, self.chosen)
+
+    def run(self) -> None:
+        """Test motor by motor."""
+        names = self.robot_part.names
+        for place, joint in enumerate(self.chosen):
+            self.progress(place / len(self.chosen), names[joint])
+            with self.subresult(names[joint]):
+                self._test(joint, self.steps[place], self.most[place])
+
+    def _test(self, joint: int, steps: Steps, most: float) -> None:
+        name, found = self.robot_part.names[joint], []
+        for _ in range(self.repeat):
+            ways = self.drive_both_ways(joint, steps)
+            self._require_motion(name, ways, steps)
+            found.append((ways.positive.breakaway, ways.negative.breakaway))
+            if not ways.held:
+                break
+        upwards, downwards = np.array(found).T
+        self.measure("set going upwards", float(upwards.mean()), "%")
+        self.measure("set going downwards", float(downwards.mean()), "%")
+        self.measure("in the middle, against gravity", float((upwards + downwards).mean() / 2), "%")
+        mean, sure = confidence((upwards - downwards) / 2)
+        # A motor that is geared to less of its joint needs more for the same friction.
+        share = abs(float(self.transmission.coupling[joint, joint])) or 1.0
+        measured = self.measure("stiction", mean, "%", high=most / share)
+        if measured.verdict is MeasurementVerdict.FAILED:
+            spread = f" ± {sure:.1f}" if np.isfinite(sure) else ""
+            self.report(
+                f"{name} takes {mean:.1f}{spread} % of duty cycle more than what gravity needs before it moves; "
+                f"{likely_causes('weak')}"
+            )
+
+    def _require_motion(self, name: str, ways: BothWays, steps: Steps) -> None:
+        for word, ramp in (("positive", ways.positive), ("negative", ways.negative)):
+            self.assert_true(
+                ramp.moved,
+                f"{name} does not move {steps.threshold:g} deg with a {word} duty cycle: {ramp.end.value}, at "
+                f"{ramp.added:g} %; {likely_causes('does not move')}",
+            )

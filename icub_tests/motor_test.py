@@ -1,0 +1,162 @@
+"""Motor test: position moves of single joints, of all at once and of a group arrive, and say when they are done."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot_testing import Safety, likely_causes
+from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.response import step_response
+from rtf.testing import Parameter
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Trace
+
+#: How long a board may take to begin with a move, and to call it done after its end, s.
+_STARTS, _ENDS = 0.5, 1.0
+#: How long joints are watched after a move, s, and how often, s.
+_AFTER, _PACE = 0.3, 0.02
+#: The states at the end whose mean is where a joint has come to.
+_LAST = 10
+#: A way that is shorter says nothing of how it begins, deg.
+_SHORTEST = 1.0
+
+
+class MotorTest(JointsTest):
+    """Moves each joint to its target, all back home together, and all to their targets again as a group.
+
+    Each joint has to start, to say that it is done, and to be near its target; rise, settling and overshoot are
+    measured. Targets are ten degrees from home, towards the middle of the range, unless they are given.
+    """
+
+    aliases = ("motorTest", "motor-test", "MotorTests")
+    tags = ("motion", "motors")
+    safety = Safety.MOTION
+
+    port = Parameter(str, "port of the part; instead of robot and part", default="", key="portname", aliases=("port",))
+    # Files of old give their number here, not a list.
+    joints = Parameter(int, "how many axes the part has; 0: as many as it says", default=0, low=0)  # type: ignore[assignment]
+    target = Parameter(list[float], "where each joint is moved; none: near home", unit="deg", default=[])
+    below = Parameter(list[float], "how far below its target a joint may be", unit="deg", default=[1.0], key="min")
+    above = Parameter(list[float], "how far above its target it may be", unit="deg", default=[1.0], key="max")
+    speed = Parameter(list[float], "reference speeds", unit="deg/s", default=[20.0], low=0.1, key="refvel")
+    acceleration = Parameter(
+        list[float], "reference accelerations; none: as they are", unit="deg/s^2", default=[], low=0.0, key="refacc"
+    )
+    patience = Parameter(
+        list[float], "time for each move; none: by its way", unit="s", default=[], low=0.0, key="timeout"
+    )
+    overshoot = Parameter(float, "how far a joint may swing over its target", unit="deg", default=2.0, low=0.0)
+    distance = Parameter(float, "how far targets are from home that are not given", unit="deg", default=10.0, low=1.0)
+
+    def setup(self) -> None:
+        """Open the part, bring it into position mode, and set speeds."""
+        if self.port:
+            self.robot, _, self.part = self.port.strip("/").rpartition("/")
+        super().setup()
+        part = self.robot_part
+        self.targets = self._targets()
+        self.low = self.targets - np.abs(self.per_joint("min", self.below, self.chosen))
+        self.high = self.targets + np.abs(self.per_joint("max", self.above, self.chosen))
+        self.speeds = np.array(self.per_joint("refvel", self.speed, self.chosen))
+        self.hold()
+        part.board.set_reference_speeds(self.speeds)
+        if self.acceleration:
+            part.board.set_reference_accelerations(self.per_joint("refacc", self.acceleration, self.chosen))
+
+    def wanted_joints(self) -> list[int]:
+        """All: the parameter ``joints`` is their number."""
+        return []
+
+    def _targets(self) -> FloatArray:
+        part = self.robot_part
+        if self.target:
+            return np.array(self.per_joint("target", self.target, self.chosen))
+        middle = (part.low + part.high) / 2
+        return np.clip(part.home + np.where(part.home < middle, self.distance, -self.distance), part.low, part.high)
+
+    def run(self) -> None:
+        """Single moves, all together, and a group in reverse order."""
+        part = self.robot_part
+        if self.joints:
+            self.check(part.axes == self.joints, f"{part.name} has {part.axes} axes, {self.joints} are expected")
+        for joint in self.chosen:
+            self.progress(joint / (part.axes + 2), part.names[joint])
+            self._move("single", [joint], self.targets)
+        home = part.home
+        self.progress(part.axes / (part.axes + 2), "all")
+        self._move("all", None, home)
+        self._move("group", self.chosen[::-1], self.targets)
+
+    def teardown(self) -> None:
+        """Go home gently; what did not arrive before need not arrive now."""
+        if hasattr(self, "targets"):
+            self.robot_part.go_home()
+
+    def _move(self, kind: str, joints: list[int] | None, targets: FloatArray) -> None:
+        """Move joints, None: all by the call for all; and judge each of them."""
+        part, board = self.robot_part, self.robot_part.board
+        moved = self.chosen if joints is None else joints
+        goal = targets[moved]
+        start = board.encoders(moved)
+        ways = np.abs(goal - start)
+        limit = self._time_for(moved, ways)
+        with self.guarded(), part.recorded() as trace:
+            begin = self.now()
+            board.position_move(goal, joints)
+            begun = part.wait_until(lambda: not board.motion_done(joints), _STARTS, pace=_PACE)
+            part.wait_until(lambda: self._arrived(moved, targets), limit, pace=_PACE)
+            done = part.wait_until(lambda: board.motion_done(joints), _ENDS, pace=_PACE)
+            part.wait(_AFTER, pace=_PACE)
+        if ways.max() < _SHORTEST:
+            begun = True
+        for joint, way in zip(moved, ways, strict=True):
+            with self.subresult(f"{part.names[joint]} {kind}"):
+                self._judge(joint, float(targets[joint]), float(way), trace, begin, kind)
+        with self.subresult(f"{self._who(moved)} {kind}"):
+            self.check_fail_if_false(
+                begun,
+                f"{self._who(moved)}: no motion was begun within {_STARTS:g} s; {likely_causes('does not start')}",
+            )
+            self.check_fail_if_false(done, f"{self._who(moved)}: the motion is not done {limit + _ENDS:.1f} s later")
+
+    def _who(self, joints: Sequence[int]) -> str:
+        return self.robot_part.names[joints[0]] if len(joints) == 1 else self.robot_part.name
+
+    def _time_for(self, joints: list[int], ways: FloatArray) -> float:
+        if self.patience:
+            return float(max(self.per_joint("timeout", self.patience, self.chosen)[joint] for joint in joints))
+        return float((2 * ways / self.speeds[joints]).max()) + 2.0
+
+    def _arrived(self, joints: list[int], targets: FloatArray) -> bool:
+        away = self.targets - targets  # home has the same tolerances as the targets
+        here = self.robot_part.board.encoders(joints) + away[joints]
+        return bool(((here >= self.low[joints]) & (here <= self.high[joints])).all())
+
+    def _judge(self, joint: int, target: float, way: float, trace: Trace, begin: float, kind: str) -> None:
+        name = self.robot_part.names[joint]
+        time, positions = trace.time - begin, trace.positions[:, joint]
+        self.record(f"{kind} move", time=(time, "s"), position=(positions, "deg"))
+        low, high = self.low[joint] - self.targets[joint], self.high[joint] - self.targets[joint]
+        if way >= _SHORTEST:
+            found = step_response(time, positions, float(positions[0]), target, max(-low, high))
+            if math.isfinite(found.rise_time):
+                self.measure("rise", found.rise_time, "s")
+            if math.isfinite(found.settling_time):
+                self.measure("settling", found.settling_time, "s")
+            self.measure("overshoot", found.overshoot / 100.0 * way, "deg", high=self.overshoot)
+        error = float(positions[-_LAST:].mean()) - target
+        self.measure("final error", error, "deg", low=low, high=high)
+        if not low <= error <= high:
+            moved = abs(float(positions[-1] - positions[0]))
+            finding = "does not move" if moved < _SHORTEST else "weak"
+            self.report(
+                f"{name} ends {error:+.2f} deg from its target of {target:.2f} deg, after it moved {moved:.2f} deg; "
+                f"{likely_causes(finding)}"
+            )

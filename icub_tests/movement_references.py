@@ -1,0 +1,180 @@
+"""Movement references: what was commanded can be read back, and a command in the wrong mode changes no reference."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.control_modes import ControlMode
+from rtf.robot_testing import Limits, Safety, likely_causes
+from rtf.robot_testing.joints_case import JointsTest
+from rtf.testing import Parameter
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+
+#: How near a reference has to be that is read back (deg, deg/s or %): boards keep single precision.
+_SAME = 0.01
+#: What commands are given to take effect, s; the shorter, the less do joints fall in PWM mode.
+_TAKES = 0.05
+#: What a board is given to change a mode, s: those that obey at once wait without power for the one that does not.
+_CHANGES = 0.3
+#: A speed is commanded so many times, s apart; boards forget one that is not repeated.
+_REPEATS, _REPEATED = 4, 0.1
+_PACE = 0.02
+#: How near a move has to come, deg.
+_ARRIVED = 2.0
+
+
+class MovementReferencesTest(JointsTest):
+    """Commands positions, duty cycles, direct positions and speeds, and reads back what the board says they are.
+
+    A position move in PWM mode and a direct position must leave the target alone; a joint that is told a speed has to
+    take it.
+    """
+
+    aliases = ("movementReferencesTest", "MovementReferences", "movementReferences")
+    tags = ("references", "motion")
+    safety = Safety.EFFORT
+    limits = Limits(speed=10.0, current=None)  # joints fall in PWM mode, light ones fast
+
+    target = Parameter(list[float], "where joints are moved; none: near home", unit="deg", default=[])
+    speed = Parameter(
+        list[float], "reference speeds of the moves", unit="deg/s", default=[20.0], low=0.1, key="refVel",
+        aliases=("refvel",),
+    )  # fmt: skip
+    acceleration = Parameter(
+        list[float], "reference accelerations; none: as they are", unit="deg/s^2", default=[], low=0.001, key="refAcc",
+        aliases=("refacc",),
+    )  # fmt: skip
+    duty = Parameter(float, "duty cycle that is commanded", unit="%", default=2.0, low=0.1, high=10.0)
+    step = Parameter(float, "how far a direct position is away", unit="deg", default=0.1, low=0.02, high=2.0)
+    velocity = Parameter(float, "speed that is commanded", unit="deg/s", default=5.0, low=0.1, high=20.0)
+    distance = Parameter(float, "how far targets are from home that are not given", unit="deg", default=5.0, low=1.0)
+
+    def setup(self) -> None:
+        """Open the part, set speeds, and bring its joints home."""
+        super().setup()
+        part, chosen = self.robot_part, self.chosen
+        self.speeds = np.array(self.per_joint("refVel", self.speed, chosen))
+        middle = (part.low[chosen] + part.high[chosen]) / 2
+        self.way = np.where(part.home[chosen] < middle, 1.0, -1.0)  # away from the nearer limit
+        if self.target:
+            self.targets = np.array(self.per_joint("target", self.target, chosen))
+        else:
+            self.targets = np.clip(
+                part.home[chosen] + self.distance * self.way, part.low[chosen], part.high[chosen]
+            )  # fmt: skip
+        self.bring_home(speed=float(self.speeds.min()))
+
+    def run(self) -> None:
+        """One kind of reference after the other, all joints together."""
+        steps = (self._settings, self._position, self._duty, self._direct, self._velocity)
+        for number, step in enumerate(steps):
+            self.progress(number / len(steps), step.__name__.strip("_"))
+            with self.guarded():
+                step()
+                self.robot_part.set_mode(ControlMode.POSITION, self.chosen)
+        self.robot_part.go_home()
+
+    def _settings(self) -> None:
+        board = self.robot_part.board
+        board.set_reference_speeds(self.speeds, self.chosen)
+        self._same("reference speed", self.chosen, board.reference_speeds(self.chosen), self.speeds, "deg/s")
+        if self.acceleration:
+            given = np.array(self.per_joint("refAcc", self.acceleration, self.chosen))
+            board.set_reference_accelerations(given, self.chosen)
+            found = board.reference_accelerations(self.chosen)
+            self._same("reference acceleration", self.chosen, found, given, "deg/s^2")
+
+    def _position(self) -> None:
+        part, joints = self.robot_part, self.chosen
+        arrival = part.move(self.targets, joints, speed=self.speeds, tolerance=_ARRIVED)
+        self._same("target position", joints, part.board.target_positions(joints), self.targets, "deg")
+        self._near("arrival", joints, arrival.positions, self.targets, _ARRIVED, "deg")
+
+    def _duty(self) -> None:
+        part, board = self.robot_part, self.robot_part.board
+        joints, way = self._enter(ControlMode.PWM)
+        if not joints:
+            return
+        duties = self.duty * way
+        board.set_reference_duty_cycles(duties, joints)
+        part.wait(_TAKES, pace=_PACE)
+        self._same("reference duty cycle", joints, board.reference_duty_cycles(joints), duties, "%")
+        before, home = board.target_positions(joints), part.home[joints]
+        board.position_move(np.where(np.abs(home - before) < 1.0, home + way, home), joints)
+        part.wait(_TAKES, pace=_PACE)
+        self._same("target position after a move in PWM mode", joints, board.target_positions(joints), before, "deg")
+
+    def _direct(self) -> None:
+        part, board = self.robot_part, self.robot_part.board
+        joints, way = self._enter(ControlMode.POSITION_DIRECT)
+        if not joints:
+            return
+        before = board.target_positions(joints)
+        asked = np.clip(board.encoders(joints) + self.step * way, part.low[joints], part.high[joints])
+        board.set_positions(asked, joints)
+        part.wait(_TAKES, pace=_PACE)
+        self._same("reference position", joints, board.reference_positions(joints), asked, "deg")
+        self._same("target position after a direct one", joints, board.target_positions(joints), before, "deg")
+
+    def _velocity(self) -> None:
+        """The speed that is taken is the way over the time of the stamps, by a line through all of them."""
+        part, board = self.robot_part, self.robot_part.board
+        joints, way = self._enter(ControlMode.VELOCITY)
+        if not joints:
+            return
+        speeds = self.velocity * way
+        try:
+            self._run_at(speeds, joints)
+            self._same("reference velocity", joints, board.target_velocities(joints), speeds, "deg/s")
+            with part.recorded() as trace:
+                self._run_at(speeds, joints)
+        finally:
+            board.velocity_move(np.zeros(len(joints)), joints)
+            part.wait(_TAKES, pace=_PACE)
+        time, positions = trace.time - trace.time[0], trace.positions[:, joints]
+        taken = np.polyfit(time, positions, 1)[0]
+        self._near("speed", joints, taken, speeds, _TAKEN * self.velocity, "deg/s")
+        columns = {part.names[joint]: (positions[:, place], "deg") for place, joint in enumerate(joints)}
+        self.record("velocity", time=(time, "s"), **columns)
+
+    def _run_at(self, speeds: FloatArray, joints: list[int]) -> None:
+        """Command speeds for a while, again and again: boards stop a joint that hears nothing."""
+        for _ in range(_REPEATS):
+            self.robot_part.board.velocity_move(speeds, joints)
+            self.robot_part.wait(_REPEATED, pace=_PACE)
+
+    def _enter(self, mode: ControlMode) -> tuple[list[int], FloatArray]:
+        """Bring all joints into a mode: those that take it, and their ways inwards; the others have failed."""
+        part = self.robot_part
+        part.set_mode(mode, self.chosen, timeout=_CHANGES)
+        there = []
+        for place, found in enumerate(part.board.control_modes(self.chosen)):
+            name = part.names[self.chosen[place]]
+            if found is mode:
+                there.append(place)
+            with self.subresult(name):
+                self.check_fail_if_false(
+                    found is mode, f"{name}: asked for {mode.word} it is in {found.word}; {likely_causes('mode')}"
+                )
+        return [self.chosen[place] for place in there], self.way[there]
+
+    def _same(self, what: str, joints: list[int], found: FloatArray, wanted: FloatArray, unit: str) -> None:
+        self._near(what, joints, found, wanted, _SAME, unit)
+
+    def _near(
+        self, what: str, joints: list[int], found: FloatArray, wanted: FloatArray, tolerance: float, unit: str
+    ) -> None:
+        for joint, value, expected in zip(joints, found, wanted, strict=True):
+            name = self.robot_part.names[joint]
+            with self.subresult(name):
+                self.measure(what, value, unit, low=expected - tolerance, high=expected + tolerance)
+                if abs(value - expected) > tolerance:
+                    self.report(f"{name}: {what} is {value:g} {unit}, not {expected:g}; {likely_causes('references')}")
+
+
+#: How exactly a speed is taken, as a share of it: the worst healthy joint is within a fifth.
+_TAKEN = 0.4

@@ -1,0 +1,78 @@
+"""Open-loop consistency: in PWM mode the duty cycle that is asked for is the one that the motor gets."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.control_modes import ControlMode
+from rtf.robot_testing import Limits, Safety, likely_causes
+from rtf.robot_testing.joints_case import JointsTest
+from rtf.testing import Parameter
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+
+
+class OpenLoopConsistency(JointsTest):
+    """Drives all motors with small duty cycles and compares reference, output and what was asked for.
+
+    It begins with nothing: on entering PWM mode reference and output are zero. Back in position mode the last reference
+    is still to be read. Joints fall a little meanwhile, and are brought home.
+    """
+
+    aliases = ("OpenloopConsistency", "openLoopConsistency", "openloopConsistency")
+    tags = ("references", "effort")
+    safety = Safety.EFFORT
+    limits = Limits(speed=10.0, current=None)  # light joints fall fast
+
+    level = Parameter(float, "the duty cycle, both ways", unit="%", default=1.0, low=0.1, high=5.0)
+    tolerance = Parameter(float, "how near reference and output are to it", unit="%", default=0.05, low=0.0)
+    settling = Parameter(float, "time for a command to take effect", unit="s", default=0.05, low=0.01)
+
+    def setup(self) -> None:
+        """Open the part and bring its joints home."""
+        super().setup()
+        self.bring_home()
+
+    def run(self) -> None:
+        """Enter PWM mode, drive up and down, and leave it."""
+        part, board, chosen = self.robot_part, self.robot_part.board, self.chosen
+        with self.guarded():
+            part.set_mode(ControlMode.PWM, chosen, timeout=_CHANGES)
+            self._look("on entering", 0.0)
+            for duty in (self.level, 0.0, -self.level):
+                board.set_reference_duty_cycles(np.full(len(chosen), duty), chosen)
+                part.wait(self.settling, pace=_PACE)
+                self._look(f"at {duty:g} %", duty)
+            part.set_mode(ControlMode.POSITION, chosen)
+            part.wait(self.settling, pace=_PACE)
+            self._judge("reference kept after leaving", board.reference_duty_cycles(chosen), -self.level)
+            self.bring_home(chosen)
+
+    def _look(self, when: str, duty: float) -> None:
+        """Mode, reference and output, with the joints as they are now."""
+        board = self.robot_part.board
+        modes = board.control_modes(self.chosen)
+        references, outputs = board.reference_duty_cycles(self.chosen), board.duty_cycles(self.chosen)
+        self._judge(f"reference {when}", references, duty)
+        self._judge(f"output {when}", outputs, duty)
+        for joint, mode in zip(self.chosen, modes, strict=True):
+            name = self.robot_part.names[joint]
+            with self.subresult(name):
+                self.check_fail_if_false(mode is ControlMode.PWM, f"{name}: is in {mode.word} {when}, not in PWM mode")
+
+    def _judge(self, what: str, values: FloatArray, duty: float) -> None:
+        for joint, value in zip(self.chosen, values, strict=True):
+            name = self.robot_part.names[joint]
+            with self.subresult(name):
+                self.measure(what, value, "%", low=duty - self.tolerance, high=duty + self.tolerance)
+                if abs(value - duty) > self.tolerance:
+                    self.report(f"{name}: {what} is {value:.2f} %, not {duty:g}; {likely_causes('references')}")
+
+
+#: What a board is given to change a mode, s: those that obey at once wait without power for the one that does not.
+_CHANGES = 0.3
+#: Seconds between two looks.
+_PACE = 0.01

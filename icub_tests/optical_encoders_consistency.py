@@ -1,0 +1,285 @@
+"""Consistency of encoders: what the motors' encoders say agrees with the joints' through gearboxes and couplings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rtf.robot.errors import RobotError
+from rtf.robot_testing import Safety, delay_between, fit_line, likely_causes
+from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.strays import give_up_strays
+from rtf.robot_testing.swinging import Outcome, Swinger, ends_of
+from rtf.robot_testing.transmission import Transmission
+from rtf.testing import Parameter
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Trace
+
+#: A joint has swung when its encoder has seen so much of it, deg.
+_SWUNG = 1.0
+#: Speed beyond which a joint surely moves in one direction, as a share of its greatest in the swing.
+_SURELY = 0.3
+#: Torques, as shares of the greatest duty cycle, that surely push in one direction; and the fewest states of each side.
+_PUSHING, _FEWEST = 0.1, 10
+#: Gear ratios that were met with in the wrong place: an extra stage of 75/50.
+_KNOWN_RATIOS = (1.5,)
+#: By how much numbers of a matrix that went through texts may differ, and ratios be off a known one.
+_SAME, _CLOSE = 1e-3, 0.01
+#: What is left, as a share of the half swing, from which on the estimates of ratios are in doubt themselves.
+_DOUBTFUL = 0.02
+#: The longest delay between two encoders that is looked for, s.
+_LONGEST = 0.2
+
+
+class _Data(NamedTuple):
+    """States of swings, one after the other: times (s), a row a state, a column an axis (deg, deg/s, %)."""
+
+    time: FloatArray
+    joints: FloatArray
+    motors: FloatArray
+    joint_speeds: FloatArray
+    motor_speeds: FloatArray
+    duties: FloatArray
+
+
+class OpticalEncodersConsistency(JointsTest):
+    """Swings joints one after the other, and compares every state of joints and motors.
+
+    The row of each motor in gearboxes and couplings is estimated from all swings of its board by least squares: so a
+    wrong ratio, a wrong sign and a wrong coupling show apart. What is left is noise and play.
+    """
+
+    aliases = ("MotorEncodersConsistency", "motorEncodersConsistency", "opticalEncodersConsistency")
+    tags = ("motion", "encoders", "consistency")
+    safety = Safety.MOTION
+
+    high = Parameter(list[float], "upper ends of the swings; none: derived", unit="deg", default=[], key="max")
+    low = Parameter(list[float], "lower ends of the swings; none: derived", unit="deg", default=[], key="min")
+    swing = Parameter(list[float], "width of the swings that are derived", unit="deg", default=[20.0], low=2.0)
+    speed = Parameter(list[float], "speed of all moves", unit="deg/s", default=[20.0], low=0.1)
+    cycles = Parameter(int, "half-swings of each joint", default=4, low=2)
+    tolerance = Parameter(float, "how near is at an end of a swing", unit="deg", default=1.0, low=0.001)
+    matrix_size = Parameter(int, "size of the coupling matrix that is expected; 0: that of the board", default=0, low=0)
+    matrix = Parameter(list[float], "coupling matrix of the joints that is expected, row by row", default=[])
+    # Gearboxes and resolutions are whole numbers of teeth and ticks: what differs at all differs by more.
+    ratio_tolerance = Parameter(float, "error of a ratio", unit="%", default=2.0, low=0.01)
+    velocity_tolerance = Parameter(float, "error of the speeds that are told", unit="%", default=10.0, low=0.1)
+    # Absolute encoders of 12 bits have ticks of 0.09 deg; a tendon gives way by less than a degree.
+    noise = Parameter(float, "greatest rms of the disagreement", unit="deg", default=0.25, low=0.001)
+    backlash = Parameter(float, "greatest play", unit="deg", default=1.0, low=0.001)
+    delay = Parameter(float, "greatest delay between joint and motor", unit="ms", default=20.0, low=0.1)
+    plot_enabled = Parameter(bool, "taken and not needed: reports have plots", default=False)
+    plot_string_1 = Parameter(str, "taken and not needed", default="", key="plotString1")
+    plot_string_2 = Parameter(str, "taken and not needed", default="", key="plotString2")
+    plot_string_3 = Parameter(str, "taken and not needed", default="", key="plotString3")
+    plot_string_4 = Parameter(str, "taken and not needed", default="", key="plotString4")
+
+    def setup(self) -> None:
+        """See how the part is geared, and where its joints swing."""
+        super().setup()
+        part = self.robot_part
+        try:
+            self.transmission = Transmission.read(part.board)
+        except RobotError as error:
+            self.assert_error(f"{part.name}: {error}")
+        self.speeds = self.per_joint("speed", self.speed, self.chosen)
+        widths = self.per_joint("swing", self.swing, self.chosen)
+        lows = self.per_joint("min", self.low, self.chosen) if self.low else None
+        highs = self.per_joint("max", self.high, self.chosen) if self.high else None
+        self.ends = [
+            ends_of(part, joint, widths[place], lows and lows[place], highs and highs[place])
+            for place, joint in enumerate(self.chosen)
+        ]
+        self.hold()
+        self.swinger = Swinger(part, self.transmission, tolerance=self.tolerance)
+        give_up_strays(part)
+
+    def run(self) -> None:
+        """Swing joint by joint, then judge motor by motor."""
+        part = self.robot_part
+        outcomes: dict[int, Outcome] = {}
+        traces: list[Trace] = []
+        for place, joint in enumerate(self.chosen):
+            self.progress(0.9 * place / len(self.chosen), part.names[joint])
+            with part.recorded() as trace:
+                outcomes[joint] = self.swinger.swing(joint, self.ends[place], self.cycles, self.speeds[place])
+            traces.append(trace)
+        data = _joined([trace for trace in traces if len(trace)])
+        self._compare_with_expected()
+        for joint in self.chosen:
+            with self.subresult(part.names[joint]):
+                self._judge(joint, outcomes[joint], data, traces[self.chosen.index(joint)])
+
+    def _compare_with_expected(self) -> None:
+        """The matrix of the parameters against that of the board, joint by joint."""
+        if not self.matrix:
+            return
+        count = len(self.chosen)
+        self.assert_error_if_false(
+            len(self.matrix) == count * count,
+            f"matrix has {len(self.matrix)} numbers, where {count} joints need {count * count}",
+        )
+        told = self.transmission.coupling[np.ix_(self.chosen, self.chosen)]
+        wrong = np.argwhere(np.abs(told - np.reshape(self.matrix, (count, count))) > _SAME)
+        for row, column in wrong.tolist():
+            self.warn(
+                f"{self.robot_part.names[self.chosen[row]]}: the board's coupling with "
+                f"{self.robot_part.names[self.chosen[column]]} is {told[row, column]:g}, not "
+                f"{self.matrix[row * count + column]:g}"
+            )
+
+    def _judge(self, joint: int, outcome: Outcome, data: _Data, trace: Trace) -> None:
+        name = self.robot_part.names[joint]
+        if outcome.complaint:
+            self.check(condition=False, text=f"{name} {outcome.complaint}; {likely_causes(*outcome.findings)}")
+        if not len(trace):
+            self.assert_error_if_false(outcome.complaint, f"{name}: the board publishes no states")
+            return
+        own = _joined([trace])
+        travel = float(np.ptp(own.joints[:, joint]))
+        turned = float(np.ptp(own.motors[:, joint])) / abs(self.transmission.factors[joint])
+        self.assert_true(
+            travel >= _SWUNG or turned < _SWUNG,
+            f"{name}: its motor turns it by {turned:.1f} deg, its encoder shows {travel:.2f} deg; "
+            f"{likely_causes('frozen')}",
+        )
+        if travel < _SWUNG:
+            self.assert_error_if_false(outcome.complaint, f"{name}: {travel:.2f} deg of motion say nothing")
+            return
+        self.assert_true(
+            turned >= 0.1 * travel,
+            f"{name} moves by {travel:.1f} deg, its motor's encoder does not; {likely_causes('frozen')}",
+        )
+        ratios, left = self._estimate(joint, data)
+        # What does not fit a line at all says less of its slope: a share of the half swing.
+        doubt = float(left.std()) / (travel / 2)
+        self._judge_ratios(joint, ratios, self.ratio_tolerance / 100.0 + (doubt if doubt > _DOUBTFUL else 0.0))
+        if self._judge_residual(joint, data, left):
+            self._judge_speeds(joint, own)
+        self._keep(joint, own)
+
+    def _estimate(self, joint: int, data: _Data) -> tuple[dict[int, float], FloatArray]:
+        """How far the motor turns with each joint of its board, in units of its gear; and what is left (deg)."""
+        factor = float(self.transmission.factors[joint])
+        moved = [j for j in self.transmission.blocks[joint] if np.ptp(data.joints[:, j]) >= _SWUNG]
+        expected = self.transmission.gearbox[joint] * self.transmission.coupling[joint]
+        still = [j for j in range(len(expected)) if j not in moved]
+        rest = data.motors[:, joint] - data.joints[:, still] @ expected[still]
+        columns = np.column_stack([data.joints[:, moved], np.ones(len(rest))])
+        estimate, *_ = np.linalg.lstsq(columns, rest, rcond=None)
+        left: FloatArray = (rest - columns @ estimate) / factor
+        return dict(zip(moved, (estimate[:-1] / factor).tolist(), strict=True)), left
+
+    def _judge_ratios(self, joint: int, ratios: dict[int, float], limit: float) -> None:
+        """The motor's row of the couplings against what is configured."""
+        names, own = self.robot_part.names, self.transmission.coupling[joint]
+        factor = float(self.transmission.factors[joint])
+        expected = self.transmission.gearbox[joint] * own / factor
+        ratio = ratios[joint]
+        if own[joint]:
+            self.measure("ratio to what is configured", ratio, low=1 - limit, high=1 + limit)
+            if abs(ratio - 1) > limit:
+                self.report(f"{names[joint]}: {_ratio_hint(ratio)}")
+        errors = {other: found - float(expected[other]) for other, found in ratios.items() if other != joint}
+        if errors:
+            worst = max(errors, key=lambda other: abs(errors[other]))
+            self.measure("greatest error of a coupling", errors[worst], low=-limit, high=limit)
+            if abs(errors[worst]) > limit:
+                self.report(
+                    f"{names[joint]}: its motor turns {ratios[worst]:.3f} times with {names[worst]}, in units of its "
+                    f"own gear, and not {expected[worst]:.3f} times; {likely_causes('ratio')}"
+                )
+
+    def _judge_residual(self, joint: int, data: _Data, left: FloatArray) -> bool:
+        """Play and noise; whether both are in order, so that finer things can be seen."""
+        name = self.robot_part.names[joint]
+        speeds, duties = data.joint_speeds[:, joint], data.duties[:, joint]
+        play = max(_two_sided(left, speeds, _SURELY), _two_sided(left, duties, _PUSHING))
+        self.measure("play", play, "deg", high=self.backlash)
+        if play > self.backlash:
+            self.report(f"{name}: the motor leads by {play:.2f} deg from side to side; {likely_causes('backlash')}")
+        rms = float(np.sqrt(np.mean((left - np.median(left)) ** 2)))
+        worst = float(np.abs(left).max())
+        self.measure("largest disagreement", worst, "deg")
+        if play > self.backlash:
+            return False  # play is no noise: it shows in the rms, too, and has been judged
+        high = self.noise + play / 2
+        self.measure("rms of the disagreement", rms, "deg", high=high)
+        if rms > high:
+            self.report(f"{name}: joint and motor disagree by {rms:.2f} deg rms; {likely_causes('noise', 'drift')}")
+        return rms <= high
+
+    def _judge_speeds(self, joint: int, own: _Data) -> None:
+        """Speeds that are told against what the positions say by their stamps; and joint against motor in time."""
+        name, limit = self.robot_part.names[joint], self.velocity_tolerance / 100.0
+        for what, positions, speeds in (
+            ("joint", own.joints[:, joint], own.joint_speeds[:, joint]),
+            ("motor", own.motors[:, joint], own.motor_speeds[:, joint]),
+        ):
+            derived = _derived(own.time, positions)
+            agreement = fit_line(speeds[1:-1], derived).slope
+            self.measure(f"speed of the {what}, derived by told", agreement, low=1 - limit, high=1 + limit)
+            if not abs(agreement - 1) <= limit:
+                self.report(f"{name}: the speed of the {what} that is told is not that of its positions")
+        apart = self._delay(joint, own)
+        self.measure("delay of the motor after the joint", apart * 1e3, "ms", low=-self.delay, high=self.delay)
+
+    def _delay(self, joint: int, own: _Data) -> float:
+        """By how many seconds the motor's encoder is behind the joint's; negative when it is the other way round."""
+        others = self.transmission.rotors(own.joints)[:, joint]
+        motor = own.motors[:, joint] - own.motors[:, joint].mean()
+        ratio = float(np.sign(fit_line(others, own.motors[:, joint]).slope)) * np.std(motor) / max(np.std(others), 1e-9)
+        joints = (others - others.mean()) * ratio
+        period = float(np.median(np.diff(own.time)))
+        even = np.arange(own.time[0], own.time[-1], period)
+        first, second = np.interp(even, own.time, joints), np.interp(even, own.time, motor)
+        return delay_between(first, second, period, _LONGEST) - delay_between(second, first, period, _LONGEST)
+
+    def _keep(self, joint: int, own: _Data) -> None:
+        time = own.time - own.time[0]
+        said = self.transmission.rotors(own.joints)[:, joint] / self.transmission.factors[joint]
+        motor = own.motors[:, joint] / self.transmission.factors[joint]
+        self.record(
+            "joint and motor",
+            time=(time, "s"),
+            joint=(said - said[0], "deg"),
+            motor=(motor - motor[0], "deg"),
+            difference=(motor - motor[0] - said + said[0], "deg"),
+        )
+
+
+def _joined(traces: list[Trace]) -> _Data:
+    """The states of traces, one after the other."""
+    names = ("time", "positions", "motor_positions", "velocities", "motor_velocities", "duty_cycles")
+    return _Data(*(np.concatenate([getattr(trace, name) for trace in traces]) for name in names))
+
+
+def _derived(time: FloatArray, positions: FloatArray) -> FloatArray:
+    """Speeds from positions two states apart; one less at each end."""
+    gaps = time[2:] - time[:-2]
+    speeds: FloatArray = (positions[2:] - positions[:-2]) / np.where(gaps > 0, gaps, np.inf)
+    return speeds
+
+
+def _two_sided(left: FloatArray, signal: FloatArray, share: float) -> float:
+    """What is left where a signal is surely positive, less that where it is surely negative; 0 when it is never so."""
+    level = share * float(np.abs(signal).max(initial=0.0))
+    above, below = left[signal > level], left[signal < -level]
+    return abs(float(above.mean() - below.mean())) if min(above.size, below.size) >= _FEWEST else 0.0
+
+
+def _ratio_hint(ratio: float) -> str:
+    if ratio < 0:
+        return f"joint and motor turn in opposite directions (ratio {ratio:.3f}); {likely_causes('sign')}"
+    for known in _KNOWN_RATIOS:
+        for factor in (known, 1 / known):
+            if abs(ratio / factor - 1) < _CLOSE:
+                where = "too many" if factor > 1 else "too few"
+                return (
+                    f"the motor turns {ratio:.3f} times as far as configured: a stage of {known:g} {where} in the "
+                    f"mechanics; {likely_causes('ratio')}"
+                )
+    return f"the motor turns {ratio:.3f} times as far as configured; {likely_causes('ratio')}"

@@ -1,0 +1,69 @@
+"""Position control accuracy: how joints answer to a step of their direct position reference."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.robot.control_modes import ControlMode
+from rtf.robot.interfaces import PidType
+from rtf.robot_testing import Safety
+from rtf.robot_testing.steps import StepTest
+from rtf.testing import Parameter
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Trace
+
+
+class PositionControlAccuracy(StepTest):
+    """Steps each joint in direct position mode, several times; judges rise, overshoot, settling, error and spread.
+
+    The controller is the robot's, or has gains of the test's own: then they are put back afterwards.
+    """
+
+    aliases = ("positionControl-accuracy", "positionControlAccuracy", "PositionControl-accuracy")
+    tags = ("motion", "control")
+    safety = Safety.MOTION
+
+    step = Parameter(float, "height of the step; on the robot 5 at most", unit="deg", default=2.0, low=0.1, high=20.0)
+    kp = Parameter(list[float], "proportional gain; none: the robot's", default=[], key="Kp")
+    ki = Parameter(list[float], "integral gain; none: the robot's", default=[], key="Ki")
+    kd = Parameter(list[float], "derivative gain; none: the robot's", default=[], key="Kd")
+
+    def setup(self) -> None:
+        """See the base; with gains of its own, give them to the controllers."""
+        super().setup()
+        self._give_gains()
+
+    def _give_gains(self) -> None:
+        board = self.robot_part.board
+        wanted = {"kp": self.kp, "ki": self.ki, "kd": self.kd}
+        own = {name: self.per_joint(name.title(), values, self.chosen) for name, values in wanted.items() if values}
+        if not own:
+            return
+        for place, joint in enumerate(self.chosen):
+            pid = board.pid(PidType.POSITION, joint)
+            board.set_pid(PidType.POSITION, joint, pid._replace(**{name: gains[place] for name, gains in own.items()}))
+
+    def room(self, joint: int) -> float:
+        """See the base."""
+        return min(self.step, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
+
+    def begin(self, joint: int, home: float, sign: float) -> tuple[float, float]:
+        """See the base."""
+        part = self.robot_part
+        self.assert_true(
+            part.set_mode(ControlMode.POSITION_DIRECT, [joint]),
+            f"{part.names[joint]} does not enter direct position mode: it stays in "
+            f"{part.board.control_modes(joint)[0].word}",
+        )
+        return home, home + sign * self.room(joint)
+
+    def drive(self, joint: int, reference: float) -> bool:
+        """See the base."""
+        self.robot_part.board.set_positions(reference, joint)
+        return True
+
+    def measured(self, trace: Trace, joint: int) -> FloatArray:
+        """See the base."""
+        return trace.positions[:, joint]

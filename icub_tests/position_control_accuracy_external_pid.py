@@ -1,0 +1,158 @@
+"""Position control accuracy with an external controller: the test closes the loop itself, around the duty cycle."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.control_modes import ControlMode
+from rtf.robot.interfaces import PidType
+from rtf.robot_testing import Safety
+from rtf.robot_testing.guard import GuardError
+from rtf.robot_testing.pid import DiscretePid
+from rtf.robot_testing.steps import StepTest
+from rtf.robot_testing.transmission import Transmission
+from rtf.testing import Parameter
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Part, Trace
+    from rtf.robot_testing.steps import Cycle
+
+#: How much slower than the board's loop the loop over the network is to be: it hears and tells every 10 ms.
+_SLOWER = 4.0
+#: The integral, as a share of the proportional gain (1/s).
+_INTEGRAL = 2.0
+#: What a step has to ask for, so that it does more than overcome friction, %.
+_STICTION = 3.0
+#: How far a joint may be from where it started before the test lets go of it, beyond the step, deg.
+_RUNAWAY = 10.0
+#: So many periods between two commands are too many for the loop to be judged.
+_LATE_BEATS = 2.5
+#: What a board may take to show its mode, s.
+_MODE_TIME = 0.2
+
+
+class PositionControlAccuracyExternalPid(StepTest):
+    """Steps each joint whose motor the test drives itself, with a PID controller computed here; judges the answer.
+
+    Without gains it takes those of the board, made slower; without any gain at all a joint would be limp. The
+    controller starts with the duty cycle that has held the joint, so that nothing falls when it takes over.
+    """
+
+    aliases = (
+        "positionControl-accuracy-ExternalPid",
+        "PositionControlAccuracyExernalPid",
+        "positionControlAccuracyExternalPid",
+    )
+    tags = ("motion", "control", "pwm")
+    safety = Safety.EFFORT
+
+    step = Parameter(float, "height of the step; on the robot 5 at most", unit="deg", default=4.0, low=0.1, high=20.0)
+    step_duration = Parameter(
+        float, "when a cycle ends, counted from the beginning of the rest before the step", unit="s", default=3.5
+    )
+    kp = Parameter(
+        list[float], "proportional gain, % of duty cycle a deg; none: from the board's", default=[], key="Kp"
+    )
+    ki = Parameter(list[float], "integral gain, %/(deg s)", default=[], key="Ki")
+    kd = Parameter(list[float], "derivative gain, % s/deg", default=[], key="Kd")
+    max_value = Parameter(float, "greatest output", unit="%", default=100.0, low=0.0, high=100.0, key="MaxValue")
+    pid_vup = Parameter(float, "added where the joint is to go up, against stiction", unit="%", default=1.5)
+    pid_vdown = Parameter(float, "added where it is to go down", unit="%", default=-1.5)
+    delay = Parameter(float, "until a tenth is reached, at most", unit="s", default=0.2, low=0.001)
+    rise_time = Parameter(float, "from a tenth to nine tenths, at most", unit="s", default=0.3, low=0.001)
+    overshoot = Parameter(float, "beyond the target, at most", unit="%", default=40.0, low=0.0)
+    band = Parameter(float, "how near to the target is settled", unit="deg", default=0.5, low=0.001)
+    settling_time = Parameter(float, "until it stays in the band, at most", unit="s", default=2.4, low=0.001)
+    steady_error = Parameter(float, "at the end, at most", unit="deg", default=0.5, low=0.0)
+    ripple = Parameter(float, "deviation at the end, at most", unit="deg", default=0.15, low=0.0)
+    repeatability = Parameter(
+        float, "deviation of the steps from each other, at most", unit="deg", default=0.8, low=0.0
+    )
+
+    def setup(self) -> None:
+        """See the base; and make a controller for each joint."""
+        super().setup()
+        part = self.robot_part
+        self.transmission = gears = Transmission.read(part.board)
+        # What a per cent of the motor's duty cycle is worth at its joint: its way round, and the coupling.
+        effects = np.sign(gears.gearbox) * np.where(np.diagonal(gears.coupling), np.diagonal(gears.coupling), 1.0)
+        gains = [self._gains(part, joint, float(effects[joint])) for joint in self.chosen]
+        for place, (name, given) in enumerate((("Kp", self.kp), ("Ki", self.ki), ("Kd", self.kd))):
+            if given:
+                values = self.per_joint(name, given, self.chosen)
+                gains = [(*one[:place], values[at], *one[place + 1 :]) for at, one in enumerate(gains)]
+        self.ways = np.sign(effects)
+        self.pids = {
+            joint: DiscretePid(*one, period=self.sample_time, limit=self.max_value)
+            for joint, one in zip(self.chosen, gains, strict=True)
+        }
+        self.homes = {joint: start for joint, (start, _) in zip(self.chosen, self.starts, strict=True)}
+
+    def _gains(self, part: Part, joint: int, effect: float) -> tuple[float, float, float]:
+        pid = part.board.pid(PidType.POSITION, joint)
+        kp = pid.kp / _SLOWER**2 / effect
+        return kp, _INTEGRAL * kp, pid.kd / _SLOWER / effect
+
+    def choose(self, part: Part) -> list[int]:
+        """See the base; of all, those whose gains let a step overcome friction."""
+        chosen = super().choose(part)
+        if self.joints or self.kp:
+            return chosen
+        gains = {joint: part.board.pid(PidType.POSITION, joint).kp / _SLOWER**2 for joint in chosen}
+        strong = [joint for joint in chosen if abs(gains[joint]) * self.step >= _STICTION]
+        if not strong:
+            self.skip(f"the gains of {part.name} are too small for a step of {self.step:g} deg; give Kp")
+        if len(strong) < len(chosen):
+            left = ", ".join(part.names[joint] for joint in chosen if joint not in strong)
+            self.report(f"not stepped: {left}; {self.step:g} deg ask for less than {_STICTION:g} % there: give Kp")
+        return strong
+
+    def room(self, joint: int) -> float:
+        """See the base."""
+        return min(self.step, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
+
+    def begin(self, joint: int, home: float, sign: float) -> tuple[float, float]:
+        """See the base."""
+        part = self.robot_part
+        held = self.transmission.holding_duty(part.board.duty_cycles(), joint)
+        part.board.set_control_modes([ControlMode.PWM], [joint])
+        self.pids[joint].start(held)
+        self.drive(joint, home)
+        entered = part.wait_until(lambda: part.board.control_modes(joint)[0] is ControlMode.PWM, _MODE_TIME)
+        self.assert_true(
+            entered,
+            f"{part.names[joint]} does not enter PWM mode: it stays in {part.board.control_modes(joint)[0].word}",
+        )
+        return home, home + sign * self.room(joint)
+
+    def drive(self, joint: int, reference: float) -> bool:
+        """See the base; a joint that goes far beyond its step is let go of."""
+        part = self.robot_part
+        position = part.board.encoder(joint)
+        if abs(position - self.homes[joint]) > self.step + _RUNAWAY:
+            raise GuardError(
+                f"{part.names[joint]} is at {position:.1f} deg, more than {_RUNAWAY:g} deg beyond a step of "
+                f"{self.step:g} deg from {self.homes[joint]:.1f} deg"
+            )
+        duty = self.pids[joint].output(reference, position)
+        duty += (self.pid_vup if reference > position else self.pid_vdown) * float(self.ways[joint])
+        part.board.set_reference_duty_cycles(max(-100.0, min(100.0, duty)), joint)
+        return True
+
+    def measured(self, trace: Trace, joint: int) -> FloatArray:
+        """See the base."""
+        return trace.positions[:, joint]
+
+    def judge(self, joint: int, cycles: list[Cycle]) -> None:
+        """See the base; a loop that this machine has not kept up with says nothing of the robot."""
+        beat = max(one.beat for one in cycles)
+        self.measure("longest period of the controller", 1000.0 * beat, "ms")
+        if beat > _LATE_BEATS * self.sample_time:
+            self.inconclusive(
+                f"{self.robot_part.names[joint]}: the controller stood still for {1000 * beat:.0f} ms, as this machine "
+                f"is too busy; its period is {1000 * self.sample_time:.0f} ms"
+            )
+        super().judge(joint, cycles)

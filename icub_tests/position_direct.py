@@ -1,0 +1,269 @@
+"""Position direct: joints follow a sine that is streamed to them, whichever way it is told."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rtf.robot.control_modes import ControlMode
+from rtf.robot_testing import GuardError, RobotTest, Safety, delay_between, likely_causes
+from rtf.robot_testing.pacing import paced
+from rtf.robot_testing.positioning import bring, late_joints, starting_point
+from rtf.robot_testing.sine import RampedSine, fit_sine
+from rtf.testing import Parameter
+from rtf.testing.verdict import MeasurementVerdict
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Part, Trace
+
+#: By the value of cmdMode how the positions are told.
+_FORMS = {0: "single", 1: "all", 2: "group"}
+#: Every so many commands the board is asked what it was told.
+_LOOKS = 5
+#: What a command may differ from the one before, deg: beyond, joints are thrown.
+_LARGEST_STEP = 2.0
+#: To find whether commands get lost: how many, how far apart (deg), and how long each is given to arrive (s).
+_PROBES, _PROBE, _PROBE_TIME = 12, 0.2, 0.05
+#: How much of the sine's amplitude and shape may be missing in what was sent and what the board took.
+_STIMULUS = 0.05
+
+
+class _Run(NamedTuple):
+    """What was sent (a row a command) and what the board said of it: times in s from the start, positions in deg."""
+
+    sent_at: FloatArray
+    sent: FloatArray
+    looked_at: FloatArray
+    taken: FloatArray
+    trace: Trace
+    begin: float
+
+
+class PositionDirect(RobotTest):
+    """All chosen joints follow a sine about where they are; it begins and ends gently.
+
+    It is told one joint at a time, to the whole part, and to the group of the joints, one after the other. Before
+    each, single small steps show whether the board takes every command.
+    """
+
+    aliases = ("positionDirect", "Position Direct")
+    tags = ("motion", "control")
+    safety = Safety.MOTION
+
+    part = Parameter(str, "the part whose joints move", default="left_arm")
+    joints = Parameter(list[int], "its joints; none: all", default=[])
+    zero = Parameter(list[float], "the middle of the sine; none: where they are", unit="deg", default=[])
+    frequency = Parameter(float, "of the sine", unit="Hz", default=0.5, low=0.01, high=5.0)
+    amplitude = Parameter(float, "of the sine; less where the limits are near", unit="deg", default=3.0, low=0.1)
+    cycles = Parameter(float, "whole swings, besides one to begin and one to end", default=2.0, low=1.0)
+    tolerance = Parameter(
+        float, "greatest distance of a joint from what it was told", unit="deg", default=1.5, low=0.001
+    )
+    sample_time = Parameter(
+        float, "time between two commands", unit="s", default=0.01, low=0.001, high=0.1, key="sampleTime"
+    )
+    forms = Parameter(
+        list[int], "0: joint by joint, 1: the whole part, 2: the group", default=[0, 1, 2], choices=(0, 1, 2),
+        key="cmdMode",
+    )  # fmt: skip
+    delay = Parameter(float, "by which joints may follow", unit="s", default=0.1, low=0.0)
+    shape = Parameter(
+        float, "what differs from a sine, root mean square", unit="deg", default=0.2, low=0.0, key="shapeError"
+    )
+    ripple = Parameter(
+        float, "the same of the speed, as a share of the greatest", unit="%", default=25.0, low=0.0, key="speedRipple"
+    )
+
+    def setup(self) -> None:
+        """Open the part, and find a sine for each joint that keeps within its limits and its speed."""
+        super().setup()
+        self.robot_part = part = self.open_part(self.part)
+        self.chosen = part.select(self.joints)
+        middle = [*self.per_joint("zero", self.zero, self.chosen)] if self.zero else [None] * len(self.chosen)
+        amplitudes = [min(self.amplitude, 0.45 * float(part.high[j] - part.low[j])) for j in self.chosen]
+        self.middle = np.array([
+            starting_point(part, joint, where, amplitude, both_sides=True)[0]
+            for joint, where, amplitude in zip(self.chosen, middle, amplitudes, strict=True)
+        ])  # fmt: skip
+        self.sine = RampedSine(np.array(amplitudes), self.frequency, self.cycles)
+        self._refuse_what_is_too_fast(part)
+
+    def _refuse_what_is_too_fast(self, part: Part) -> None:
+        speed = self.sine.greatest_speed
+        self.assert_error_if_true(
+            float(speed.max()) * self.sample_time >= _LARGEST_STEP,
+            f"a sine of {self.amplitude:g} deg at {self.frequency:g} Hz, told every {self.sample_time:g} s, steps by "
+            f"{speed.max() * self.sample_time:.1f} deg; less than {_LARGEST_STEP:g} deg is safe",
+        )
+        fast = [part.names[j] for j, most in zip(self.chosen, speed, strict=True) if most > part.fastest[j]]
+        self.assert_error_if_true(
+            fast, f"a sine of {self.amplitude:g} deg at {self.frequency:g} Hz is too fast for {', '.join(fast)}"
+        )
+
+    def run(self) -> None:
+        """Test the forms in turn."""
+        part = self.robot_part
+        self._leave_out_what_does_not_come(part)
+        for place, form in enumerate(self.forms):
+            name = _FORMS[form]
+            self.progress(place / len(self.forms), name)
+            bring(self, part, self.chosen, self.middle)
+            try:
+                self._enter(part)
+                lost = self._probe(part, form)
+                run = self._follow(part, form)
+            except GuardError as error:
+                self.assert_fail(f"{name}: {error}; {likely_causes('runs away')}")
+            finally:
+                part.set_mode(ControlMode.POSITION)
+            self._judge_stimulus(name, run)
+            for column, joint in enumerate(self.chosen):
+                with self.subresult(f"{part.names[joint]} {name}"):
+                    self._judge_lost(part.names[joint], lost[column])
+                    self._judge(part.names[joint], joint, column, run)
+        bring(self, part, self.chosen, self.middle)
+
+    def _leave_out_what_does_not_come(self, part: Part) -> None:
+        """A joint that does not even come to the middle of its sine fails; the others are tested all the same."""
+        late = late_joints(part, self.chosen, self.middle)
+        for joint, text in late.items():
+            with self.subresult(part.names[joint]):
+                self.assert_fail(f"{text}; {likely_causes('does not move')}")
+        left = [place for place, joint in enumerate(self.chosen) if joint not in late]
+        self.chosen = [self.chosen[place] for place in left]
+        self.middle = self.middle[left]
+        self.sine = RampedSine(self.sine.amplitudes[left], self.sine.frequency, self.sine.cycles)
+        if not self.chosen:
+            self.assert_fail(f"no joint of {part.name} could be brought to where its sine begins")
+
+    def _enter(self, part: Part) -> None:
+        """All joints of the part, so that a command to the whole part holds those that are not chosen."""
+        part.set_mode(ControlMode.POSITION_DIRECT)
+        self.held = part.board.encoders()
+        wrong = [
+            f"{name} is in {mode.word}"
+            for name, mode in zip(part.names, part.board.control_modes(), strict=True)
+            if mode is not ControlMode.POSITION_DIRECT
+        ]
+        self.assert_fail_if_true(wrong, f"not in direct position mode: {', '.join(wrong)}; {likely_causes('mode')}")
+
+    def _send(self, part: Part, form: int, positions: FloatArray) -> None:
+        if form == 0:
+            for joint, position in zip(self.chosen, positions, strict=True):
+                part.board.set_positions(float(position), joint)
+        elif form == 1:
+            every = self.held.copy()
+            every[self.chosen] = positions
+            part.board.set_positions(every)
+        else:
+            part.board.set_positions(positions, self.chosen)
+
+    def _probe(self, part: Part, form: int) -> FloatArray:
+        """Send small steps; how many of them each joint's board has not taken."""
+        lost = np.zeros(len(self.chosen))
+        for probe in range(_PROBES):
+            wanted = self.middle + (_PROBE if probe % 2 else -_PROBE)
+            self._send(part, form, wanted)
+            part.wait(_PROBE_TIME, pace=_PROBE_TIME)
+            lost += np.abs(part.board.reference_positions(self.chosen) - wanted) > _PROBE / 4
+        self._send(part, form, self.middle)
+        part.wait(_PROBE_TIME, pace=_PROBE_TIME)
+        return lost
+
+    def _follow(self, part: Part, form: int) -> _Run:
+        sent_at, sent, looked_at, taken = [], [], [], []
+        with part.recorded() as trace:
+            begin = self.now()
+            for elapsed in paced(part, self.sample_time, self.sine.duration):
+                positions = self.middle + self.sine.at(elapsed)
+                self._send(part, form, positions)
+                sent_at.append(elapsed)
+                sent.append(positions)
+                if len(sent) % _LOOKS == 0:
+                    taken.append(part.board.reference_positions(self.chosen))
+                    looked_at.append(self.now() - begin)
+        return _Run(np.array(sent_at), np.array(sent), np.array(looked_at), np.array(taken), trace, begin)
+
+    # Judging -----------------------------------------------------------------------------------------------------
+
+    def _judge_stimulus(self, form: str, run: _Run) -> None:
+        """A test that sends something else proves nothing: what was sent has to be the sine."""
+        first, last = self.sine.plateau
+        whole = (run.sent_at >= first) & (run.sent_at <= last)
+        for column, joint in enumerate(self.chosen):
+            fit = fit_sine(run.sent_at[whole], run.sent[whole, column], self.frequency)
+            wanted = float(self.sine.amplitudes[column])
+            self.assert_error_if_true(
+                abs(fit.amplitude - wanted) > _STIMULUS * wanted or fit.rms > _STIMULUS * wanted,
+                f"{form}: what was sent to {self.robot_part.names[joint]} is no sine of {wanted:g} deg: its amplitude "
+                f"is {fit.amplitude:.3g} deg, and {fit.rms:.3g} deg are something else",
+            )
+
+    def _judge_lost(self, name: str, lost: float) -> None:
+        measured = self.measure("commands lost", lost, "", high=0.0)
+        if measured.verdict is MeasurementVerdict.FAILED:
+            self.report(
+                f"{name} has not taken {lost:.0f} of {_PROBES} commands, which came {_PROBE_TIME:g} s apart; "
+                f"{likely_causes('lost commands')}"
+            )
+
+    def _judge(self, name: str, joint: int, column: int, run: _Run) -> None:
+        """Errors over all of it; delay and shape where the sine is whole."""
+        time = run.trace.time - run.begin
+        position, speed = run.trace.positions[:, joint], run.trace.velocities[:, joint]
+        during = (time >= 0) & (time <= self.sine.duration)
+        time, position, speed = time[during], position[during], speed[during]
+        self.assert_true(
+            time.size > _FEWEST_A_SWING * self.frequency * self.sine.duration,
+            f"{name}: {time.size} states were published in {self.sine.duration:g} s, too few to judge",
+        )
+        reference = self.middle[column] + self.sine.at(time)[:, column]
+        self.record("following", time=(time, "s"), reference=(reference, "deg"), position=(position, "deg"))
+        error = position - reference
+        first, last = self.sine.plateau
+        whole = (time >= first) & (time <= last)
+        grid = np.arange(time[whole][0], time[whole][-1], _GRID)
+        delay = delay_between(
+            np.interp(grid, time, reference), np.interp(grid, time, position), _GRID, 0.5 / self.frequency
+        )
+        fit = fit_sine(time[whole], position[whole], self.frequency)
+        of_speed = fit_sine(time[whole], speed[whole], self.frequency)
+        amplitude = float(self.sine.amplitudes[column])
+        judged = (
+            ("tracking error", float(np.abs(error).max()), "deg", self.tolerance, "lag"),
+            ("delay", delay, "s", self.delay, "lag"),
+            ("shape error", fit.rms, "deg", self.shape, "irregular"),
+            (
+                "speed ripple",
+                100 * of_speed.rms / (2 * math.pi * self.frequency * amplitude),
+                "%",
+                self.ripple,
+                "noise",
+            ),
+        )
+        for what, value, symbol, high, finding in judged:
+            measured = self.measure(what, value, symbol, high=high)
+            if measured.verdict is MeasurementVerdict.FAILED:
+                self.report(f"{name}: {what} is {value:.3g} {symbol}, {high:g} are allowed; {likely_causes(finding)}")
+        self.measure("tracking error, root mean square", float(np.sqrt(np.mean(error**2))), "deg")
+        self.measure("amplitude", fit.amplitude / amplitude, "", low=1 - _GAIN, high=1 + _GAIN)
+        if len(run.taken):
+            self._judge_taken(name, column, run)
+
+    def _judge_taken(self, name: str, column: int, run: _Run) -> None:
+        """What the board says that it was told is the sine, too."""
+        first, last = self.sine.plateau
+        whole = (run.looked_at >= first) & (run.looked_at <= last)
+        amplitude = float(self.sine.amplitudes[column])
+        fit = fit_sine(run.looked_at[whole], run.taken[whole, column], self.frequency)
+        self.measure("amplitude of the references at the board", fit.amplitude / amplitude, "", 1 - _GAIN, 1 + _GAIN)
+        measured = self.measure("shape error of the references at the board", fit.rms, "deg", high=self.shape)
+        if measured.verdict is MeasurementVerdict.FAILED:
+            self.report(f"{name}: the board was told something else than was sent; {likely_causes('lost commands')}")
+
+
+#: Samples to compare signals with, s; states that a swing needs; by how much an amplitude may differ from 1.
+_GRID, _FEWEST_A_SWING, _GAIN = 0.002, 20, 0.2

@@ -1,0 +1,126 @@
+"""Position stress: joints are moved to and fro at random moments, and have to stay in position mode all the while."""
+
+from __future__ import annotations
+
+import random
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.control_modes import ControlMode
+from rtf.robot_testing import Safety, likely_causes
+from rtf.robot_testing.joints_case import JointsTest
+from rtf.testing import Parameter
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+
+
+class PositionStress(JointsTest):
+    """Each joint is told to go up, down and back, often before it has arrived; it must neither fault nor go idle.
+
+    Where a joint is given the time it has to arrive, too. The moments are random, and the same for the same seed. Meant
+    to be repeated; ``cycles`` repeats it within a test.
+    """
+
+    plugin_name = "position-stress"
+    aliases = ("PositionStress", "positionStress", "posiotion-stress")
+    tags = ("motion", "stress")
+    safety = Safety.MOTION
+
+    low = Parameter(list[float], "lower ends of the moves; none: near home", unit="deg", default=[], key="min")
+    high = Parameter(list[float], "upper ends of the moves; none: near home", unit="deg", default=[], key="max")
+    speed = Parameter(list[float], "reference speeds", unit="deg/s", default=[40.0], low=0.1)
+    distance = Parameter(float, "ends that are not given are so far from home", unit="deg", default=10.0, low=1.0)
+    shortest = Parameter(float, "the shortest wait between commands", unit="s", default=0.2, low=0.01)
+    longest = Parameter(float, "the longest wait between commands", unit="s", default=0.6, low=0.01)
+    cycles = Parameter(int, "how often each joint goes up and down", default=2, low=1)
+    tolerance = Parameter(float, "how near each joint comes back in the end", unit="deg", default=1.0, low=0.01)
+    seed = Parameter(int, "where the random waits begin", default=0, low=0)
+
+    def setup(self) -> None:
+        """Open the part, bring it home, and set speeds."""
+        super().setup()
+        part, chosen = self.robot_part, self.chosen
+        home = part.home[chosen]
+        self.bottom = self._ends("min", self.low, home - self.distance)
+        self.top = self._ends("max", self.high, home + self.distance)
+        self.speeds = np.array(self.per_joint("speed", self.speed, chosen))
+        self.assert_error_if_false(
+            self.shortest <= self.longest, f"shortest, {self.shortest:g} s, is longer than longest, {self.longest:g} s"
+        )
+        self.bring_home()
+        part.board.set_reference_speeds(self.speeds, chosen)
+
+    def _ends(self, name: str, given: list[float], otherwise: FloatArray) -> FloatArray:
+        part, chosen = self.robot_part, self.chosen
+        ends = np.array(self.per_joint(name, given, chosen)) if given else otherwise
+        return np.clip(ends, part.low[chosen], part.high[chosen])
+
+    def run(self) -> None:
+        """Joint by joint, so that none meets another."""
+        part = self.robot_part
+        chance = random.Random(self.seed)  # noqa: S311 - moments, not secrets
+        for place, joint in enumerate(self.chosen):
+            self.progress(place / len(self.chosen), part.names[joint])
+            with self.subresult(part.names[joint]), self.guarded():
+                self._stress(place, joint, chance)
+
+    def _stress(self, place: int, joint: int, chance: random.Random) -> None:
+        part, name = self.robot_part, self.robot_part.names[joint]
+        home = float(part.home[joint])
+        with part.recorded() as trace:
+            for _ in range(self.cycles):
+                for end in (self.bottom[place], self.top[place], home):
+                    self._go(joint, float(end), chance.uniform(self.shortest, self.longest))
+            arrival = part.move([home], [joint], speed=[self.speeds[place]], tolerance=self.tolerance / 2)
+        positions, currents = trace.positions[:, joint], trace.currents[:, joint]
+        self.record(
+            "stress", time=(trace.time - trace.time[0], "s"), position=(positions, "deg"), current=(currents, "A")
+        )
+        self.measure("greatest current", float(np.abs(currents).max()), "A")
+        self._judge_modes(joint, trace.control_modes)
+        reach = float(positions.max() - positions.min())
+        # In the shortest wait a joint at its speed comes so far; half of it is what a board may need to begin.
+        least = 0.5 * min(self.shortest * self.speeds[place], float(self.top[place] - self.bottom[place]))
+        self.measure("range", reach, "deg", low=least)
+        if reach < least:
+            self.report(f"{name} moves by {reach:.2f} deg only; {likely_causes('does not move')}")
+        away = float(arrival.positions[0]) - home
+        self.measure("away from where it began", away, "deg", low=-self.tolerance, high=self.tolerance)
+        if abs(away) > self.tolerance:
+            self.report(f"{name} is {away:+.2f} deg from where it began; {likely_causes('weak')}")
+
+    def _go(self, joint: int, end: float, wait: float) -> None:
+        """One command; the board has to say that it is the target, whatever becomes of it."""
+        part = self.robot_part
+        part.board.position_move([end], [joint])
+        part.wait(wait)
+        told = float(part.board.target_positions(joint)[0])
+        if abs(told - end) > _SAME:
+            self.check_fail_if_true(
+                True, f"{part.names[joint]}: the target is {told:.2f} deg, not {end:.2f}; "
+                f"{likely_causes('does not start')}",
+            )  # fmt: skip
+
+    def _judge_modes(self, joint: int, modes: np.ndarray[tuple[int, ...], np.dtype[np.int32]]) -> None:
+        """All axes of the part have to be in position mode all the time, not only the one that moves."""
+        part = self.robot_part
+        for other, name in enumerate(part.names):
+            wrong = modes[:, other] != ControlMode.POSITION
+            if wrong.any():
+                word = _word(int(modes[int(np.flatnonzero(wrong)[0]), other]))
+                code, text = part.board.last_joint_fault(other)
+                why = f" (fault {code}: {text})" if code else ""
+                self.check(False, f"{name} went into {word} while {part.names[joint]} moved{why}")
+
+
+def _word(mode: int) -> str:
+    try:
+        return ControlMode(mode).word
+    except ValueError:
+        return str(mode)
+
+
+#: How near a target is that is read back, deg.
+_SAME = 0.01

@@ -1,0 +1,134 @@
+"""Sensors, duplicate readings: each message of a sensor tells something new."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rtf.bottle import Bottle
+from rtf.robot_testing import likely_causes
+from rtf.robot_testing.sensor_streams import channels_of, readings_of
+from rtf.robot_testing.stream_test import StreamTest
+from rtf.robot_testing.streams import stream_of
+from rtf.testing import Parameter
+from rtf.testing.verdict import MeasurementVerdict
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rtf.bottle import Value
+    from rtf.robot.interfaces import FloatArray
+
+_ENDINGS = ("/analog:o", "/measures:o", "/inertial")
+
+
+class _Tolerated(NamedTuple):
+    name: str
+    duplicates: int
+
+
+class SensorsDuplicateReadings(StreamTest):
+    """Listens to sensors; what comes twice, by its number or by its values, is counted, and channels that never change.
+
+    A sensor that repeats every value equally often is slower than what publishes it; one that does so now and then
+    has readings that get lost.
+    """
+
+    aliases = ("SensorsDuplicateRd", "sensorsDuplicateReadings", "sensors-duplicate-readings")
+    tags = ("streams", "sensors")
+
+    port = Parameter(str, "one port; none: those of ports", default="", aliases=("portname",))
+    ports = Parameter(
+        Bottle, "the ports: (name duplicates), where so many duplicates are tolerated", default=Bottle(),
+        key="PORTS", aliases=("ports",),
+    )  # fmt: skip
+    tolerated = Parameter(int, "how many duplicates are tolerated where nothing else is said", default=0, low=0)
+    time = Parameter(float, "how long it listens", unit="s", default=2.0, low=0.1)
+    same = Parameter(float, "values are the same that differ by so small a share of them", default=1e-12, low=0.0)
+
+    def setup(self) -> None:
+        """Find out which ports."""
+        super().setup()
+        self.expected = self._expected()
+        self.assert_error_if_false(
+            self.expected, f"the name server knows no sensor of /{self.robot_name}; name their ports in [PORTS]"
+        )
+
+    def _expected(self) -> list[_Tolerated]:
+        if self.port:
+            return [_Tolerated(self.port, self.tolerated)]
+        if len(self.ports):
+            return [self._line(line) for line in self.lines(self.ports)]
+        return [_Tolerated(name, self.tolerated) for name in self.known_ports(*_ENDINGS)]
+
+    def _line(self, parts: list[Value]) -> _Tolerated:
+        # Older files have a third number, the rate, which is not this test's business.
+        if isinstance(parts[0], str) and len(parts) > 1 and isinstance(parts[1], int) and parts[1] >= 0:
+            return _Tolerated(parts[0], parts[1])
+        return self.assert_error(
+            f"[PORTS] {Bottle(parts).to_text()}: a line is a port and how many duplicates are tolerated, such as: "
+            "/icub/left_arm/analog:o 0"
+        )
+
+    def run(self) -> None:
+        """Listen to all, and judge each."""
+        there = [one for one in self.expected if self.open_stream(one.name, keep=True)]
+        if there:
+            self.listen(self.time, arrivals=False)
+        for one in there:
+            with self.subresult(one.name):
+                self._judge(one)
+
+    def _judge(self, one: _Tolerated) -> None:
+        found = self.judged(self.listener.recorders[one.name].messages, self.time)
+        stream = stream_of(found)
+        self._count("messages that came twice", stream.duplicates, one.duplicates, "messages sent twice")
+        values = readings_of(one.name, [message.data for message in stream.messages], self.network.dialect)
+        self.assert_true(values.shape[1] > 0, "the messages tell of no measurement")
+        self._judge_values(one, values, stream.times)
+
+    def _judge_values(self, one: _Tolerated, values: FloatArray, times: FloatArray) -> None:
+        scale = np.maximum(np.abs(values).max(axis=0), np.finfo(float).tiny)
+        repeats = (np.abs(np.diff(values, axis=0)) <= self.same * scale).all(axis=1)
+        runs = _runs(repeats)
+        total = int(repeats.sum())
+        self.measure("share of repeated values", 100.0 * total / len(repeats), "%")
+        self.measure("longest run of one value", max(runs), "count")
+        new = times[np.concatenate([[True], ~repeats])]
+        self.measure("longest time without a new value", float(np.diff(new, append=times[-1]).max()) * 1e3, "ms")
+        self._count("values that came twice", total, one.duplicates, _pattern(runs))
+        self._judge_channels(one.name, values)
+
+    def _count(self, name: str, count: int, tolerated: int, why: str) -> None:
+        if self.measure(name, count, "count", high=tolerated).verdict is MeasurementVerdict.FAILED:
+            self.report(f"{why}; {likely_causes('duplicate')}")
+
+    def _judge_channels(self, port: str, values: FloatArray) -> None:
+        names = channels_of(self.network, port, values.shape[1])
+        still = np.ptp(values, axis=0) == 0.0
+        absent = still & (values[0] == 0.0)  # servers show zeros for what a unit has not got
+        if absent.any() and not absent.all():
+            self.warn(f"always 0: {', '.join(name for name, dead in zip(names, absent, strict=True) if dead)}")
+        stuck = [name for name, dead, gone in zip(names, still, absent, strict=True) if dead and not gone]
+        stuck = stuck or (names if absent.all() else [])
+        self.check_fail_if_true(
+            stuck,
+            f"{', '.join(stuck)} of {port} never changed in {len(values)} messages; {likely_causes('sensor frozen')}",
+        )
+
+
+def _runs(repeats: NDArray[np.bool_]) -> list[int]:
+    """How often each value came, one after the other; the first and the last, which are cut off, only if alone."""
+    ends = np.flatnonzero(~repeats)
+    if ends.size < 2:  # noqa: PLR2004 - between two ends is the first whole run
+        return [len(repeats) + 1 - ends.size]
+    return [int(length) for length in np.diff(ends)]
+
+
+def _pattern(runs: list[int]) -> str:
+    if len(runs) == 1:
+        return "the value never changed"
+    if min(runs) == max(runs) > 1:
+        return f"each value comes {runs[0]} times: the sensor is {runs[0]} times slower than what publishes it"
+    return f"values come 1 to {max(runs)} times, irregularly: readings of the sensor get lost"

@@ -1,0 +1,112 @@
+"""Skin wrapper: the server of an analog sensor opens its ports, refuses names that are taken, and gives all back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Bottle, Property
+from rtf.clock import SystemClock
+from rtf.errors import RtfError
+from rtf.middleware import remote
+from rtf.middleware.names import Contact
+from rtf.middleware.network import default_network
+from rtf.middleware.port import Port
+from rtf.robot.devices.fake_sensors import FakeAnalogSensor
+from rtf.robot.errors import DeviceError
+from rtf.robot.server.analog import AnalogDevice
+from rtf.robot_testing.listening import Listener
+from rtf.testing import Parameter, TestCase
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_RPC = "/rpc:i"
+_PARTS = ("left_hand", "left_forearm", "left_arm")
+
+
+class SkinWrapperTest(TestCase):
+    """Opens the wrapper of a skin in this process, with one port and with several. It needs a name server, no robot."""
+
+    aliases = ("skinWrapperTest", "skin-wrapper", "skinWrapper")
+    tags = ("devices",)
+
+    prefix = Parameter(str, "what the names of its ports begin with", default="/testSkinWrapper")
+    taxels = Parameter(int, "channels of the skin", default=10, low=len(_PARTS), high=1000)
+    period = Parameter(float, "how often it publishes", unit="ms", default=20.0, low=1.0)
+    time = Parameter(float, "how long it is listened to", unit="s", default=0.5, low=0.1)
+
+    def setup(self) -> None:
+        """Find the name server, and begin with names that nobody has."""
+        self.network = default_network()
+        for name in (self._name("one"), self._name("parts")):
+            self.assert_error_if_true(self._there(name), f"{name} is there already; give another prefix")
+
+    def _name(self, which: str) -> str:
+        return f"{self.prefix}/{which}/skin"
+
+    def _there(self, name: str) -> bool:
+        return remote.exists(self.network, Contact(name))
+
+    def run(self) -> None:
+        """One case after the other."""
+        whole = {"name": self._name("one")}
+        shares = {
+            "name": self._name("parts"),
+            "ports": Bottle(_PARTS),
+            **{part: Bottle([channel, channel, channel, channel]) for channel, part in enumerate(_PARTS)},
+        }
+        self._test("one port", whole, [self._name("one"), f"{self._name('one')}{_RPC}"])
+        several = [f"{self._name('parts')}/{part}" for part in _PARTS]
+        self._test("several ports", shares, [*several, f"{self._name('parts')}{_RPC}"])
+
+    def _test(self, subject: str, configuration: Mapping[str, object], ports: list[str]) -> None:
+        with self.subresult(subject):
+            wrapper = self._open(configuration)
+            try:
+                for port in ports:
+                    self.check_fail_if_false(self._there(port), f"{port} is not there though the wrapper is open")
+                self._listen(ports[:-1])
+                self._check_refused(configuration, ports[0], "while another wrapper has it")
+            finally:
+                wrapper.close()
+            for port in ports:
+                self.check_fail_if_true(self._there(port), f"{port} is still there though the wrapper is closed")
+                known = self.network.names.query(port)
+                self.check_fail_if_true(known, f"the name server still knows {port}, at {known}")
+        for port in (ports[0], ports[-1]):
+            with self.subresult(f"{subject}, {port} taken"), Port(port, network=self.network):
+                self._check_refused(configuration, port, "though somebody else has it")
+                self.check(self._there(port), f"{port} is still that of who had it")
+
+    def _open(self, configuration: Mapping[str, object]) -> AnalogDevice:
+        skin = FakeAnalogSensor("skin", network=self.network)
+        skin.open(Property({"channels": self.taxels}))
+        wrapper = AnalogDevice("wrapper", network=self.network)
+        try:
+            wrapper.open(Property({**configuration, "period": self.period}))
+            wrapper.attach({"skin": skin})
+        except RtfError:
+            wrapper.close()
+            raise
+        return wrapper
+
+    def _check_refused(self, configuration: Mapping[str, object], port: str, when: str) -> None:
+        try:
+            wrapper = self._open(configuration)
+        except DeviceError as error:
+            self.check(condition=True, text=f"refused: {error}")
+        else:
+            wrapper.close()
+            self.check(condition=False, text=f"a wrapper took {port} {when}")
+
+    def _listen(self, ports: list[str]) -> None:
+        """Each port publishes."""
+        with Listener(self.network, SystemClock()) as listener:
+            recorders = [listener.add(port) for port in ports]
+            listener.listen(self.time)
+        wanted = self.time * 1e3 / self.period
+        for port, recorder in zip(ports, recorders, strict=True):
+            # A loaded machine is slow; that nothing or next to nothing comes is what would be wrong.
+            self.measure(
+                f"messages of {port}", len(recorder.messages), "count", low=0.2 * wanted, high=1.5 * wanted + 2
+            )

@@ -1,0 +1,146 @@
+"""System status: this machine has processor, memory, disk and time to spare for a robot."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+import struct
+from typing import TYPE_CHECKING
+
+import psutil
+
+from rtf import clock
+from rtf.bottle import Bottle, to_string
+from rtf.testing import Parameter, TestCase
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_MIB = 1 << 20
+#: Seconds from 1900, where the time of NTP begins, to 1970.
+_NTP_BEGIN = 2_208_988_800
+_NTP_PORT, _NTP_SIZE = 123, 48
+_NTP_QUESTION = 0x23  # version 4, from a client
+_NTP_ANSWER = 4  # from a server
+_COUNTED = ("errin", "errout", "dropin", "dropout")
+_ANSWERS = 4  # of several answers the quickest is the most exact
+
+
+class SystemStatus(TestCase):
+    """Measures this machine for a moment: processors, memory, disk, temperatures, network and clock, each with a limit.
+
+    It needs no robot. Other machines are tested by running it there.
+    """
+
+    aliases = ("systemStatus", "system-status")
+    tags = ("machine",)
+
+    time = Parameter(float, "how long processors and network are watched", unit="s", default=1.0, low=0.1)
+    hosts = Parameter(
+        Bottle, "other machines: (port of yarprun, most load in %); they are passed over", default=Bottle(), key="hosts"
+    )
+    cpu = Parameter(float, "greatest load of one processor; 100: any", unit="%", default=100.0, low=0.0, high=100.0)
+    cpu_mean = Parameter(float, "greatest load of all of them", unit="%", default=100.0, low=0.0, high=100.0)
+    memory = Parameter(float, "least memory that is available", unit="%", default=5.0, low=0.0, high=100.0)
+    swap = Parameter(float, "most swap space that is used", unit="%", default=90.0, low=0.0, high=100.0)
+    disk = Parameter(float, "least space that is free", unit="%", default=5.0, low=0.0, high=100.0)
+    path = Parameter(str, "where on the disk; none: the folder of the run", default="")
+    temperature = Parameter(float, "highest temperature of a sensor", unit="degC", default=90.0)
+    network_errors = Parameter(int, "most errors of an interface meanwhile", default=0, low=0)
+    time_server = Parameter(str, "an NTP server to compare the clock with; none: it is not compared", default="")
+    clock_offset = Parameter(float, "how far off the clock may be", unit="ms", default=50.0, low=0.0)
+
+    def run(self) -> None:
+        """Watch for a while, then judge each."""
+        for host in self.hosts:
+            name = to_string(host[0] if isinstance(host, Bottle) and len(host) else host)
+            with self.subresult(name):
+                self.skip(f"{name} is another machine: run this test there")
+        psutil.cpu_percent(percpu=True)  # from here on it is counted
+        before = psutil.net_io_counters(pernic=True)
+        clock.sleep(self.time)
+        loads = psutil.cpu_percent(percpu=True)
+        after = psutil.net_io_counters(pernic=True)
+        with self.subresult("processors"):
+            self._judge_processors(loads)
+        with self.subresult("memory"):
+            self._judge_memory()
+        with self.subresult("disk"):
+            usage = psutil.disk_usage(self.path or str(self.folder))
+            self.measure("free space", 100.0 * usage.free / usage.total, "%", low=self.disk)
+        with self.subresult("temperature"):
+            self._judge_temperatures()
+        with self.subresult("network"):
+            self._judge_network(before, after)
+        with self.subresult("clock"):
+            self._judge_clock()
+
+    def _judge_processors(self, loads: list[float]) -> None:
+        for number, load in enumerate(loads):
+            self.measure(f"processor {number}", load, "%", high=self.cpu)
+        self.measure("all processors", sum(loads) / len(loads), "%", high=self.cpu_mean)
+        for minutes, load in zip((1, 5, 15), psutil.getloadavg(), strict=True):
+            self.measure(f"processes that want to run, mean of {minutes} min", load, "count")
+
+    def _judge_memory(self) -> None:
+        memory, swap = psutil.virtual_memory(), psutil.swap_memory()
+        self.measure("total memory", memory.total / _MIB, "MiB")
+        self.measure("available memory", 100.0 * memory.available / memory.total, "%", low=self.memory)
+        self.measure("used swap space", swap.percent, "%", high=self.swap)
+
+    def _judge_temperatures(self) -> None:
+        sensors = psutil.sensors_temperatures() if hasattr(psutil, "sensors_temperatures") else {}
+        found = [
+            (f"{chip} {reading.label or number}", reading.current)
+            for chip, readings in sensors.items()
+            for number, reading in enumerate(readings)
+        ]
+        if not found:
+            self.skip("this machine shows no temperatures")
+        for name, current in found:
+            self.measure(name, current, "degC", high=self.temperature)
+
+    def _judge_network(self, before: Mapping[str, object], after: Mapping[str, object]) -> None:
+        for name in sorted(set(before) & set(after)):
+            counts = {field: getattr(after[name], field) - getattr(before[name], field) for field in _COUNTED}
+            errors = counts["errin"] + counts["errout"]
+            self.measure(f"errors of {name}", errors, "count", high=self.network_errors)
+            # Systems count as dropped, too, what nobody asked for.
+            self.measure(f"packets that {name} dropped", counts["dropin"] + counts["dropout"], "count")
+
+    def _judge_clock(self) -> None:
+        if not self.time_server:
+            self.skip("no time_server is given to compare the clock with")
+        host, _, port = self.time_server.partition(":")
+        try:
+            answers = [_ask_time(host, int(port or _NTP_PORT)) for _ in range(_ANSWERS)]
+        except (OSError, ValueError) as error:
+            self.assert_error(f"the time server {self.time_server} gives no time: {error}")
+        way, offset = min(answers)
+        self.measure("way to the time server and back", way * 1e3, "ms")
+        self.measure("clock is ahead by", -offset * 1e3, "ms", -self.clock_offset, self.clock_offset)
+
+
+def _ask_time(host: str, port: int, timeout: float = 2.0) -> tuple[float, float]:
+    """Ask an NTP server (RFC 5905, the simple way): how long it took, and what the clock lacks, both in s.
+
+    Raises OSError, ValueError for what is no answer.
+    """
+    cookie = secrets.token_bytes(8)  # the server repeats it, so nobody else's answer is taken for its own
+    question = bytes([_NTP_QUESTION]) + bytes(_NTP_SIZE - 9) + cookie
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+        asking.settimeout(timeout)
+        asking.connect((host, port))
+        sent = clock.now()
+        asking.send(question)
+        answer = asking.recv(_NTP_SIZE)
+        came = clock.now()
+    if len(answer) < _NTP_SIZE or answer[0] & 7 != _NTP_ANSWER or answer[24:32] != cookie or answer[1] == 0:
+        raise ValueError(f"{len(answer)} bytes that are no answer of an NTP server with a time")
+    received, told = (_ntp_time(answer, at) for at in (32, 40))
+    return (came - sent) - (told - received), ((received - sent) + (told - came)) / 2
+
+
+def _ntp_time(message: bytes, at: int) -> float:
+    seconds, fraction = struct.unpack_from(">2I", message, at)
+    return float(seconds - _NTP_BEGIN + fraction / (1 << 32))

@@ -1,0 +1,95 @@
+"""Torque control accuracy: how the measured torque of joints answers to a step of its reference."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.control_modes import ControlMode
+from rtf.robot_testing import Safety, likely_causes
+from rtf.robot_testing.steps import StepTest
+from rtf.robot_testing.torque import mean_torques, torque_joints
+from rtf.testing import Parameter
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Part, Trace
+    from rtf.robot_testing.steps import Cycle
+
+#: How long the torque that holds a joint is measured, and what a board may take to show its mode, s.
+_HOLDING, _MODE_TIME = 0.2, 0.2
+
+
+class TorqueControlAccuracy(StepTest):
+    """Steps the torque of each joint, on top of the torque that holds it; judges how soon and how well it comes.
+
+    A joint that gives way ends its step: it is held again before it has gone far.
+    """
+
+    aliases = ("torqueControl-accuracy", "torqueControlAccuracy", "TorqueControl-accuracy")
+    tags = ("motion", "control", "torque")
+    safety = Safety.EFFORT
+    symbol = "Nm"
+    shortest = 0.1
+    late_finding = wrong_finding = "torque answer"
+
+    step = Parameter(float, "height of the step; on the robot 1 at most", unit="Nm", default=0.5, low=0.01, high=5.0)
+    step_duration = Parameter(
+        float, "when a cycle ends, counted from the beginning of the rest before the step", unit="s", default=0.8
+    )
+    lead = Parameter(float, "time in torque mode before the step", unit="s", default=0.3, low=0.1)
+    travel = Parameter(float, "how far a joint may go before it is held again", unit="deg", default=8.0, low=0.5)
+    holding_error = Parameter(float, "before the step, at most", unit="Nm", default=0.2, low=0.0)
+    band = Parameter(float, "how near to the target is settled", unit="Nm", default=0.1, low=0.001)
+    settling_time = Parameter(float, "until it stays in the band, at most", unit="s", default=0.2, low=0.001)
+    rise_time = Parameter(float, "from a tenth to nine tenths, at most", unit="s", default=0.1, low=0.001)
+    overshoot = Parameter(float, "beyond the target, at most", unit="%", default=15.0, low=0.0)
+    steady_error = Parameter(float, "at the end, at most", unit="Nm", default=0.1, low=0.0)
+    ripple = Parameter(float, "deviation at the end, at most", unit="Nm", default=0.1, low=0.0)
+    repeatability = Parameter(float, "deviation of the steps from each other, at most", unit="Nm", default=0.1, low=0.0)
+
+    def choose(self, part: Part) -> list[int]:
+        """See the base: those with torque control."""
+        return torque_joints(self, part, self.joints)
+
+    def room(self, joint: int) -> float:
+        """See the base."""
+        return min(self.travel, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
+
+    def begin(self, joint: int, home: float, sign: float) -> tuple[float, float]:
+        """See the base; the step starts with what holds the joint."""
+        part = self.robot_part
+        self.home = home
+        held = float(mean_torques(part, _HOLDING)[joint])
+        low, high = part.board.torque_range(joint)
+        self.assert_error_if_false(
+            low <= held + sign * self.step <= high,
+            f"{part.names[joint]} is held by {held:.2f} Nm: a step of {self.step:g} Nm leaves its range of {low:g} to "
+            f"{high:g} Nm",
+        )
+        part.board.set_control_modes([ControlMode.TORQUE], [joint])
+        self.drive(joint, held)
+        entered = part.wait_until(lambda: part.board.control_modes(joint)[0] is ControlMode.TORQUE, _MODE_TIME)
+        self.assert_true(
+            entered,
+            f"{part.names[joint]} does not enter torque mode: it stays in {part.board.control_modes(joint)[0].word}; "
+            f"{likely_causes('mode')}",
+        )
+        return held, held + sign * self.step
+
+    def drive(self, joint: int, reference: float) -> bool:
+        """See the base; a joint that has gone far enough is let go of."""
+        board = self.robot_part.board
+        board.set_reference_torques(reference, joint)
+        return abs(board.encoder(joint) - self.home) <= self.travel
+
+    def measured(self, trace: Trace, joint: int) -> FloatArray:
+        """See the base."""
+        return trace.torques[:, joint]
+
+    def judge(self, joint: int, cycles: list[Cycle]) -> None:
+        """See the base; what was measured before the step counts, too."""
+        before = [float(np.abs(one.measured[one.time < 0].mean() - one.start)) for one in cycles]
+        self.judge_value(joint, "error before the step", max(before), "Nm", self.holding_error, self.wrong_finding)
+        super().judge(joint, cycles)

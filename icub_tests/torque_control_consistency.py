@@ -1,0 +1,135 @@
+"""Torque control consistency: what a joint is told in torque mode can be read back, and leaves it in that mode."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.control_modes import ControlMode
+from rtf.robot_testing import GuardError, RobotTest, Safety, likely_causes
+from rtf.robot_testing.positioning import bring, hold, starting_point
+from rtf.robot_testing.torque import mean_torques, torque_joints
+from rtf.testing import Parameter
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Part
+
+#: How the references are told: the name, and whether a joint at a time, some of the part, or the whole of it.
+_FORMS = ("single", "group", "all")
+#: How long the torques that hold the joints are measured, and what a board may take to show its mode, s.
+_HOLDING, _MODE_TIME = 0.2, 0.2
+#: How long a reference has to arrive, s.
+_ARRIVING = 0.03
+#: How far a joint may go meanwhile, deg.
+_TRAVEL = 10.0
+
+
+class TorqueControlConsistency(RobotTest):
+    """Tells joints torques a little above, at and below the one that holds them, and reads the references back.
+
+    In all ways of telling them: one joint at a time, a group, and the whole part.
+    """
+
+    aliases = ("torqueControl-consistency", "torqueControlConsistency", "TorqueControl-consistency")
+    tags = ("motion", "torque", "interfaces")
+    safety = Safety.EFFORT
+
+    part = Parameter(str, "the part whose joints are told torques", default="left_arm")
+    joints = Parameter(list[int], "its joints; none: all with torque control", default=[])
+    zero = Parameter(list[float], "where they are meanwhile; none: where they are", unit="deg", default=[])
+    change = Parameter(
+        float, "how far the torques are from the holding ones", unit="Nm", default=0.1, low=0.001, high=1.0
+    )
+    tolerance = Parameter(
+        float, "by what a reference may change on its way through network and firmware", unit="Nm", default=0.005,
+        low=0.0,
+    )  # fmt: skip
+    answer = Parameter(
+        float, "how near the measured torque is to come to the reference", unit="Nm", default=0.3, low=0.0
+    )
+
+    def setup(self) -> None:
+        """Open the part and bring its joints to where they are to be."""
+        super().setup()
+        self.robot_part = part = self.open_part(self.part)
+        self.chosen = torque_joints(self, part, self.joints)
+        zeros: list[float | None] = [*self.per_joint("zero", self.zero, self.chosen)] if self.zero else []
+        self.places = [
+            starting_point(part, joint, zero, _TRAVEL / 2, both_sides=True)[0]
+            for joint, zero in zip(self.chosen, zeros or [None] * len(self.chosen), strict=True)
+        ]
+        bring(self, part, self.chosen, self.places)
+
+    def run(self) -> None:
+        """Test the forms in turn; joints that are told alone are tested alone."""
+        part = self.robot_part
+        for number, form in enumerate(_FORMS):
+            self.progress(number / len(_FORMS), form)
+            groups = [[joint] for joint in self.chosen] if form == "single" else [self.chosen]
+            for group in groups:
+                try:
+                    self._test(part, form, group)
+                except GuardError as error:
+                    self.assert_fail(f"{form}: {error}; {likely_causes('runs away')}")
+                finally:
+                    hold(part, group)
+                part.wait(_MODE_TIME)
+        bring(self, part, self.chosen, self.places)
+
+    def _test(self, part: Part, form: str, joints: Sequence[int]) -> None:
+        held = mean_torques(part, _HOLDING)[list(joints)]
+        before = part.board.encoders(joints)
+        part.board.set_control_modes([ControlMode.TORQUE] * len(joints), joints)
+        self._tell(part, form, joints, held)
+        part.wait_until(lambda: self._in_torque_mode(part, joints).all(), _MODE_TIME, pace=0.01)
+        found = []
+        for change in (self.change, 0.0, -self.change):
+            wanted = held + change
+            self._tell(part, form, joints, wanted)
+            part.wait(_ARRIVING, pace=0.01)
+            found.append((
+                change, wanted, part.board.reference_torques(joints), part.board.torques(joints),
+                self._in_torque_mode(part, joints),
+            ))  # fmt: skip
+            if np.abs(part.board.encoders(joints) - before).max() > _TRAVEL:
+                break
+        hold(part, joints)
+        for place, joint in enumerate(joints):
+            with self.subresult(f"{part.names[joint]} {form}"):
+                for change, wanted, told, measured, kept in found:
+                    self._judge(
+                        part.names[joint], change, wanted[place], told[place], measured[place], kept=bool(kept[place])
+                    )
+
+    def _tell(self, part: Part, form: str, joints: Sequence[int], torques: FloatArray) -> None:
+        """Joints in other modes ignore what they are told, so that the whole part may be."""
+        if form == "single":
+            part.board.set_reference_torques(float(torques[0]), joints[0])
+        elif form == "group":
+            part.board.set_reference_torques(torques, joints)
+        else:
+            every = np.zeros(part.axes)
+            every[list(joints)] = torques
+            part.board.set_reference_torques(every)
+
+    def _in_torque_mode(self, part: Part, joints: Sequence[int]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        return np.array([mode is ControlMode.TORQUE for mode in part.board.control_modes(joints)])
+
+    def _judge(self, name: str, change: float, wanted: float, told: float, measured: float, *, kept: bool) -> None:
+        what = f"{change:+g} Nm"
+        if not self.check_fail_if_false(kept, f"{name} is not in torque mode at {what}; {likely_causes('mode')}"):
+            return
+        off = float(told - wanted)
+        self.measure(f"reference that is read back, {what}", off, "Nm", low=-self.tolerance, high=self.tolerance)
+        if abs(off) > self.tolerance:
+            self.report(f"{name} was told {wanted:.3f} Nm and keeps {told:.3f} Nm; {likely_causes('lost commands')}")
+        missing = float(measured - wanted)
+        self.measure(f"measured minus told, {what}", missing, "Nm", low=-self.answer, high=self.answer)
+        if abs(missing) > self.answer:
+            self.report(
+                f"{name} was told {wanted:.2f} Nm and shows {measured:.2f} Nm; {likely_causes('torque answer')}"
+            )

@@ -1,0 +1,144 @@
+"""Torque control gravity consistency: at rest the measured torques are those that the model needs against gravity."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot_testing import RobotTest, Safety, fit_line, likely_causes
+from rtf.robot_testing.gravity import GravityModel
+from rtf.robot_testing.positioning import bring, hold
+from rtf.robot_testing.torque import mean_torques, torque_joints
+from rtf.simulator.errors import MissingPackageError
+from rtf.testing import Parameter
+from rtf.testing.verdict import MeasurementVerdict
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Part
+
+#: The parts of an iCub, all of which decide what hangs where.
+_PARTS = ("head", "torso", "left_arm", "right_arm", "left_leg", "right_leg")
+#: Each posture is come to from both sides, from so far (deg), so that friction cancels out; and how fast (deg/s).
+_APPROACH, _APPROACH_SPEED = 2.0, 10.0
+#: How long joints come to rest, and for how long they are measured then, s.
+_REST, _MEASURING = 0.4, 0.3
+#: A gain can be told when the model's torques spread by so much about their mean, Nm, in so many postures.
+_SPREAD, _FEWEST = 0.3, 4
+
+
+class TorqueControlGravityConsistency(RobotTest):
+    """Puts each joint of a part into several static postures and compares what is measured with the model.
+
+    The line through measured against model torques has a slope, the gain, and an offset; both have limits, and so has
+    what is left.
+    """
+
+    aliases = ("torqueControl-gravityConsistency", "torqueControlGravityConsistency")
+    tags = ("motion", "torque", "sensors", "model")
+    safety = Safety.MOTION
+
+    part = Parameter(str, "the part whose torques are compared", default="left_arm")
+    joints = Parameter(list[int], "its joints; none: all with torque control", default=[])
+    model = Parameter(str, "description of the robot (URDF); none: the iCub of the simulator", default="")
+    postures = Parameter(int, "positions of each joint", default=5, low=2, high=50)
+    swing = Parameter(float, "how far from home to both sides", unit="deg", default=35.0, low=1.0, high=90.0)
+    speed = Parameter(float, "speed of all moves", unit="deg/s", default=25.0, low=0.1)
+    offset = Parameter(float, "of the line, at most", unit="Nm", default=1.0, low=0.0)
+    gain = Parameter(float, "by which its slope may differ from 1", default=0.25, low=0.0)
+    error = Parameter(float, "measured minus model in a single posture, at most", unit="Nm", default=1.5, low=0.0)
+
+    friction = Parameter(
+        float, "of the torque range of a joint, that friction may hide: these limits are not below it", unit="%",
+        default=2.5, low=0.0,
+    )  # fmt: skip
+
+    def setup(self) -> None:
+        """Open the part, and look where the others are."""
+        super().setup()
+        try:
+            self.gravity = GravityModel(self.model)
+        except MissingPackageError as error:
+            self.skip(f"there is no model to compare with: {error}")
+        self.robot_part = part = self.open_part(self.part)
+        self.chosen = torque_joints(self, part, self.joints)
+        unknown = [part.names[joint] for joint in self.chosen if part.names[joint] not in self.gravity]
+        self.assert_error_if_true(unknown, f"the model has no joint {', '.join(unknown)}")
+        self.others = [self.open_part(name) for name in _PARTS if name != self.part and self._is_there(name)]
+
+    def _is_there(self, name: str) -> bool:
+        return self.network.names.query(f"/{self.robot_name}/{name}/rpc:i") is not None
+
+    def run(self) -> None:
+        """Measure all postures; then judge joint by joint."""
+        part = self.robot_part
+        measured: list[FloatArray] = []
+        wanted: list[FloatArray] = []
+        for place, joint in enumerate(self.chosen):
+            self.progress(place / len(self.chosen), part.names[joint])
+            with self.subresult(f"{part.names[joint]} in all postures"):
+                try:
+                    for position in self._positions(part, joint):
+                        for side in (-1.0, 1.0):
+                            torques, model = self._measure(part, joint, position, side)
+                            measured.append(torques)
+                            wanted.append(model)
+                    self.check(True, f"{part.names[joint]}: {self.postures} postures")
+                finally:
+                    hold(part, [joint])
+                    part.move([part.home[joint]], [joint], speed=self.speed)
+        self.assert_error_if_true(len(measured) < 2 * _FEWEST, "too few postures could be measured")
+        self._judge_all(part, np.array(measured), np.array(wanted))
+
+    def _positions(self, part: Part, joint: int) -> FloatArray:
+        margin = _APPROACH + 1.0
+        low = max(part.low[joint] + margin, part.home[joint] - self.swing)
+        high = min(part.high[joint] - margin, part.home[joint] + self.swing)
+        return np.linspace(low, max(low, high), self.postures)
+
+    def _measure(self, part: Part, joint: int, position: float, side: float) -> tuple[FloatArray, FloatArray]:
+        """Come to a position from one side; the measured torques of the chosen joints, and the model's."""
+        bring(self, part, [joint], [position + side * _APPROACH], speed=self.speed, tolerance=1.0)
+        bring(self, part, [joint], [position], speed=_APPROACH_SPEED, tolerance=1.0)
+        part.wait(_REST)
+        torques = mean_torques(part, _MEASURING)
+        here: dict[str, float] = {}
+        for one in (part, *self.others):
+            here.update(zip(one.names, one.board.encoders().tolist(), strict=True))
+        model = self.gravity.torques(here)
+        return torques[self.chosen], np.array([model[part.names[chosen]] for chosen in self.chosen])
+
+    def _judge_all(self, part: Part, measured: FloatArray, wanted: FloatArray) -> None:
+        # Both sides of a posture follow each other: their mean is without friction.
+        pairs = measured.reshape(-1, 2, len(self.chosen)).mean(axis=1)
+        models = wanted.reshape(-1, 2, len(self.chosen)).mean(axis=1)
+        for place, joint in enumerate(self.chosen):
+            with self.subresult(part.names[joint]):
+                hidden = self.friction / 100.0 * part.board.torque_range(joint)[1]
+                self._judge(part.names[joint], pairs[:, place], models[:, place], hidden)
+
+    def _judge(self, name: str, measured: FloatArray, model: FloatArray, hidden: float) -> None:
+        order = np.argsort(model)
+        self.record("against the model", model=(model[order], "Nm"), measured=(measured[order], "Nm"))
+        line = fit_line(model, measured)
+        known = float(np.std(model)) > max(_SPREAD, hidden / 2)
+        if known:
+            # The statistics' own doubt is on the robot's side: a gain is wrong when it surely is.
+            allowed = self.gain + (line.slope_interval if math.isfinite(line.slope_interval) else 0.0)
+            gain = self.measure("gain", line.slope, "", low=1.0 - allowed, high=1.0 + allowed)
+            if gain.verdict is MeasurementVerdict.FAILED:
+                self.report(
+                    f"{name} measures {line.slope:.2f} Nm for each Nm of gravity; {likely_causes('torque gain')}"
+                )
+        else:
+            self.report(f"{name}: gravity varies by {np.std(model):.2f} Nm in these postures, too little for a gain")
+        # Where the gain can be told the offset is that of the line; elsewhere the mean difference.
+        offset = line.offset if known else float(np.mean(measured - model))
+        most = max(self.offset, hidden)
+        found = self.measure("offset", offset, "Nm", low=-most, high=most)
+        if found.verdict is MeasurementVerdict.FAILED:
+            self.report(f"{name} measures {offset:+.2f} Nm beyond gravity; {likely_causes('torque offset')}")
+        self.measure("greatest error", float(np.abs(measured - model).max()), "Nm", high=max(self.error, 2 * hidden))
+        self.measure("left over, root mean square", line.rms, "Nm")

@@ -1,0 +1,192 @@
+"""Torque control stiffness and damping check: a compliant joint gives way as its stiffness and its damping say."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.control_modes import InteractionMode
+from rtf.robot_testing import GuardError, RobotTest, Safety, fit_line, likely_causes
+from rtf.robot_testing.positioning import bring, hold, starting_point
+from rtf.robot_testing.torque import torque_joints
+from rtf.simulator.control import SimulatorControl
+from rtf.testing import Parameter
+from rtf.testing.verdict import MeasurementVerdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Part, Trace
+
+#: How soon a joint is at rest before it is moved, and what a board may take to show its mode, s.
+_REST, _MODE_TIME = 0.3, 0.5
+#: A joint that has gone so far is held at once, deg.
+_TRAVEL = 25.0
+#: How fast a push is to move a joint that is only damped (deg/s), and how far one that is only stiff, which swings to
+#: twice of it (deg); how far a push goes at most (deg), and for how long (s); and how long the joint swings out (s).
+_SPEED, _WAY, _REACH, _PUSH_TIME, _SWING_OUT = 25.0, 2.5, 6.0, 0.3, 0.4
+#: What a push is to be at least beyond the spring and the damper, as a share of the greatest torque: it is friction.
+_FRICTION = 0.03
+
+
+class TorqueControlStiffDampCheck(RobotTest):
+    """Makes each joint compliant, first with stiffness alone, then with damping alone, and has it pushed.
+
+    The torque over the way it gives is a line with the slope of the stiffness, that over its speed one with the slope
+    of the damping. A simulated robot is pushed by its simulator, on a real one the operator is asked to.
+    """
+
+    aliases = ("torqueControl-stiffDampCheck", "torqueControlStiffDampCheck")
+    tags = ("motion", "torque", "impedance")
+    safety = Safety.EFFORT
+
+    part = Parameter(str, "the part whose joints are pushed", default="left_arm")
+    joints = Parameter(list[int], "its joints; none: all with torque control", default=[])
+    home = Parameter(list[float], "where they are pushed; none: where they are", unit="deg", default=[])
+    stiffness = Parameter(list[float], "in Nm/deg; none: that of the robot", default=[], low=0.0)
+    damping = Parameter(list[float], "in Nm s/deg; none: that of the robot, 0: not tested", default=[], low=0.0)
+    duration = Parameter(float, "how long the operator moves a joint", unit="s", default=10.0, low=1.0)
+    slope = Parameter(float, "by which a slope may differ from what it is to be", unit="%", default=20.0, low=0.1)
+    correlation = Parameter(float, "of torque with way or speed, at least", default=0.9, low=0.0, high=1.0)
+    excursion = Parameter(float, "how far a joint has to be moved", unit="deg", default=1.0, low=0.01)
+    fastest = Parameter(float, "how fast a joint has to be moved", unit="deg/s", default=5.0, low=0.01)
+    plot_enabled = Parameter(bool, "understood for the sake of older files; it is always plotted", default=True)
+
+    def setup(self) -> None:
+        """Open the part and bring its joints home."""
+        super().setup()
+        self.robot_part = part = self.open_part(self.part)
+        self.chosen = torque_joints(self, part, self.joints)
+        homes: list[float | None] = [*self.per_joint("home", self.home, self.chosen)] if self.home else []
+        self.homes = [
+            starting_point(part, joint, home, _TRAVEL, both_sides=True)[0]
+            for joint, home in zip(self.chosen, homes or [None] * len(self.chosen), strict=True)
+        ]
+        own = [part.board.impedance(joint) for joint in self.chosen]
+        self.springs = [k for k, _ in own]
+        self.dampers = [d for _, d in own]
+        if self.stiffness:
+            self.springs = self.per_joint("stiffness", self.stiffness, self.chosen)
+        if self.damping:
+            self.dampers = self.per_joint("damping", self.damping, self.chosen)
+
+    def run(self) -> None:
+        """Test joint by joint."""
+        part = self.robot_part
+        for place, joint in enumerate(self.chosen):
+            self.progress(place / len(self.chosen), part.names[joint])
+            with self.subresult(part.names[joint]):
+                self._test(part, joint, place)
+
+    def _test(self, part: Part, joint: int, place: int) -> None:
+        before = part.board.impedance(joint)
+        spring, damper = self.springs[place], self.dampers[place]
+        try:
+            if spring > 0:
+                trace = self._give_way(part, joint, self.homes[place], spring, 0.0)
+                self._judge(part.names[joint], "stiffness", spring, trace.positions[:, joint], trace.torques[:, joint])
+            if damper > 0:
+                trace = self._give_way(part, joint, self.homes[place], 0.0, damper)
+                self._judge(part.names[joint], "damping", damper, trace.velocities[:, joint], trace.torques[:, joint])
+        except GuardError as error:
+            self.assert_fail(f"{error}; {likely_causes('runs away', 'impedance')}")
+        finally:
+            hold(part, [joint])
+            part.board.set_impedance(joint, *before)
+        bring(self, part, [joint], [self.homes[place]])
+
+    # Moving ------------------------------------------------------------------------------------------------------
+
+    def _give_way(self, part: Part, joint: int, home: float, spring: float, damper: float) -> Trace:
+        """Make a joint compliant and have it moved; what it did meanwhile."""
+        bring(self, part, [joint], [home])
+        part.wait(_REST)
+        self._set_impedance(part, joint, spring, damper)
+        part.board.set_interaction_modes([InteractionMode.COMPLIANT], [joint])
+        entered = part.wait_until(
+            lambda: part.board.interaction_modes(joint)[0] is InteractionMode.COMPLIANT, _MODE_TIME
+        )
+        self.assert_true(entered, f"{part.names[joint]} does not become compliant; {likely_causes('mode')}")
+        with part.recorded() as trace:
+            if self.simulated:
+                self._push(part, joint, home, spring, damper)
+            else:
+                self._ask_to_move(part, joint)
+        hold(part, [joint])
+        return trace
+
+    def _set_impedance(self, part: Part, joint: int, spring: float, damper: float) -> None:
+        part.board.set_impedance(joint, spring, damper)
+        kept = part.board.impedance(joint)
+        self.assert_true(
+            np.allclose(kept, (spring, damper), rtol=0.01, atol=1e-6),
+            f"{part.names[joint]} was given a stiffness of {spring:g} Nm/deg and a damping of {damper:g} Nm s/deg, and "
+            f"has {kept[0]:g} and {kept[1]:g}",
+        )
+
+    def _push(self, part: Part, joint: int, home: float, spring: float, damper: float) -> None:
+        """Push to both sides in turn, as hard as it takes."""
+        most = part.board.torque_range(joint)[1]
+        torque = spring * _WAY + damper * _SPEED + _FRICTION * most
+        with SimulatorControl(self.robot_name) as control:
+            for sign in self._pushes():
+                number = control.inject("push", part.names[joint], {"torque": sign * torque})
+                try:
+                    part.wait_until(
+                        lambda sign=sign: sign * (part.board.encoder(joint) - home) > _REACH, _PUSH_TIME, pace=0.01
+                    )
+                finally:
+                    control.clear(number)
+                self._look_after(part, joint, home)
+                part.wait(_SWING_OUT)
+
+    def _pushes(self) -> Iterator[float]:
+        yield from (1.0, -1.0, -1.0, 1.0, 1.0, -1.0)
+
+    def _ask_to_move(self, part: Part, joint: int) -> None:
+        name = part.names[joint]
+        if not self.confirm(f"{name} gives way now. Move it to and fro by hand for {self.duration:g} s. Do you begin?"):
+            self.inconclusive(f"nobody moved {name}")
+        home = part.board.encoder(joint)
+        end = self.now() + self.duration
+        while self.now() < end:
+            part.wait(_REST)
+            self._look_after(part, joint, home)
+
+    def _look_after(self, part: Part, joint: int, home: float) -> None:
+        position = part.board.encoder(joint)
+        if abs(position - home) > _TRAVEL:
+            raise GuardError(
+                f"{part.names[joint]} is at {position:.1f} deg, more than {_TRAVEL:g} deg from where it was"
+            )
+
+    # Judging -----------------------------------------------------------------------------------------------------
+
+    def _judge(self, name: str, what: str, wanted: float, moved: FloatArray, torques: FloatArray) -> None:
+        symbol, least = ("deg", self.excursion) if what == "stiffness" else ("deg/s", self.fastest)
+        self.record(what, moved=(moved, symbol), torque=(torques, "Nm"))
+        reach = float(np.ptp(moved)) / 2
+        self._require_motion(name, what, reach, least, symbol)
+        line = fit_line(moved, torques)
+        low, high = 1.0 - self.slope / 100.0, 1.0 + self.slope / 100.0
+        found = self.measure(f"{what}, share of what was set", -line.slope / wanted, "", low, high)
+        if found.verdict is MeasurementVerdict.FAILED:
+            self.report(
+                f"{name}: {what} is {-line.slope:.4g} Nm{'' if what == 'stiffness' else ' s'}/deg, and was set to "
+                f"{wanted:.4g}; {likely_causes('impedance')}"
+            )
+        correlation = abs(line.correlation) if math.isfinite(line.correlation) else 0.0
+        self.measure(f"correlation of torque, {what}", correlation, "", low=self.correlation)
+
+    def _require_motion(self, name: str, what: str, reach: float, least: float, symbol: str) -> None:
+        """A joint that was pushed has to move; one that nobody moved says nothing."""
+        self.measure(f"moved, {what}", reach, symbol)
+        if reach >= least:
+            return
+        text = f"{name} was moved by {reach:.2g} {symbol} to either side, {least:g} are needed to judge its {what}"
+        if self.simulated:
+            self.assert_fail(f"{text}: it does not give way; {likely_causes('does not move')}")
+        self.inconclusive(text)

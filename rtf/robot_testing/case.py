@@ -1,0 +1,182 @@
+"""The test case of robots: finds the robot and its time, opens parts, guards them, keeps what led to a failure."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import TYPE_CHECKING, ClassVar
+
+from rtf import clock
+from rtf.middleware.network import default_network
+from rtf.middleware.time import LockstepClock, clock_from_environment
+from rtf.robot.client.control_board import connect
+from rtf.robot.errors import RobotError
+from rtf.robot_testing.guard import Limits, MotionGuard
+from rtf.robot_testing.part import TOLERANCE, Part
+from rtf.robot_testing.safety import Safety
+from rtf.simulator.control import SimulatorControl
+from rtf.testing import Parameter, TestCase
+from rtf.testing.leave import has_leave
+from rtf.testing.parameters import ParameterError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.clock import Clock
+    from rtf.middleware.network import Network
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing.part import Arrival
+
+#: Which robot, where no parameter says it; given by the fixture that starts one.
+ROBOT_VARIABLE = "YARP_ROBOT_NAME"
+_DEFAULT_ROBOT = "icubSim"
+
+
+class RobotTest(TestCase):
+    """A test of a robot. ``setup`` opens the robot; whoever overrides it calls it first.
+
+    ``safety`` says what the test does to the robot. On a real one everything but listening has to be allowed
+    (``testrunner --allow-motion``), and the operator is asked whether the robot may move.
+    """
+
+    safety: ClassVar[Safety] = Safety.STILL
+    limits: ClassVar[Limits] = Limits()
+
+    robot = Parameter(str, "name of the robot; without it that of the fixture", default="")
+    inject = Parameter(
+        str, "a fault of the simulated robot to begin with, such as: jam l_elbow torque=400 delay=0.5", default=""
+    )
+
+    network: Network
+    clock: Clock
+    _parts: dict[str, Part]
+
+    def setup(self) -> None:
+        """Find the robot and its time, and ask whether it may move."""
+        self.robot_name = (self.robot or os.environ.get(ROBOT_VARIABLE) or _DEFAULT_ROBOT).strip("/")
+        self.network = default_network()
+        self._parts = {}
+        self.clock = clock_from_environment(self.network)
+        used = clock.use(self.clock)
+        used.__enter__()
+        self.add_cleanup(used.__exit__, None, None, None)
+        if self.safety is not Safety.STILL:
+            self._ask_for_leave()
+        if self.inject:
+            self._inject()
+
+    def _inject(self) -> None:
+        """Break the simulated robot; afterwards it is put back to its home, healthy."""
+        control = SimulatorControl(self.robot_name, network=self.network)
+        self.add_cleanup(control.close)
+        kind, target, values = parse_injection(self.inject)
+        delay, duration = values.pop("delay", 0.0), values.pop("duration", math.inf)
+        self.add_cleanup(control.reset)
+        try:
+            control.inject(kind, target, values, delay=delay, duration=duration)
+        except RobotError as error:
+            self.assert_error(f"inject: {error}")
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the robot is a simulated one: it answers as a simulator."""
+        return self.network.names.query(f"/{self.robot_name}/simulator/rpc:i") is not None
+
+    def _ask_for_leave(self) -> None:
+        if self.simulated:
+            return
+        if not has_leave():
+            self.skip(f"/{self.robot_name} is no simulated robot, and it would move: testrunner --allow-motion lets it")
+        if not self.confirm(f"/{self.robot_name} is about to move. Is nobody within its reach, and may it?"):
+            self.skip("the operator does not want the robot to move")
+
+    def open_part(self, name: str) -> Part:
+        """A part of the robot, opened when first asked for and put back at the end. Ends as an error without it."""
+        if name not in self._parts:
+            try:
+                self._parts[name] = self._open(name)
+            except RobotError as error:
+                self.assert_error(f"/{self.robot_name}/{name} cannot be worked with: {error}")
+        return self._parts[name]
+
+    def _open(self, name: str) -> Part:
+        # In step with a simulator nothing may still be on its way when the time goes on.
+        carrier = "tcp" if isinstance(self.clock, LockstepClock) else "fast_tcp"
+        board = connect(f"/{self.robot_name}/{name}", carrier=carrier, network=self.network)
+        self.add_cleanup(board.close)
+        self.sleep(_FIRST_STATE)
+        guard = None
+        if self.safety is not Safety.STILL:
+            guard = MotionGuard(
+                board, f"/{self.robot_name}/{name}", clock=self.clock, report=self.report, limits=self.limits
+            )
+            self.add_cleanup(guard.restore)
+        part = Part(name, board, self.clock, guard)
+        self.add_cleanup(self._keep_history, part)
+        return part
+
+    def _keep_history(self, part: Part) -> None:
+        """After a failure, keep what the part did in the last seconds."""
+        if self.failing and len(part.history):
+            history = part.history
+            time, positions, currents = history.time, history.positions, history.currents
+            for joint, name in enumerate(part.names):
+                self.record(
+                    f"before the end: {name}",
+                    time=(time, "s"),
+                    position=(positions[:, joint], "deg"),
+                    current=(currents[:, joint], "A"),
+                )
+
+    # Values ------------------------------------------------------------------------------------------------------
+
+    def per_joint(self, name: str, values: Sequence[float], joints: Sequence[int]) -> list[float]:
+        """The values of a parameter, one for each joint; a single one stands for all. Ends as an error for others."""
+        if len(values) == 1:
+            return [float(values[0])] * len(joints)
+        if len(values) != len(joints):
+            self.assert_error(f"{name} has {len(values)} values; give one, or one for each of the {len(joints)} joints")
+        return [float(value) for value in values]
+
+    def require(
+        self, arrival: Arrival, goal: str, part: Part, joints: Sequence[int], targets: Sequence[float] | FloatArray
+    ) -> None:
+        """End as an error unless a move that the test stands on has arrived, naming the joints that have not."""
+        if arrival.reached:
+            return
+        late = [
+            f"{part.names[joint]} is at {where:.2f} deg, not {target:.2f}"
+            for joint, where, target in zip(joints, arrival.positions, targets, strict=True)
+            if abs(where - target) > TOLERANCE
+        ]
+        self.assert_error(f"{part.name} did not come {goal} within {arrival.seconds:.1f} s: {'; '.join(late)}")
+
+    # Time --------------------------------------------------------------------------------------------------------
+
+    def now(self) -> float:
+        """Seconds of the robot's clock."""
+        return self.clock.now()
+
+    def sleep(self, seconds: float) -> None:
+        """Let the robot's time pass."""
+        self.clock.sleep(seconds)
+
+
+#: What a board may take to send its state, s of the robot's clock.
+_FIRST_STATE = 0.1
+
+
+def parse_injection(text: str) -> tuple[str, str, dict[str, float]]:
+    """Kind, target and numbers of a fault, as the parameter ``inject`` has them. Raises ParameterError."""
+    kind, *words = text.split()
+    target = words.pop(0) if words and "=" not in words[0] else "-"
+    values: dict[str, float] = {}
+    for word in words:
+        name, equals, number = word.partition("=")
+        try:
+            values[name] = float(number)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise ParameterError("inject", [f"{word!r} is no number with a name, such as torque=400"])
+    return kind, "" if target == "-" else target, values

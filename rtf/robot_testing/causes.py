@@ -1,0 +1,59 @@
+"""What may be wrong with a robot whose measurements are wrong in some way: hints for who has to mend it."""
+
+from __future__ import annotations
+
+#: By what is found, in the words of the tests; each the causes that labs have met, the likeliest first.
+_CAUSES: dict[str, tuple[str, ...]] = {
+    "sign": (
+        "the sign of the encoder's resolution in the configuration",
+        "two wires of the motor exchanged",
+        "a gearbox ratio with the wrong sign",
+    ),
+    "ratio": (
+        "a wrong gearbox ratio (an extra stage of 75/50 gives 1.5)",
+        "a wrong resolution of the encoder",
+        "a wrong row of the coupling matrix",
+    ),
+    "frozen": ("the encoder's cable", "an encoder that is not configured", "a board that no longer updates it"),
+    "drift": ("a dirty encoder disk", "electrical noise on the encoder's lines", "a slipping coupling"),
+    "short of limit": (
+        "a limit in the configuration beyond the hardware's",
+        "something in the way",
+        "too little torque, or too much friction",
+        "a wrong zero of the encoder",
+    ),
+    "beyond limit": ("a board that does not keep its limits", "a wrong zero of the encoder"),
+    "does not move": ("a broken motor cable", "a mechanical block", "an amplifier that is off or dead"),
+    "does not start": ("a command that was lost", "a board that says yes and does nothing"),
+    "weak": ("a weak motor or a low supply voltage", "more friction than usual", "gains that are too small"),
+    "jitter": ("a loaded machine or network", "a board that is late"),
+    "lost": ("a loaded network", "a reader that is too slow"),
+    "slow": ("a wrong period in the configuration", "messages lost on the way", "a loaded machine"),
+    "duplicate": ("a sensor slower than what publishes it", "messages sent twice"),
+    "offset": ("a sensor that was not calibrated", "a sensor that was overloaded"),
+    "noise": ("a loose cable", "electrical noise"),
+    "backlash": ("play in the gearbox", "a loose cable of the transmission"),
+    "camera frozen": ("a camera that has stopped", "a driver that repeats its last picture"),
+    "camera dark": ("a cap on the lens", "an exposure of zero", "a dead sensor"),
+    "camera size": ("a wrong size in the configuration of the driver",),
+    "orientation": ("a unit mounted turned", "a wrong frame in the model"),
+    "mode": ("firmware that does not keep the rules of the control modes",),
+    "sensor frozen": ("a loose cable of the sensor", "a sensor that has stopped", "a driver that repeats a value"),
+    "model": ("a description of another version of the robot", "a joint or an offset that was changed in one of them"),
+    "overshoot": ("gains that do not fit each other or the load", "a weak motor", "a controller that hears late"),
+    "irregular": ("stick and slip", "a loose transmission", "commands that get lost"),
+    "runs away": ("gains far too large", "a wrong sign in the loop", "a sensor that lies"),
+    "lost commands": ("a loaded network", "a board that drops commands"),
+    "lag": ("gains that are too small", "commands or answers that are late", "a weak motor"),
+    "torque answer": ("a wrong factor of the torque sensing", "a weak or dead motor", "a wrong model of the motor"),
+    "torque gain": ("a wrong factor or sign of the torque sensing", "a wrong mass in the model"),
+    "torque offset": ("a torque sensing that was not calibrated", "something that hangs on the robot, or holds it"),
+    "impedance": ("a wrong factor of the torque sensing", "a board that reckons in other units", "a weak motor"),
+    "references": ("a command that was lost", "a board that answers with something else than what it was told"),
+}
+
+
+def likely_causes(*findings: str) -> str:
+    """A sentence for the end of a failure: what has been the cause elsewhere. KeyError for a finding without any."""
+    causes = list(dict.fromkeys(cause for finding in findings for cause in _CAUSES[finding]))
+    return f"likely: {'; '.join(causes)}"

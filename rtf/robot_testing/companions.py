@@ -1,0 +1,58 @@
+"""Which joints of a part may move far at the same time, and which wait for each other: so that nothing collides.
+
+A part is worked through in lanes, all at once; a lane has rounds, one after the other; the joints of a round move
+together. Arms, legs, neck and torso have one lane in which a single joint moves at a time, and wrists and ankles at its
+end. What moves within the outline of the part, or cannot reach anything, has lanes of its own: the fingers of an open
+hand, and the eyes. It goes by the names of the iCub's axes; joints with other names share the lane of single moves.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+#: The rounds of each lane beside the first one, by what the names of their joints contain.
+_LANES: tuple[tuple[re.Pattern[str], ...], ...] = (
+    (re.compile(r"thumb"), re.compile(r"finger|index|middle|ring|pinky|little")),
+    (re.compile(r"eye"),),
+)
+#: Joints that move together in the first lane, where they come last.
+_SMALL = (re.compile(r"wrist"), re.compile(r"ankle"))
+
+
+def lanes(names: Sequence[str], joints: Iterable[int]) -> list[list[list[int]]]:
+    """The lanes of these joints, each a list of rounds; ``names`` are those of all axes of the part."""
+    left = list(joints)
+
+    def taken(pattern: re.Pattern[str]) -> list[int]:
+        found = [joint for joint in left if pattern.search(names[joint])]
+        for joint in found:
+            left.remove(joint)
+        return found
+
+    others = [[taken(pattern) for pattern in patterns] for patterns in _LANES]
+    small = [taken(pattern) for pattern in _SMALL]
+    first = [[joint] for joint in left] + small
+    ordered = [[members for members in lane if members] for lane in (first, *others)]
+    return [lane for lane in ordered if lane]
+
+
+def together(courses: Iterable[Iterator[None]]) -> Iterator[None]:
+    """Advance several courses by a step each, again and again until all have ended; a course yields where it waits."""
+    running = list(courses)
+    while running:
+        running = [course for course in running if next(course, _ENDED) is not _ENDED]
+        if running:
+            yield None
+
+
+def in_turn(courses: Iterable[Iterator[None]]) -> Iterator[None]:
+    """One course after the other."""
+    for course in courses:
+        yield from course
+
+
+_ENDED = object()

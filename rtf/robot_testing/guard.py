@@ -1,0 +1,229 @@
+"""The guard of a part: what it was like before, what it may not do meanwhile, and putting it back afterwards."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.errors import NotSupportedError, RobotError
+from rtf.robot.interfaces import PidType
+from rtf.testing.outcome import TestFailure
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.clock import Clock
+    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.interfaces import FloatArray, Pid
+
+#: What joints are parked with, deg/s, and how long it may take, s.
+PARKING_SPEED, PARKING_TIME = 20.0, 20.0
+_ARRIVED = 2.0  # deg
+_PACE = 0.05  # s
+
+
+class GuardError(RobotError, TestFailure):
+    """A part does what it may not: the sentence names the joint, the value and the limit. The joint was stopped.
+
+    It is a failure of the test, for it is the robot that is wrong.
+    """
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a joint may do while a test moves it; None: whatever it likes."""
+
+    beyond: float = 5.0  # deg outside of its position limits
+    speed: float = 1.5  # times its greatest speed
+    current: float | None = 1.0  # times its greatest current
+    temperature: float | None = 1.0  # times its limit
+
+
+@dataclass(slots=True)
+class Snapshot:
+    """A part as it was: everything that a test may change and that outlives it. What a board has not got is missing."""
+
+    positions: FloatArray
+    modes: tuple[ControlMode, ...]
+    interactions: tuple[InteractionMode, ...] = ()
+    speeds: FloatArray | None = None
+    accelerations: FloatArray | None = None
+    limits: list[tuple[float, float]] = field(default_factory=list)
+    max_currents: list[float] = field(default_factory=list)
+    pids: list[Pid] = field(default_factory=list)
+    impedances: list[tuple[float, float]] = field(default_factory=list)
+
+    @classmethod
+    def take(cls, board: RemoteControlBoard) -> Snapshot:
+        """Ask a board for all of it. Raises RobotError when it cannot even say where its joints are."""
+        shot = cls(board.encoders(), board.control_modes())
+        joints = range(board.axes())
+
+        def ask(fill: Callable[[], None]) -> None:
+            with suppress(NotSupportedError):  # what it has not got nobody can change
+                fill()
+
+        ask(lambda: setattr(shot, "interactions", board.interaction_modes()))
+        ask(lambda: setattr(shot, "speeds", board.reference_speeds()))
+        ask(lambda: setattr(shot, "accelerations", board.reference_accelerations()))
+        ask(lambda: setattr(shot, "limits", [board.limits(joint) for joint in joints]))
+        ask(lambda: setattr(shot, "max_currents", [board.max_current(joint) for joint in joints]))
+        ask(lambda: setattr(shot, "pids", list(board.pids(PidType.POSITION))))
+        ask(lambda: setattr(shot, "impedances", [board.impedance(joint) for joint in joints]))
+        return shot
+
+
+class MotionGuard:
+    """Guards one part through its board. ``clock`` is the robot's; ``report`` is told what had to be put back.
+
+    ``watch`` is called while joints move, ``restore`` at the end, whatever has happened; both from one thread.
+    """
+
+    def __init__(
+        self,
+        board: RemoteControlBoard,
+        name: str,
+        *,
+        clock: Clock,
+        report: Callable[[str], None],
+        limits: Limits | None = None,
+    ) -> None:
+        self.board = board
+        self.name = name
+        self.limits = limits or Limits()
+        self.snapshot = Snapshot.take(board)
+        self._clock = clock
+        self._report = report
+        self._names = board.axis_names()
+        self._low = np.array([low for low, _ in self.snapshot.limits]) - self.limits.beyond
+        self._high = np.array([high for _, high in self.snapshot.limits]) + self.limits.beyond
+        self._fastest = self._greatest_speeds()
+        self._currents = np.array(self.snapshot.max_currents)
+        self._given_up: set[int] = set()
+
+    def _greatest_speeds(self) -> FloatArray | None:
+        try:
+            return np.array([self.board.velocity_limits(joint)[1] for joint in range(self.board.axes())])
+        except NotSupportedError:
+            return None
+
+    def give_up(self, joint: int, reason: str) -> None:
+        """Leave a joint that does not obey without power: it is neither watched nor parked any more."""
+        if joint in self._given_up:
+            return
+        self._given_up.add(joint)
+        self._report(f"{self._names[joint]} is left idle: {reason}")
+        self.board.set_control_modes(ControlMode.IDLE, joint)
+
+    def given_up(self, joint: int) -> bool:
+        """Whether a joint was left to itself."""
+        return joint in self._given_up
+
+    def watch(self) -> None:
+        """Look whether every joint does what it may; stop the one that does not, and raise GuardError."""
+        board = self.board
+        positions = board.encoders()
+        if self.snapshot.limits:
+            outside = (positions < self._low) | (positions > self._high)
+            self._judge(outside, positions, "is at {:.1f} deg, beyond its limits")
+        if self._fastest is not None:
+            speeds = np.abs(board.encoder_speeds())
+            self._judge(speeds > self.limits.speed * self._fastest, speeds, "turns at {:.0f} deg/s, too fast")
+        if self.limits.current is not None and self._currents.size:
+            currents = np.abs(board.currents())
+            self._judge(currents > self.limits.current * self._currents, currents, "draws {:.2f} A, too much")
+
+    def _judge(self, wrong: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], values: FloatArray, what: str) -> None:
+        found = [int(joint) for joint in np.flatnonzero(wrong) if joint not in self._given_up]
+        if not found:
+            return
+        joint = found[0]
+        self.board.stop(joint)
+        raise GuardError(
+            f"{self._names[joint]} ({self.name} joint {joint}) {what.format(values[joint])}; it was stopped"
+        )
+
+    def restore(self) -> None:
+        """Put the part back: settings first, then its modes, then where its joints were. Raises one RobotError for all.
+
+        What was not changed is not written.
+        """
+        problems: list[str] = []
+        for step in (self._restore_settings, self._leave_faults, self._park, self._restore_modes):
+            try:
+                step()
+            except RobotError as error:
+                problems.append(str(error))
+        if problems:
+            raise RobotError(f"{self.name} could not be put back as it was: {'; '.join(problems)}")
+
+    def _restore_settings(self) -> None:
+        board, before = self.board, self.snapshot
+        for joint, name in enumerate(self._names):
+            if before.max_currents and board.max_current(joint) != before.max_currents[joint]:
+                board.set_max_current(joint, before.max_currents[joint])
+                self._report(f"{name}: the greatest current is {before.max_currents[joint]:g} A again")
+            if before.limits and board.limits(joint) != before.limits[joint]:
+                board.set_limits(joint, *before.limits[joint])
+                self._report(f"{name}: the limits are {before.limits[joint]} deg again")
+            if before.impedances and board.impedance(joint) != before.impedances[joint]:
+                board.set_impedance(joint, *before.impedances[joint])
+                self._report(f"{name}: stiffness and damping are {before.impedances[joint]} again")
+        if before.pids:
+            for joint, (now, then) in enumerate(zip(board.pids(PidType.POSITION), before.pids, strict=True)):
+                if now != then:
+                    board.set_pid(PidType.POSITION, joint, then)
+                    self._report(f"{self._names[joint]}: the gains of the position controller are as before")
+        if before.interactions and board.interaction_modes() != before.interactions:
+            for joint, mode in enumerate(before.interactions):
+                if mode is not InteractionMode.UNKNOWN and board.interaction_mode(joint) is not mode:
+                    board.set_interaction_modes(mode, joint)
+
+    def _leave_faults(self) -> None:
+        for joint, mode in enumerate(self.board.control_modes()):
+            if mode is ControlMode.HARDWARE_FAULT and self.snapshot.modes[joint] is not ControlMode.HARDWARE_FAULT:
+                self.board.set_control_modes(ControlMode.FORCE_IDLE, joint)
+                self._report(f"{self._names[joint]} was in fault, and is forced out of it")
+
+    def _park(self) -> None:
+        """Bring joints that are somewhere else to where they were."""
+        board, before = self.board, self.snapshot.positions
+        away = [int(j) for j in np.flatnonzero(np.abs(board.encoders() - before) > _ARRIVED)]
+        held = [j for j in away if self.snapshot.modes[j] is not ControlMode.IDLE and j not in self._given_up]
+        if not held:
+            return
+        board.set_control_modes([ControlMode.POSITION] * len(held), held)
+        board.set_reference_speeds([PARKING_SPEED] * len(held), held)
+        board.position_move(before[held], held)
+        end = self._clock.now() + PARKING_TIME
+        while np.abs(board.encoders(held) - before[held]).max() > _ARRIVED:
+            if self._clock.now() > end:
+                late = [self._names[j] for j in held if abs(board.encoder(j) - before[j]) > _ARRIVED]
+                raise GuardError(f"{', '.join(late)} did not come back to where it was within {PARKING_TIME:g} s")
+            self._clock.sleep(_PACE)
+
+    def _restore_modes(self) -> None:
+        board, before = self.board, self.snapshot
+        if before.speeds is not None and not np.array_equal(board.reference_speeds(), before.speeds):
+            board.set_reference_speeds(before.speeds)
+        if before.accelerations is not None and not np.array_equal(
+            board.reference_accelerations(), before.accelerations
+        ):
+            board.set_reference_accelerations(before.accelerations)
+        for joint, (now, then) in enumerate(zip(board.control_modes(), before.modes, strict=True)):
+            if joint in self._given_up:
+                board.set_control_modes(ControlMode.IDLE, joint)
+            elif now is not then and then in _RESTORABLE:
+                board.set_control_modes(then, joint)
+                self._report(f"{self._names[joint]}: in {then.word} again, was left in {now.word}")
+
+
+#: Modes that a joint may be put back into. Out of faults and calibration it is the board that decides; torque, current
+#: and duty cycle need somebody who commands them.
+_RESTORABLE = frozenset(
+    {ControlMode.POSITION, ControlMode.POSITION_DIRECT, ControlMode.VELOCITY, ControlMode.MIXED, ControlMode.IDLE}
+)

@@ -1,0 +1,86 @@
+"""The test case of joints: some joints of one part, held stiffly at home before anything is done with them."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING
+
+from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.errors import NotSupportedError, RefusedError
+from rtf.robot_testing.case import RobotTest
+from rtf.robot_testing.guard import GuardError
+from rtf.robot_testing.part import TOLERANCE
+from rtf.testing import Parameter
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from rtf.robot_testing.part import Part
+
+#: What joints are brought home with, deg/s.
+HOMING = 20.0
+
+
+class JointsTest(RobotTest):
+    """A test of joints of one part. ``setup`` opens it; ``robot_part`` and ``chosen`` are the part and its joints."""
+
+    part = Parameter(str, "the part whose joints are tested", default="left_arm")
+    joints = Parameter(list[int], "its joints; none: all", default=[])
+    home = Parameter(
+        list[float], "where they wait for their turn; none: where they are", unit="deg", default=[], aliases=("zero",)
+    )
+
+    robot_part: Part
+    chosen: list[int]
+
+    def setup(self) -> None:
+        """Open the part and choose its joints."""
+        super().setup()
+        self.robot_part = part = self.open_part(self.part)
+        try:
+            self.chosen = part.select(self.wanted_joints())
+        except RefusedError as error:
+            self.assert_error(f"joints: {error}")
+        if self.home:
+            part.home[self.chosen] = self.per_joint("home", self.home, self.chosen)
+
+    def wanted_joints(self) -> Sequence[int]:
+        """The numbers of the joints to be tested; none: all."""
+        return self.joints
+
+    def names_of(self, joints: Sequence[int]) -> str:
+        """Joints for a sentence."""
+        return ", ".join(self.robot_part.names[joint] for joint in joints)
+
+    def hold(self, joints: Sequence[int] | None = None) -> None:
+        """Bring joints, all without any given, into stiff position mode. Ends as an error where one does not obey."""
+        part = self.robot_part
+        chosen = list(range(part.axes)) if joints is None else list(joints)
+        with suppress(NotSupportedError):  # what cannot be compliant is stiff
+            part.board.set_interaction_modes([InteractionMode.STIFF] * len(chosen), chosen)
+        if not part.set_mode(ControlMode.POSITION, chosen):
+            modes = part.board.control_modes(chosen)
+            wrong = [
+                f"{part.names[joint]} stays in {mode.word}"
+                for joint, mode in zip(chosen, modes, strict=True)
+                if mode is not ControlMode.POSITION
+            ]
+            self.assert_error(f"{part.name} does not take position mode: {'; '.join(wrong)}")
+
+    def bring_home(
+        self, joints: Sequence[int] | None = None, *, speed: float = HOMING, tolerance: float = TOLERANCE
+    ) -> None:
+        """Hold joints and bring them home. Ends as an error where one does not come."""
+        part = self.robot_part
+        chosen = list(range(part.axes)) if joints is None else list(joints)
+        self.hold(chosen)
+        arrival = part.move(part.home[chosen], chosen, speed=speed, tolerance=tolerance)
+        self.require(arrival, "home", part, chosen, part.home[chosen])
+
+    @contextmanager
+    def guarded(self) -> Iterator[None]:
+        """A joint that does what it may not is a failure of the robot: the test, or the sub-result, ends with it."""
+        try:
+            yield
+        except GuardError as error:
+            self.assert_fail(str(error))

@@ -1,0 +1,26 @@
+"""The proof: every test is run on every fault it claims to find, on faults it must not mind, and on the healthy robot.
+
+``claims`` reads what tests claim, ``cases`` unfolds that into single runs, ``suites`` writes them as suites for the
+ordinary runner, ``judging`` compares its events with the claims, and ``matrix`` writes the result down. Statistics over
+seeds and machines would repeat the cases with other parameters of the fixture; the place for that is ``cases``.
+"""
+
+from rtf.robot_testing.proof.cases import Case, Expectation, cases_of
+from rtf.robot_testing.proof.claims import Claims, ClaimsError, read_claims
+from rtf.robot_testing.proof.judging import Finding, Judgement, judge
+from rtf.robot_testing.proof.matrix import write_matrix
+from rtf.robot_testing.proof.suites import write_suites
+
+__all__ = [
+    "Case",
+    "Claims",
+    "ClaimsError",
+    "Expectation",
+    "Finding",
+    "Judgement",
+    "cases_of",
+    "judge",
+    "read_claims",
+    "write_matrix",
+    "write_suites",
+]

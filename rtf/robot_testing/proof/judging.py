@@ -1,0 +1,87 @@
+"""What came of the cases: the runner's results, compared with what was claimed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from rtf.robot_testing.proof.cases import Expectation
+from rtf.testing.verdict import Verdict
+
+if TYPE_CHECKING:
+    from rtf.robot_testing.proof.cases import Case
+    from rtf.testing.results import TestResult
+
+
+class Judgement(Enum):
+    """What is said of a case; the first four are as they should be."""
+
+    FOUND = "found"
+    SILENT = "silent"
+    HEALTHY = "healthy"
+    EXPECTED = "expected"
+    MISSED = "missed"  # the fault was there and the test passed
+    UNNAMED = "unnamed"  # it failed, and named something else
+    ALARM = "false alarm"  # it did not pass, and should have
+    NOT_TESTED = "not tested"  # it could not be carried out, or was not
+
+    @property
+    def good(self) -> bool:
+        """Whether the claim holds."""
+        return self in _GOOD
+
+
+_GOOD = frozenset({Judgement.FOUND, Judgement.SILENT, Judgement.HEALTHY, Judgement.EXPECTED})
+_PASSED = frozenset({Verdict.PASSED, Verdict.MEASURED})
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A case, what is said of it, and the sentence of the test that it rests on."""
+
+    case: Case
+    judgement: Judgement
+    verdict: str
+    sentence: str
+    seconds: float
+
+
+def judge(case: Case, result: TestResult | None) -> Finding:
+    """Compare a case with its result."""
+    if result is None or result.verdict is None:
+        return Finding(case, Judgement.NOT_TESTED, "", "it was not run", 0.0)
+    verdict = result.verdict
+    failures = [f"{problem.subject}: {problem.detail}" for problem in result.problems]
+    sentence = failures[0] if failures else ""
+    last = result.last
+    if not sentence and last is not None:
+        sentence = last.detail
+    return Finding(case, _said(case, verdict, failures), str(verdict), sentence, result.duration)
+
+
+def _said(case: Case, verdict: Verdict, failures: list[str]) -> Judgement:
+    passed = verdict in _PASSED
+    if verdict in _NOTHING:
+        return Judgement.NOT_TESTED
+    if case.expectation is Expectation.FOUND:
+        return _found(case, verdict, failures)
+    if case.expectation is Expectation.EXPECTED:
+        return Judgement.MISSED if passed else Judgement.EXPECTED
+    if not passed:
+        return Judgement.ALARM
+    return Judgement.SILENT if case.expectation is Expectation.SILENT else Judgement.HEALTHY
+
+
+def _found(case: Case, verdict: Verdict, failures: list[str]) -> Judgement:
+    if verdict in _PASSED:
+        return Judgement.MISSED
+    if verdict is not Verdict.FAILED:
+        return Judgement.NOT_TESTED
+    return Judgement.FOUND if any(case.names in failure for failure in failures) else Judgement.UNNAMED
+
+
+#: After these nothing is known of the robot.
+_NOTHING = frozenset(
+    {Verdict.SKIPPED, Verdict.NOT_RUN, Verdict.BLOCKED, Verdict.INTERRUPTED, Verdict.FIXTURE_LOST, Verdict.INCONCLUSIVE}
+)

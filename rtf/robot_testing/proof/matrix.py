@@ -1,0 +1,70 @@
+"""The result of a proof as a page: which test finds which fault, from which severity on, and what was said."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.robot_testing.proof.cases import Expectation
+from rtf.robot_testing.proof.judging import Judgement
+from rtf.simulator.faults import KINDS, Layer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.robot_testing.proof.judging import Finding
+
+_LONGEST = 160
+
+
+def write_matrix(findings: Sequence[Finding]) -> str:
+    """The page in Markdown: a summary, a table of faults and tests, and every case with its sentence."""
+    good = sum(finding.judgement.good for finding in findings)
+    parts = [
+        "# The proof\n\n",
+        "Which test finds which fault of the simulated robot. Made by `rtf proof`; each line is a run of the test in\n",
+        "the ordinary runner, on a robot with that fault.\n\n",
+        f"{good} of {len(findings)} claims hold; ",
+        f"{len(_found(findings))} of {len(_provable())} kinds of faults are found.\n\n",
+        _by_fault(findings),
+        _cases(findings),
+    ]
+    return "".join(parts)
+
+
+def _provable() -> list[str]:
+    """The kinds that a test can be asked to find while its robot lives."""
+    return [name for name, kind in KINDS.items() if kind.layer is not Layer.PROCESS]
+
+
+def _found(findings: Sequence[Finding]) -> set[str]:
+    return {finding.case.fault for finding in findings if finding.judgement is Judgement.FOUND}
+
+
+def _by_fault(findings: Sequence[Finding]) -> str:
+    rows = ["## Faults\n\n", "| fault | layer | found by |\n| --- | --- | --- |\n"]
+    for name in _provable():
+        tests = sorted({f.case.test for f in findings if f.case.fault == name and f.judgement is Judgement.FOUND})
+        rows.append(f"| {name} | {KINDS[name].layer.value} | {', '.join(tests) or '**nothing**'} |\n")
+    return "".join([*rows, "\n"])
+
+
+def _cases(findings: Sequence[Finding]) -> str:
+    rows = [
+        "## Cases\n\n",
+        "| test | fault | where | severity | came to | the test said |\n| --- | --- | --- | --- | --- | --- |\n",
+    ]
+    order = list(Expectation)
+    for finding in sorted(findings, key=lambda f: (f.case.test, order.index(f.case.expectation), f.case.name)):
+        case = finding.case
+        severity = ", ".join(f"{name} {value:g}" for name, value in case.values.items())
+        came = finding.judgement.value if finding.judgement.good else f"**{finding.judgement.value}**"
+        said = case.reason or finding.sentence
+        cells = [case.test, case.fault or "none", case.target, severity, came, said]
+        rows.append(f"| {' | '.join(_cell(cell) for cell in cells)} |\n")
+    return "".join(rows)
+
+
+def _cell(text: str) -> str:
+    line = " ".join(text.split())
+    short = line if len(line) <= _LONGEST else f"{line[:_LONGEST]}…"
+    return short.replace("|", "\\|")

@@ -1,0 +1,101 @@
+"""How something that is controlled answers to a step: how fast, how far beyond, how soon at rest, how near."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from rtf.robot.interfaces import FloatArray
+
+#: Of the step: from here to there is the rise.
+_BEGUN, _RISEN = 0.1, 0.9
+#: What is left of the time at the end for what is steady.
+_STEADY_SHARE = 0.25
+#: Bandwidth times rise time of a system of the first order, and nearly so of others that do not ring.
+_BANDWIDTH = 0.35
+
+
+class StepResponse(NamedTuple):
+    """An answer to a step. Times in s from the step on, errors in what was measured, overshoot in per cent of the step.
+
+    ``delay`` is until a tenth is reached, ``rise_time`` from there to nine tenths: NaN where that never happens.
+    ``settling_time`` is until it stays within the band, infinite when it does not. ``steady_error`` is of the mean of
+    the last quarter, ``ripple`` the deviation from a line through it.
+    """
+
+    delay: float
+    rise_time: float
+    overshoot: float
+    settling_time: float
+    steady_error: float
+    ripple: float
+
+    @property
+    def bandwidth(self) -> float:
+        """About how fast (Hz) a signal may be that it follows; NaN where it does not rise."""
+        return _BANDWIDTH / self.rise_time if self.rise_time > 0 else math.nan
+
+
+def step_response(time: ArrayLike, values: ArrayLike, start: float, target: float, band: float) -> StepResponse:
+    """Judge an answer; ``time`` counts from the step, which goes from ``start`` to ``target``. ``band`` is to one side.
+
+    Raises ValueError when there are not at least ten points after the step.
+    """
+    t, v = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    t, v = t[t >= 0], v[t >= 0]
+    if t.size < _FEWEST:
+        raise ValueError(f"{t.size} points after the step say nothing of it; {_FEWEST} are needed")
+    share = (v - start) / (target - start)
+    begun, risen = _first(t, share, _BEGUN), _first(t, share, _RISEN)
+    outside = np.flatnonzero(np.abs(v - target) > band)
+    settled = 0.0 if outside.size == 0 else math.inf if outside[-1] == t.size - 1 else float(t[outside[-1] + 1])
+    last = max(_FEWEST // 2, round(_STEADY_SHARE * t.size))
+    line = np.polynomial.Polynomial.fit(t[-last:], v[-last:], 1)
+    return StepResponse(
+        delay=begun,
+        rise_time=risen - begun,
+        overshoot=100.0 * max(0.0, float(share.max()) - 1.0),
+        settling_time=settled,
+        steady_error=float(v[-last:].mean()) - target,
+        ripple=float(np.std(v[-last:] - line(t[-last:]))),
+    )
+
+
+def _first(time: FloatArray, share: FloatArray, level: float) -> float:
+    """When a level is first reached, between two points by a straight line; NaN when it never is."""
+    there = np.flatnonzero(share >= level)
+    if there.size == 0:
+        return math.nan
+    place = int(there[0])
+    if place == 0:
+        return float(time[0])
+    before, after = share[place - 1], share[place]
+    return float(time[place - 1] + (level - before) / (after - before) * (time[place] - time[place - 1]))
+
+
+def largest(values: Sequence[float]) -> float:
+    """The greatest of some numbers; NaN when one of them is."""
+    return float(np.max(values))
+
+
+def spread_of(times: Sequence[FloatArray], values: Sequence[FloatArray], period: float) -> float:
+    """How far repetitions are apart: the root of the mean square deviation from their mean, over what they share.
+
+    NaN for a single one.
+    """
+    if len(times) < 2:  # noqa: PLR2004 - one has nothing to differ from
+        return math.nan
+    begin, end = max(t[0] for t in times), min(t[-1] for t in times)
+    grid = np.arange(begin, end, period)
+    together = np.array([np.interp(grid, t, v) for t, v in zip(times, values, strict=True)])
+    return float(np.sqrt(np.mean(np.var(together, axis=0, ddof=1))))
+
+
+_FEWEST = 10

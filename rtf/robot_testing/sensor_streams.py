@@ -1,0 +1,71 @@
+"""What the messages of sensors hold: one row of numbers a message, and what the numbers are called."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.errors import RtfError
+from rtf.middleware.rpc import RpcClient
+from rtf.middleware.types import VECTOR, call
+from rtf.robot.client.analog_sensors import read_metadata
+from rtf.robot.interfaces import SensorCategory
+from rtf.robot.sensor_message import SENSOR_MESSAGE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.bottle import Dialect
+    from rtf.middleware.network import Network
+    from rtf.robot.interfaces import FloatArray, SensorInfo
+    from rtf.robot.sensor_message import Measurements
+
+#: What the streams of servers of many sensors are called.
+MEASURES = "/measures:o"
+_RPC_TIMEOUT = 3.0
+
+
+def readings_of(port: str, contents: Sequence[bytes], dialect: Dialect) -> FloatArray:
+    """The measurements of messages as rows. ValueError when they do not have as many numbers each, or hold none."""
+    if port.endswith(MEASURES):
+        rows = [_flat(SENSOR_MESSAGE.decode(content, dialect)) for content in contents]
+    else:
+        rows = [VECTOR.decode(content, dialect) for content in contents]
+    if len({row.size for row in rows}) > 1:
+        raise ValueError(f"{port}: messages have {sorted({row.size for row in rows})} numbers, not always as many")
+    return np.array(rows, dtype=np.float64)
+
+
+def _flat(measurements: Measurements) -> FloatArray:
+    values = [reading.values for readings in measurements for reading in readings]
+    return np.concatenate(values) if values else np.empty(0)
+
+
+def sensors_of(network: Network, port: str) -> list[list[SensorInfo]]:
+    """What the sensors of a server are called, by category; ``port`` is its stream. Raises RtfError."""
+    server = f"{port.removesuffix(MEASURES)}/rpc:o"
+    with RpcClient("", server, network=network) as client:
+        answer = client.call(call("getMetadata"), timeout=_RPC_TIMEOUT)
+    return read_metadata(answer, server) if answer is not None else []
+
+
+def channels_of(network: Network, port: str, count: int) -> list[str]:
+    """Names for the numbers of a row, for people."""
+    numbered = [f"channel {channel}" for channel in range(count)]
+    if not port.endswith(MEASURES):
+        return numbered
+    try:
+        infos = sensors_of(network, port)
+    except RtfError:
+        return numbered  # they are as good; nothing is judged by names
+    named = [
+        f"{info.name} {SensorCategory(category).name.lower()} {axis}"
+        for category, sensors in enumerate(infos)
+        for info in sensors
+        for axis in range(_SIZES.get(category, 3))
+    ]
+    return named if len(named) == count else numbered
+
+
+_SIZES: dict[int, int] = {SensorCategory.FORCE_TORQUE: 6, SensorCategory.TEMPERATURE: 1}

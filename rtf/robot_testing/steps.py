@@ -1,0 +1,237 @@
+"""What tests of step responses have in common: go home, rest, step, hold, several times for each joint; then judge.
+
+What is stepped, in which mode and by what command is said by the test that derives from :class:`StepTest`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
+
+from rtf.robot_testing.case import RobotTest
+from rtf.robot_testing.causes import likely_causes
+from rtf.robot_testing.guard import GuardError
+from rtf.robot_testing.pacing import paced
+from rtf.robot_testing.positioning import bring, hold, starting_point
+from rtf.robot_testing.response import largest, spread_of, step_response
+from rtf.testing import Parameter
+from rtf.testing.verdict import MeasurementVerdict
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing.part import Part
+    from rtf.robot_testing.trace import Trace
+
+#: Seconds at rest after a joint has come home.
+_REST = 0.5
+#: Between two states of a board at the slowest, s; to compare repetitions.
+_GRID = 0.01
+
+
+class Cycle(NamedTuple):
+    """One step: times of the states (s, the step is at 0), what was measured, and what was commanded then.
+
+    ``beat`` is the longest time between two commands (s).
+    """
+
+    time: FloatArray
+    measured: FloatArray
+    commanded: FloatArray
+    start: float
+    target: float
+    beat: float
+
+
+class StepTest(RobotTest):
+    """Steps of single joints; ``symbol`` is the unit of what is stepped.
+
+    The judgements are parameters, so that boards and robots can be compared by their own limits.
+    """
+
+    symbol: ClassVar[str] = "deg"
+    shortest: ClassVar[float] = 0.3  # s that a step has to last to be judged
+    late_finding: ClassVar[str] = "lag"  # what it points to that an answer is late, and that it is wrong
+    wrong_finding: ClassVar[str] = "weak"
+
+    part = Parameter(str, "the part whose joints are stepped", default="left_arm")
+    joints = Parameter(list[int], "its joints; none: all that can be", default=[])
+    zeros = Parameter(list[float], "where they start from; none: where they are", unit="deg", default=[])
+    cycles = Parameter(int, "steps of each joint", default=3, low=1)
+    sample_time = Parameter(
+        float, "time between two commands", unit="s", default=0.01, low=0.001, high=0.1, key="sampleTime"
+    )
+    home_tolerance = Parameter(float, "how near is home", unit="deg", default=0.5, low=0.001)
+    lead = Parameter(float, "time at rest before the step", unit="s", default=0.5, low=0.1)
+    step_duration = Parameter(
+        float, "when a cycle ends, counted from the beginning of the rest before the step", unit="s", default=2.5
+    )
+    filename = Parameter(str, "name of the recording; auto: of joint and cycle", default="auto")
+    delay = Parameter(float, "until a tenth is reached, at most", unit="s", default=0.1, low=0.001)
+    rise_time = Parameter(float, "from a tenth to nine tenths, at most", unit="s", default=0.5, low=0.001)
+    overshoot = Parameter(float, "beyond the target, at most", unit="%", default=20.0, low=0.0)
+    band = Parameter(float, "how near to the target is settled", unit="deg", default=0.2, low=0.001)
+    settling_time = Parameter(float, "until it stays in the band, at most", unit="s", default=1.0, low=0.001)
+    steady_error = Parameter(float, "at the end, at most", unit="deg", default=0.25, low=0.0)
+    ripple = Parameter(float, "deviation at the end, at most", unit="deg", default=0.05, low=0.0)
+    repeatability = Parameter(
+        float, "deviation of the steps from each other, at most", unit="deg", default=0.2, low=0.0
+    )
+
+    def setup(self) -> None:
+        """Open the part, and find where its joints start."""
+        super().setup()
+        self.assert_error_if_false(
+            self.step_duration > self.lead + self.shortest,
+            f"step_duration is {self.step_duration:g} s: it is to be more than {self.shortest:g} s behind lead, "
+            f"which is {self.lead:g} s",
+        )
+        self.robot_part = part = self.open_part(self.part)
+        self.chosen = self.choose(part)
+        zeros: list[float | None] = [*self.per_joint("zeros", self.zeros, self.chosen)] if self.zeros else []
+        self.starts = [
+            starting_point(part, joint, zero, self.room(joint))
+            for joint, zero in zip(self.chosen, zeros or [None] * len(self.chosen), strict=True)
+        ]
+
+    # What a test says ------------------------------------------------------------------------------------------------
+
+    def choose(self, part: Part) -> list[int]:
+        """The joints that are stepped."""
+        return part.select(self.joints)
+
+    def room(self, joint: int) -> float:
+        """How far a joint needs to be able to go (deg)."""
+        raise NotImplementedError
+
+    def begin(self, joint: int, home: float, sign: float) -> tuple[float, float]:
+        """Bring a joint that is at home into the mode; returns where the step starts and where it ends."""
+        raise NotImplementedError
+
+    def drive(self, joint: int, reference: float) -> bool:
+        """Command a joint; called at every beat. False ends the cycle early, which is no fault; a GuardError is one."""
+        raise NotImplementedError
+
+    def measured(self, trace: Trace, joint: int) -> FloatArray:
+        """What is stepped, of all states."""
+        raise NotImplementedError
+
+    # Running -----------------------------------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Test joint by joint."""
+        part = self.robot_part
+        for place, joint in enumerate(self.chosen):
+            self.progress(place / len(self.chosen), part.names[joint])
+            with self.subresult(part.names[joint]):
+                home, sign = self.starts[place]
+                try:
+                    cycles = [self._cycle(joint, home, sign) for _ in range(self.cycles)]
+                finally:
+                    self.end(joint)
+                self._record(joint, cycles)
+                self.judge(joint, cycles)
+                bring(self, part, [joint], [home], tolerance=self.home_tolerance)
+
+    def end(self, joint: int) -> None:
+        """Have a joint held again, whatever has happened."""
+        hold(self.robot_part, [joint])
+
+    def _cycle(self, joint: int, home: float, sign: float) -> Cycle:
+        part = self.robot_part
+        bring(self, part, [joint], [home], tolerance=self.home_tolerance)
+        part.wait(_REST)
+        mode = None
+        try:
+            with part.recorded() as trace:
+                start, target = self.begin(joint, home, sign)
+                mode = part.board.control_modes(joint)[0]
+                times, commands, stepped = self._step(joint, start, target)
+        except GuardError as error:
+            self.assert_fail(f"{error}; {likely_causes('runs away')}")
+        now = part.board.control_modes(joint)[0]
+        self.assert_true(now is mode, f"{part.names[joint]} left {mode.word} for {now.word} in the middle of a step")
+        after = trace.time >= times[0]
+        stamps = trace.time[after]
+        self.assert_true(
+            stamps.size > _FEWEST_STATES and stamps[-1] > stepped + self.shortest,
+            f"{part.names[joint]}: {stamps.size} states came, up to {stamps[-1] - stepped:.2f} s after the step; "
+            f"{self.shortest:g} s are needed",
+        )
+        beat = float(np.diff(times).max())
+        taken = np.searchsorted(times, stamps, side="right") - 1
+        return Cycle(
+            stamps - stepped, self.measured(trace, joint)[after], np.array(commands)[taken], start, target, beat
+        )
+
+    def _step(self, joint: int, start: float, target: float) -> tuple[list[float], list[float], float]:
+        times: list[float] = []
+        commands: list[float] = []
+        stepped = math.nan
+        for elapsed in paced(self.robot_part, self.sample_time, self.step_duration):
+            before = elapsed < self.lead - _ROUNDING
+            if not before and math.isnan(stepped):
+                stepped = self.now()
+            times.append(self.now())
+            commands.append(start if before else target)
+            if not self.drive(joint, commands[-1]):
+                self._judge_early_end(joint, self.now() - stepped)
+                break
+        return times, commands, stepped
+
+    def _judge_early_end(self, joint: int, after: float) -> None:
+        """A joint that has gone too far before its step could be judged does not do what it is told."""
+        self.assert_true(
+            after >= self.shortest,
+            f"{self.robot_part.names[joint]} gives way "
+            f"{'before the step' if math.isnan(after) else f'{after:.2f} s after the step'}: it is at "
+            f"{self.robot_part.board.encoder(joint):.1f} deg; {likely_causes('torque answer')}",
+        )
+
+    def _record(self, joint: int, cycles: list[Cycle]) -> None:
+        name = self.robot_part.names[joint] if self.filename == "auto" else self.filename
+        for number, cycle in enumerate(cycles, 1):
+            columns = {
+                "time": (cycle.time, "s"),
+                "measured": (cycle.measured, self.symbol),
+                "commanded": (cycle.commanded, self.symbol),
+            }
+            self.record(f"{name} step {number}", **columns)
+
+    # Judging -----------------------------------------------------------------------------------------------------
+
+    def judge(self, joint: int, cycles: list[Cycle]) -> None:
+        """Measure all that has limits; the worst of the cycles counts."""
+        answers = [step_response(one.time, one.measured, one.start, one.target, self.band) for one in cycles]
+        late, wrong, symbol = self.late_finding, self.wrong_finding, self.symbol
+        judge = self.judge_value
+        judge(joint, "delay", largest([one.delay for one in answers]), "s", self.delay, late)
+        judge(joint, "rise time", largest([one.rise_time for one in answers]), "s", self.rise_time, wrong)
+        judge(joint, "overshoot", largest([one.overshoot for one in answers]), "%", self.overshoot, "overshoot")
+        judge(joint, "settling time", largest([one.settling_time for one in answers]), "s", self.settling_time, wrong)
+        judge(
+            joint, "steady error", largest([abs(one.steady_error) for one in answers]), symbol, self.steady_error, wrong
+        )
+        judge(joint, "ripple", largest([one.ripple for one in answers]), symbol, self.ripple, "noise")
+        if all(math.isfinite(one.bandwidth) for one in answers):
+            self.measure("bandwidth", min(one.bandwidth for one in answers), "Hz")
+        if len(cycles) > 1:
+            spread = spread_of([one.time for one in cycles], [one.measured - one.start for one in cycles], _GRID)
+            judge(joint, "repeatability", spread, symbol, self.repeatability, "irregular")
+
+    def judge_value(self, joint: int, name: str, value: float, symbol: str, high: float, finding: str) -> None:
+        """Measure a value that has a limit; beyond it, or where there is none, say what it means."""
+        joint_name = self.robot_part.names[joint]
+        if math.isnan(value):
+            self.check_fail_if_true(condition=True, text=f"{joint_name}: there is no {name}; {likely_causes(finding)}")
+        elif self.measure(name, value, symbol, high=high).verdict is MeasurementVerdict.FAILED:
+            self.report(
+                f"{joint_name}: {name} is {value:.3g} {symbol}, it is to be {high:g} {symbol} at most; "
+                f"{likely_causes(finding)}"
+            )
+
+
+#: How many states a cycle needs.
+_FEWEST_STATES = 20
+_ROUNDING = 1e-4  # s

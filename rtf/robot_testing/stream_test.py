@@ -1,0 +1,171 @@
+"""What tests of streams have in common: whom to listen to, for how long, and how a stream is judged."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.bottle import Bottle
+from rtf.clock import SystemClock
+from rtf.errors import RtfError
+from rtf.robot_testing.case import RobotTest
+from rtf.robot_testing.causes import likely_causes
+from rtf.robot_testing.listening import Listener
+from rtf.robot_testing.streams import Stream, stream_of, within
+from rtf.testing import Parameter
+from rtf.testing.verdict import MeasurementVerdict
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.bottle import Value
+    from rtf.robot_testing.listening import Message
+    from rtf.testing.measurement import Measurement
+
+#: How much longer is listened than is judged, s: late messages of the window must not count as lost.
+_GRACE = 0.3
+_FEWEST = 3
+#: The share of messages that jitter is judged by: a single hiccup of a loaded machine, which is not real time, delays
+#: one or two of a hundred.
+_JUDGED = 0.9
+_BINS = 50
+#: How late a thread of this process may run on a machine that is loaded and not real time, ms.
+_SCHEDULING = 20.0
+
+
+class StreamTest(RobotTest):
+    """A test that listens. Windows are by the sender's stamps, so that neither the way nor the reader shortens them."""
+
+    warm_up = Parameter(float, "time after the first message that is not judged", unit="s", default=0.2, low=0.0)
+
+    def setup(self) -> None:
+        """Find the robot, and prepare to listen."""
+        super().setup()
+        self.listener = Listener(self.network, self.clock)
+        self.add_cleanup(self.listener.close)
+
+    def known_ports(self, *endings: str) -> list[str]:
+        """The ports of the robot that the name server knows and that end like this."""
+        names = [contact.name for contact in self.network.names.list(f"/{self.robot_name}")]
+        return [name for name in names if name.endswith(endings)]
+
+    def listen(self, seconds: float, *, arrivals: bool = True) -> None:
+        """Listen for so long, the warm-up and the grace not counted; without ``arrivals`` these are known roughly."""
+        self.listener.listen(self.warm_up + seconds + _GRACE, arrivals=arrivals)
+
+    def judged(self, messages: Sequence[Message], seconds: float) -> list[Message]:
+        """The messages of the window. Fails where there are too few to say anything of them."""
+        found = within(messages, self.warm_up, seconds)
+        self.assert_true(
+            len({message.number for message in found} if found and found[0].number >= 0 else found) >= _FEWEST,
+            f"{len(messages)} messages came in {self.warm_up + seconds + _GRACE:g} s; "
+            f"{_FEWEST} are needed to say anything",
+        )
+        return found
+
+    @staticmethod
+    def lines(group: Bottle) -> list[list[Value]]:
+        """The lines of a section such as ``[PORTS]``; its lists may stand in another list, as in a suite."""
+        first = group.get(0)
+        rows = first if len(group) == 1 and isinstance(first, Bottle) and isinstance(first.get(0), Bottle) else group
+        return [[*row] if isinstance(row, Bottle) else [row] for row in rows]
+
+    def open_stream(self, name: str, *, optional: bool = False, keep: bool = False) -> bool:
+        """Listen to a port as well; whether it is there. A missing one fails in a sub-result, unless it is optional."""
+        try:
+            self.listener.add(name, keep=keep)
+        except RtfError as error:
+            with self.subresult(name):
+                if optional:
+                    self.skip(f"{name} is not there: {error}")
+                self.assert_fail(f"{name} cannot be listened to: {error}")
+        return name in self.listener.recorders
+
+
+class RateTest(StreamTest):
+    """A test that judges how streams come, beside what they say."""
+
+    # Senders skip readers that are busy: on a machine that is loaded some messages are missing without a fault.
+    max_loss = Parameter(float, "share of messages that may be missing", unit="%", default=5.0, low=0.0, high=100.0)
+    max_duplicates = Parameter(int, "messages that may come again", default=0, low=0)
+    max_gap = Parameter(float, "longest time without a message, in expected periods", default=10.0, low=1.0)
+    max_jitter = Parameter(
+        float, "by how much later than the quickest message nine of ten may come", unit="ms", default=12.0, low=0.0
+    )
+    max_latency = Parameter(
+        float, "how late half of the messages may come, where the clocks are the same", unit="ms", default=20.0, low=0.0
+    )
+
+    def judge(self, found: Sequence[Message], rate: float, tolerance: float) -> Stream:
+        """Measure rate, losses, duplicates, gaps, jitter and latency of a window, and say what is wrong."""
+        stream = stream_of(found)
+        periods = stream.periods
+        self.measure("rate is known within", periods.rate_interval, "Hz")
+        # What went by while this machine stood still says nothing of the robot.
+        stalled = min(1.0, self.listener.stalled / float(np.ptp(stream.times)))
+        self.measure("time in which this machine stood still", 100.0 * stalled, "%")
+        low = (rate - tolerance) * (1.0 - stalled)
+        if self._off(self.measure("rate", periods.rate, "Hz", low=low, high=rate + tolerance)):
+            self.report(f"{_rate_text(stream)}; {likely_causes('slow') if periods.rate < rate else ''}".rstrip("; "))
+        self.measure("median period", periods.median * 1e3, "ms")
+        self.measure("deviation of the periods", periods.deviation * 1e3, "ms")
+        self.measure("longest period", periods.longest * 1e3, "ms", high=self.max_gap * 1e3 / rate)
+        if self._off(self.measure("lost", stream.loss, "%", high=self.max_loss + 100.0 * stalled)):
+            self.report(f"{stream.lost} messages are missing among {stream.lost + len(stream.messages)}; "
+                        f"{likely_causes('lost')}")  # fmt: skip
+        if self._off(self.measure("duplicates", stream.duplicates, "count", high=self.max_duplicates)):
+            self.report(f"{stream.duplicates} messages came again, with the same number; {likely_causes('duplicate')}")
+        self._judge_way(stream)
+        self._plot(stream)
+        return stream
+
+    def _judge_way(self, stream: Stream) -> None:
+        """Judge how late messages come; without stamps nothing is known of it."""
+        if np.isnan(stream.delays).any():
+            self.report("the messages have no stamps: nothing can be said of how late they come")
+            return
+        late = np.array(self.listener.late)
+        # How late this process is woken is no property of the stream, nor is how fast simulated time passes.
+        factor = max(1.0, self.listener.factor)
+        self.measure("jitter of 99 of 100 messages", stream.jitter(0.99) * 1e3, "ms")
+        scheduling = 0.0 if self.listener.exact else _SCHEDULING
+        own_usual, own_worst = (float(np.quantile(late, share)) * 1e3 for share in (0.5, _JUDGED))
+        if self._off(
+            self.measure(
+                "jitter",
+                stream.jitter(_JUDGED) * 1e3,
+                "ms",
+                high=self.max_jitter * factor + 2 * max(0.0, own_worst) + scheduling,
+            )
+        ):
+            behind = f", and {stream.overtaken} came behind a later one" if stream.overtaken else ""
+            self.report(f"messages come irregularly{behind}; {likely_causes('jitter')}")
+        # A robot's stamps are by another machine's clock: the difference of the two looks like latency.
+        shared = not isinstance(self.clock, SystemClock)
+        high = self.max_latency * factor + 2 * max(0.0, own_usual) if shared else None
+        if self._off(self.measure("latency", float(np.median(stream.delays)) * 1e3, "ms", high=high)):
+            self.report(f"messages come late; {likely_causes('jitter')}")
+
+    def _plot(self, stream: Stream) -> None:
+        times = stream.times
+        self.record(
+            "messages",
+            time=(times[1:] - times[0], "s"),
+            period=(np.diff(times) * 1e3, "ms"),
+            delay=(stream.delays[1:] * 1e3, "ms"),
+        )
+        counts, edges = np.histogram(np.diff(times) * 1e3, bins=_BINS, range=(0.0, 2e3 * stream.periods.longest or 1.0))
+        self.record("histogram of periods", period=((edges[1:] + edges[:-1]) / 2, "ms"), messages=(counts, "count"))
+
+    @staticmethod
+    def _off(measured: Measurement) -> bool:
+        return measured.verdict is MeasurementVerdict.FAILED
+
+
+def _rate_text(stream: Stream) -> str:
+    if stream.every:
+        return f"one of {stream.every} messages comes"
+    if stream.lost:
+        return "messages are missing"
+    return f"they are sent every {stream.periods.median * 1e3:.2f} ms"

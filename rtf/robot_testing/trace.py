@@ -1,0 +1,83 @@
+"""What a part did: every state that its board published, with the board's own stamps."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rtf.robot.extended_state import Field
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rtf.robot.extended_state import ExtendedState
+    from rtf.robot.interfaces import FloatArray
+
+
+class Trace:
+    """States in the order in which they came; ``most`` keeps only so many of the last.
+
+    The arrays have a row a state and a column a joint (or motor); ``time`` is of the stamps, in s. To be read
+    when it is no longer written to.
+    """
+
+    def __init__(self, most: int | None = None) -> None:
+        self._states: deque[tuple[float, ExtendedState]] = deque(maxlen=most)
+
+    def add(self, stamp: float, state: ExtendedState) -> None:
+        """Keep a state. From the thread that receives it."""
+        self._states.append((stamp, state))
+
+    def __len__(self) -> int:
+        return len(self._states)
+
+    @property
+    def time(self) -> FloatArray:
+        """The stamps (s)."""
+        return np.array([stamp for stamp, _ in list(self._states)])
+
+    def column(self, field: Field) -> NDArray[Any]:
+        """One field of all states, shape (states, axes)."""
+        return np.array([state.values(field) for _, state in list(self._states)])
+
+    @property
+    def positions(self) -> FloatArray:
+        """Of the joints (deg)."""
+        return self.column(Field.JOINT_POSITIONS)
+
+    @property
+    def velocities(self) -> FloatArray:
+        """Of the joints (deg/s)."""
+        return self.column(Field.JOINT_VELOCITIES)
+
+    @property
+    def motor_positions(self) -> FloatArray:
+        """Of the rotors (deg)."""
+        return self.column(Field.MOTOR_POSITIONS)
+
+    @property
+    def motor_velocities(self) -> FloatArray:
+        """Of the rotors (deg/s)."""
+        return self.column(Field.MOTOR_VELOCITIES)
+
+    @property
+    def torques(self) -> FloatArray:
+        """At the joints (Nm)."""
+        return self.column(Field.TORQUES)
+
+    @property
+    def duty_cycles(self) -> FloatArray:
+        """Of the motors (per cent)."""
+        return self.column(Field.DUTY_CYCLES)
+
+    @property
+    def currents(self) -> FloatArray:
+        """Of the motors (A)."""
+        return self.column(Field.CURRENTS)
+
+    @property
+    def control_modes(self) -> NDArray[np.int32]:
+        """Of the joints, as packed words."""
+        return self.column(Field.CONTROL_MODES)

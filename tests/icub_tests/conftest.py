@@ -1,0 +1,56 @@
+"""Robot tests run as people run them: by the runner, in a suite with a name server and a simulated robot."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import pytest
+
+from harness import Outcome, run_command, write_files
+
+if TYPE_CHECKING:
+    from rtf.testing.events import Measured
+
+_HEAD = """<suite name="s">
+<fixture name="names"> yarpserver </fixture>
+<fixture name="robot" depends="names"> {parameters} simulator </fixture>
+"""
+_NAMES_ONLY = '<suite name="s"><fixture name="names"> yarpserver </fixture>'
+
+
+class Runs(Protocol):
+    """What the fixture gives."""
+
+    def __call__(self, tests: str, *, limit: float = 90.0, robot: bool = True, **simulator: object) -> Outcome:
+        """Run them to their end."""
+        ...
+
+
+@pytest.fixture(scope="module")
+def run_on_robot(tmp_path_factory: pytest.TempPathFactory) -> Runs:
+    """Runs tests, written as in a suite, one after the other on one simulated robot with such parameters."""
+
+    def run(tests: str, *, limit: float = 90.0, robot: bool = True, **simulator: object) -> Outcome:
+        folder = tmp_path_factory.mktemp("robot")
+        rows = "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in simulator.items())
+        head = _HEAD.format(parameters=rows) if robot else _NAMES_ONLY
+        write_files(folder, {"suite.xml": f"{head}{tests}</suite>"})
+        return run_command(folder, "--suite", "suite.xml", limit=limit)
+
+    return run
+
+
+@pytest.fixture
+def measured():
+    """Finds what a test measured: ``measured(outcome, test, name, subject)``."""
+
+    def find(outcome: Outcome, test: str, name: str, subject: str = "") -> list[Measured]:
+        from rtf.testing.events import Measured
+
+        return [
+            event
+            for event in outcome.of(Measured, name=name)
+            if event.test.rpartition("/")[2] == test and (not subject or subject in event.subject)
+        ]
+
+    return find

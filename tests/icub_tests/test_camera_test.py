@@ -1,0 +1,84 @@
+"""CameraTest on the simulated robot, which renders what its eyes see."""
+
+import pytest
+
+from rtf.simulator.errors import RenderingError
+from rtf.simulator.rendering import rendering_back_end
+from rtf.testing.events import Attached
+from rtf.testing.verdict import MeasurementVerdict, Verdict
+
+CASES = {
+    "frozen": ("camera_frozen left", "left", "repeated pictures"),
+    "black": ("camera_black right", "right", "contrast"),
+    "size": ("camera_size left", "left", "width"),
+    "lost": ("loss /icubSim/cam/right share=0.4", "right", "lost"),
+}
+
+
+def case(name, inject="", port=""):
+    """One test of a suite."""
+    return (
+        f'<test name="{name}"><parameter name="measure_time">1</parameter>'
+        f'<parameter name="inject">"{inject}"</parameter><parameter name="portname">"{port}"</parameter>'
+        " CameraTest </test>"
+    )
+
+
+SUITE = "".join(
+    [
+        case("healthy"),
+        *(case(name, inject) for name, (inject, _, _) in CASES.items()),
+        case("no-picture", port="/icubSim/head/state:o"),
+        case("absent", port="/icubSim/cam/middle"),
+    ]
+)
+
+
+@pytest.fixture(scope="module")
+def outcome(run_on_robot):
+    """One run of all of them."""
+    try:
+        rendering_back_end()
+    except RenderingError as error:
+        pytest.skip(str(error))
+    return run_on_robot(SUITE, cameras="yes", parts="head")
+
+
+def test_healthy_cameras_pass(outcome, measured):
+    """Both eyes are counted and looked at; they are turned, for otherwise nothing would change."""
+    assert outcome.verdict("healthy") is Verdict.PASSED
+    assert [event.subject for event in measured(outcome, "healthy", "width")] == [
+        "/icubSim/cam/left",
+        "/icubSim/cam/right",
+    ]
+    assert all(event.value < 50 for event in measured(outcome, "healthy", "repeated pictures"))
+
+
+def test_a_picture_is_kept(outcome):
+    """What each eye saw last is attached as a picture."""
+    kept = [event for event in outcome.of(Attached) if event.test.endswith("/healthy")]
+    assert {event.media_type for event in kept} == {"image/png"}
+    assert len(kept) == 2
+    assert (outcome.folder / kept[0].path).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_fault_is_found_at_its_camera_only(outcome, measured, name):
+    """The camera that is broken fails in what is broken about it; the other one does not fail."""
+    _, side, what = CASES[name]
+    assert outcome.verdict(name) is Verdict.FAILED
+    failed = {
+        (event.subject, event.name)
+        for event in outcome.events
+        if getattr(event, "verdict", None) is MeasurementVerdict.FAILED and event.test.endswith(f"/{name}")
+    }
+    assert {subject for subject, _ in failed} == {f"/icubSim/cam/{side}"}
+    assert (f"/icubSim/cam/{side}", what) in failed
+
+
+def test_what_is_no_camera_fails(outcome):
+    """Messages that hold no picture, and a port that is not there, fail by name."""
+    assert outcome.verdict("no-picture") is Verdict.FAILED
+    assert "hold no picture" in outcome.detail("no-picture")
+    assert outcome.verdict("absent") is Verdict.FAILED
+    assert "/icubSim/cam/middle" in outcome.detail("absent")

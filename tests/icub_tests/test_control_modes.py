@@ -1,0 +1,78 @@
+"""ControlModes on the simulated robot."""
+
+import pytest
+
+from rtf.robot.control_modes import STATES, TRANSITIONS, USER_MODES, ControlMode
+from rtf.robot_testing.mode_walk import ModeWalk
+from rtf.testing.events import Message, Severity
+from rtf.testing.verdict import Verdict
+
+TORSO = '<parameter name="part">torso</parameter>'
+SUITE = f"""
+<test name="healthy"> {TORSO} ControlModes </test>
+<test name="afterwards"> {TORSO} JointLimits </test>
+<test name="torque-is-position"> {TORSO} <parameter name="inject">"wrong_mode torso_roll"</parameter>
+  <parameter name="faults">false</parameter> ControlModes </test>
+<test name="leaves-faults"> {TORSO} <parameter name="inject">"fault_left torso_pitch"</parameter> ControlModes </test>
+<test name="no-such-mode"> {TORSO} <parameter name="without">(fly)</parameter> ControlModes </test>
+"""
+
+
+@pytest.fixture(scope="module")
+def outcome(run_on_robot):
+    """The suite above, run once."""
+    return run_on_robot(SUITE)
+
+
+def failures_of(outcome, test):
+    """The joints in whose sub-results something failed."""
+    return {message.subject for message in outcome.of(Message, severity=Severity.FAILURE, test=f"s/{test}")}
+
+
+def test_a_healthy_part_answers_every_request_in_every_mode(outcome, measured):
+    """All pairs of the table that can be brought about were really tried, with every joint."""
+    assert outcome.verdict("healthy") is Verdict.PASSED
+    states = (*USER_MODES, ControlMode.IDLE, ControlMode.HARDWARE_FAULT)
+    pairs = [pair for pair in TRANSITIONS if pair[0] in states]
+    tried = measured(outcome, "healthy", "requests tried")
+    assert [event.value for event in tried] == [len(pairs)] * 3
+    assert all(event.value == 0 for event in measured(outcome, "healthy", "wrong answers"))
+
+
+def test_the_part_is_fit_for_work_afterwards(outcome):
+    """It has its currents and its modes again."""
+    assert outcome.verdict("afterwards") is Verdict.PASSED
+
+
+@pytest.mark.parametrize(
+    ("test", "joint", "words"),
+    [
+        ("torque-is-position", "torso_roll", "asked for torq in pos it is in pos, not torq"),
+        ("leaves-faults", "torso_pitch", "asked for pos in hwfa it is in pos, not hwfa"),
+    ],
+)
+def test_a_wrong_answer_fails_at_its_joint_only(outcome, test, joint, words):
+    """The failure says what was asked for, in which mode, and what was read."""
+    assert outcome.verdict(test) is Verdict.FAILED
+    assert failures_of(outcome, test) == {joint}
+    assert any(words in message.detail for message in outcome.of(Message, severity=Severity.FAILURE))
+
+
+def test_a_mode_that_does_not_exist_is_an_error(outcome):
+    """The words that there are stand beside it."""
+    assert outcome.verdict("no-such-mode") is Verdict.ERROR
+    assert "icur" in outcome.detail("no-such-mode")
+
+
+@pytest.mark.parametrize("without", [[], [ControlMode.CURRENT], [ControlMode.TORQUE, ControlMode.MIXED]])
+def test_a_walk_makes_every_request_in_every_mode(without):
+    """From whatever mode it begins in, with few requests twice, and with none that the robot has not got."""
+    states = [state for state in STATES if state in (*USER_MODES, ControlMode.IDLE)]
+    walk = ModeWalk(states, without)
+    needed, made, state = walk.pairs, [], ControlMode.POSITION
+    while (request := walk.next_request(state)) is not None:
+        made.append((state, request))
+        state = TRANSITIONS[state, request]
+    assert set(made) == needed
+    assert len(made) < 1.2 * len(needed)
+    assert not {mode for pair in made for mode in pair} & set(without)

@@ -1,0 +1,72 @@
+"""FtSensorTest on the simulated robot."""
+
+import pytest
+
+from rtf.testing.verdict import MeasurementVerdict, Verdict
+
+PORT = "/icubSim/left_arm/analog:o"
+CASES = {
+    "healthy": "",
+    "biased": "ft_bias left_arm",
+    "frozen": "ft_frozen left_leg",
+    "noisy": "ft_noise right_foot",
+    "elsewhere": "imu_rotated imu",
+}
+EXPECTED = f"""
+<test name="expected"> <parameter name="portname">{PORT}</parameter>
+  <parameter name="expected">(0 0 500 0 0 0)</parameter> FtSensorTest </test>
+<test name="five"> <parameter name="expected">(0 0 0 0 0)</parameter> FtSensorTest </test>
+"""
+SUITE = (
+    "".join(
+        f'<test name="{name}"><parameter name="time">0.5</parameter>'
+        f'<parameter name="inject">"{inject}"</parameter> FtSensorTest </test>'
+        for name, inject in CASES.items()
+    )
+    + EXPECTED
+)
+
+
+@pytest.fixture(scope="module")
+def outcome(run_on_robot):
+    """One run of all of them."""
+    return run_on_robot(SUITE)
+
+
+def test_a_healthy_robot_shows_its_weight(outcome, measured):
+    """All six sensors agree with the model to a tenth of a newton in the posture that the robot is in."""
+    assert outcome.verdict("healthy") is Verdict.PASSED
+    forces = [event for axis in "xyz" for event in measured(outcome, "healthy", f"force {axis}")]
+    assert len(forces) == 18
+    assert all(abs(event.value - (event.low + event.high) / 2) < 0.1 for event in forces)
+    assert max(abs(event.value) for event in forces) > 10
+
+
+@pytest.mark.parametrize(
+    ("name", "port", "what"),
+    [
+        ("biased", "left_arm", "force x"),
+        ("frozen", "left_leg", "noise of force x"),
+        ("noisy", "right_foot", "noise of force z"),
+    ],
+)
+def test_each_fault_is_found_at_its_sensor_only(outcome, measured, name, port, what):
+    """The sensor that is broken fails, and no other."""
+    assert outcome.verdict(name) is Verdict.FAILED
+    failed = {event.subject for event in outcome.events if getattr(event, "verdict", None) is MeasurementVerdict.FAILED
+              and event.test.endswith(f"/{name}")}  # fmt: skip
+    assert failed == {f"/icubSim/{port}/analog:o"}
+    assert measured(outcome, name, what, port)[0].verdict is MeasurementVerdict.FAILED
+
+
+def test_other_faults_are_not_its_business(outcome):
+    """A unit that is mounted turned is no fault of these sensors."""
+    assert outcome.verdict("elsewhere") is Verdict.PASSED
+
+
+def test_a_known_load_may_be_given(outcome, measured):
+    """It counts instead of the model's, and has six values."""
+    assert outcome.verdict("expected") is Verdict.FAILED
+    assert measured(outcome, "expected", "force z")[0].low == 495.0
+    assert outcome.verdict("five") is Verdict.ERROR
+    assert "six" in outcome.detail("five")

@@ -1,0 +1,85 @@
+"""Imu on the simulated robot."""
+
+import numpy as np
+import pytest
+
+from rtf.simulator.engine import robot_description
+from rtf.testing.events import Message, SeriesRecorded
+from rtf.testing.verdict import Verdict
+
+
+def case(name, inject="", **rows):
+    """One test of a suite, which moves a part of the neck only."""
+    given = {"axes": "(neck_pitch neck_yaw)", "speed": 40, "amplitude": 8, **rows}
+    parameters = "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in given.items())
+    return f'<test name="{name}">{parameters}<parameter name="inject">"{inject}"</parameter> Imu </test>'
+
+
+@pytest.fixture(scope="module")
+def outcome(run_on_robot, tmp_path_factory):
+    """One run of all of them."""
+    model = tmp_path_factory.mktemp("model") / "turned.urdf"
+    text = robot_description().read_text(encoding="utf-8")
+    joint = text.index('<child link="head_imu_0"')
+    begin = text.rindex("<joint", 0, joint)
+    end = text.index("</joint>", joint)
+    own = text[begin:end]
+    before = own[own.index('rpy="') : own.index('"', own.index('rpy="') + 5)]
+    model.write_text(text[:begin] + own.replace(before, 'rpy="0 0 0') + text[end:], encoding="utf-8")
+    suite = "".join(
+        [
+            case("healthy", axes="(neck_pitch neck_roll neck_yaw)", amplitude=15),
+            case("turned", "imu_rotated imu angle=20"),
+            case("frozen", "imu_frozen imu"),
+            case("model", model=model),
+            case("unknown", sensors="(head_imu_7)"),
+            case("parts", parts="(head)"),
+        ]
+    )
+    return run_on_robot(suite, parts="head,torso")
+
+
+def test_a_healthy_unit_agrees_with_the_joints(outcome, measured):
+    """Orientation, gravity and turning rate agree far better than they have to."""
+    assert outcome.verdict("healthy") is Verdict.PASSED
+    for name, most in (
+        ("greatest error of the orientation", 0.02),
+        ("greatest error of the direction of gravity", 2.0),
+        ("rms error of the turning rate", 1.0),
+    ):
+        assert measured(outcome, "healthy", name)[0].value < most
+
+
+def test_the_neck_is_really_moved(outcome, measured):
+    """Each joint goes to both sides of home, and the unit turns as fast as was asked for."""
+    for joint in ("neck_pitch", "neck_roll", "neck_yaw"):
+        assert measured(outcome, "healthy", f"motion of {joint}")[0].value > 28
+    (series,) = outcome.of(SeriesRecorded, test="s/healthy", name="turning rate")
+    with np.load(outcome.folder / series.path) as columns:
+        assert columns["expected"].max() > 35
+
+
+def test_a_turned_unit_is_told_by_how_much(outcome):
+    """The failure names the unit, and the angle and axis by which it is mounted turned."""
+    assert outcome.verdict("turned") is Verdict.FAILED
+    said = [event.detail for event in outcome.of(Message) if "mounted turned" in event.detail]
+    assert any("head_imu_0" in one and ("by 20." in one or "by 19." in one) for one in said), said
+
+
+def test_a_unit_that_stands_still_is_found(outcome):
+    """A unit that repeats itself while the head moves fails."""
+    assert outcome.verdict("frozen") is Verdict.FAILED
+    assert any("never changed" in event.detail for event in outcome.of(Message, test="s/frozen"))
+
+
+def test_a_wrong_frame_in_the_model_is_found(outcome):
+    """A description in which the unit is mounted otherwise does not agree with the robot."""
+    assert outcome.verdict("model") is Verdict.FAILED
+
+
+def test_what_cannot_be_tested_is_an_error(outcome):
+    """A unit that is not there, and joints that carry it and are in no part, are errors that name them."""
+    assert outcome.verdict("unknown") is Verdict.ERROR
+    assert "head_imu_7" in outcome.detail("unknown")
+    assert outcome.verdict("parts") is Verdict.ERROR
+    assert "torso_yaw" in outcome.detail("parts")

@@ -1,0 +1,112 @@
+"""JointLimits on the simulated robot."""
+
+import numpy as np
+import pytest
+
+from rtf.robot_testing.companions import in_turn, lanes, together
+from rtf.simulator.axes import PARTS
+from rtf.testing.events import SeriesRecorded
+from rtf.testing.verdict import Verdict
+
+HEAD = '<parameter name="part">head</parameter>'
+SUITE = f"""
+<test name="healthy"> {HEAD} JointLimits </test>
+<test name="wrong-limit"> {HEAD} <parameter name="inject">"wrong_upper_limit neck_yaw by=20"</parameter>
+  <parameter name="joints">(0 2)</parameter> JointLimits </test>
+<test name="pushes-on"> {HEAD} <parameter name="inject">"limits_ignored eyes_tilt"</parameter>
+  <parameter name="joints">(3 4)</parameter> JointLimits </test>
+<test name="too-low"> {HEAD} <parameter name="joints">(1)</parameter> <parameter name="upper">(25)</parameter>
+  JointLimits </test>
+<test name="runs-away"> {HEAD} <parameter name="inject">"motor_sign neck_yaw delay=3"</parameter>
+  <parameter name="joints">(2)</parameter> JointLimits </test>
+<test name="no-such-joint"> {HEAD} <parameter name="joints">(9)</parameter> JointLimits </test>
+<test name="one-value-too-few"> {HEAD} <parameter name="speed">(10 20)</parameter> JointLimits </test>
+"""
+
+
+@pytest.fixture(scope="module")
+def outcome(run_on_robot):
+    """The suite above, run once."""
+    return run_on_robot(SUITE)
+
+
+def test_a_healthy_part_reaches_all_its_limits(outcome, measured):
+    """Each joint is measured at both of its limits, and was there: the record of its way says so."""
+    assert outcome.verdict("healthy") is Verdict.PASSED
+    for axis in PARTS["head"]:
+        for side in ("upper", "lower"):
+            assert len(measured(outcome, "healthy", f"short of the {side} limit", axis.name)) == 1
+            assert len(measured(outcome, "healthy", f"push beyond the {side} limit", axis.name)) == 1
+        (series,) = outcome.of(SeriesRecorded, name=f"{axis.name}: position", test="s/healthy")
+        positions = np.load(outcome.folder / series.path)["position"]
+        assert positions.max() == pytest.approx(axis.maximum, abs=0.5)
+        assert positions.min() == pytest.approx(axis.minimum, abs=0.5)
+
+
+def test_a_limit_that_cannot_be_reached_fails_at_its_joint_only(outcome, measured):
+    """The other joint of the same run passes."""
+    assert outcome.verdict("wrong-limit") is Verdict.FAILED
+    (far,) = measured(outcome, "wrong-limit", "short of the upper limit", "neck_yaw")
+    assert far.value == pytest.approx(20.0, abs=1.0)
+    (near,) = measured(outcome, "wrong-limit", "short of the upper limit", "neck_pitch")
+    assert near.value < 0.5
+
+
+def test_a_board_that_does_not_keep_its_limits_pushes_against_the_stop(outcome, measured):
+    """The joint stands at its mechanical stop; what gives it away is the output of its controller."""
+    assert outcome.verdict("pushes-on") is Verdict.FAILED
+    (tilt,) = measured(outcome, "pushes-on", "push beyond the upper limit", "eyes_tilt")
+    assert tilt.value > tilt.high
+    (version,) = measured(outcome, "pushes-on", "push beyond the upper limit", "eyes_version")
+    assert version.value < 1.0
+
+
+def test_limits_that_can_be_reached_are_compared_with_those_that_are_expected(outcome):
+    """A neck that may only roll by 20 degrees is not one of 25."""
+    assert outcome.verdict("too-low") is Verdict.FAILED
+
+
+def test_a_joint_that_runs_away_is_stopped_and_fails(outcome):
+    """What the guard sees is a failure of the robot."""
+    assert outcome.verdict("runs-away") is Verdict.FAILED
+    assert "neck_yaw" in outcome.detail("runs-away")
+
+
+def test_wrong_parameters_are_errors_that_say_what_there_is(outcome):
+    """No joint moves for them."""
+    assert outcome.verdict("no-such-joint") is Verdict.ERROR
+    assert "neck_pitch" in outcome.detail("no-such-joint")
+    assert outcome.verdict("one-value-too-few") is Verdict.ERROR
+    assert "speed has 2 values" in outcome.detail("one-value-too-few")
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_every_joint_has_one_place_in_the_lanes(part):
+    """None is forgotten, none is moved twice."""
+    names = [axis.name for axis in PARTS[part]]
+    members = [joint for lane in lanes(names, range(len(names))) for together_now in lane for joint in together_now]
+    assert sorted(members) == list(range(len(names)))
+
+
+def test_large_joints_move_one_at_a_time():
+    """Shoulder and elbow never share a round, nor are they in different lanes."""
+    names = [axis.name for axis in PARTS["left_arm"]]
+    first = lanes(names, range(len(names)))[0]
+    assert first[:4] == [[0], [1], [2], [3]]
+    assert lanes(["a", "b"], [1, 0]) == [[[1], [0]]]
+
+
+def test_courses_go_on_together_and_in_turn():
+    """Together each gets a step in each round; in turn one ends before the next begins."""
+    said = []
+
+    def course(name, steps):
+        for number in range(steps):
+            said.append(f"{name}{number}")
+            yield
+
+    assert len([*together([course("a", 2), course("b", 1)])]) == 2
+    assert said == ["a0", "b0", "a1"]
+    said.clear()
+    assert len([*in_turn([course("a", 2), course("b", 1)])]) == 3
+    assert said == ["a0", "a1", "b0"]

@@ -1,0 +1,145 @@
+"""Tests of machines, and of the wrapper of the skin: they need no robot."""
+
+import struct
+import threading
+from contextlib import closing
+from socket import AF_INET, SOCK_DGRAM, socket
+
+import pytest
+
+from harness import run_command, write_files
+from rtf import clock
+from rtf.testing.events import Measured, Message
+from rtf.testing.verdict import Verdict
+
+#: Does on this machine what ssh would do on another; hosts that are down and that ask for a password are known, too.
+SSH = """#!/bin/sh
+while [ "$1" != "--" ]; do echo "$1" >> "$ASKED"; shift; done
+host=$2; shift 2
+echo "$host: $*" >> "$ASKED"
+case $host in
+  down) echo "ssh: connect to host down port 22: No route to host" >&2; exit 255;;
+  slow) exec sleep 60;;
+  wrong) echo 20;;
+  odd) echo what;;
+  *) case "$*" in ulimit*) echo 99;; *) echo 8388608;; esac;;
+esac
+"""
+
+
+class TimeServer(threading.Thread):
+    """Answers questions for the time, a second late."""
+
+    def __init__(self):
+        super().__init__(daemon=True)
+        self.socket = socket(AF_INET, SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.place = f"127.0.0.1:{self.socket.getsockname()[1]}"
+
+    def run(self):
+        """Answer until something comes that is no question."""
+        while True:
+            question, asker = self.socket.recvfrom(100)
+            if len(question) != 48:
+                return
+            told = struct.pack(">II", int(clock.now() + 1.0) + 2_208_988_800, int((clock.now() % 1) * 2**32))
+            self.socket.sendto(bytes([0x24, 1]) + bytes(22) + question[40:48] + told + told, asker)
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory):
+    """One run of all of them."""
+    folder = tmp_path_factory.mktemp("machines")
+    server = TimeServer()
+    server.start()
+    tests = {
+        "cluster": ("cluster-tests", {"hosts": "(pc104 icub@icub16)"}),
+        "nobody": ("cluster-tests", {}),
+        "down": ("ClusterTests", {"hosts": "(down wrong)"}),
+        "slow": ("ClusterTests", {"hosts": "(slow)", "timeout_per_question": 0.3}),
+        "odd": ("ClusterTests", {"hosts": "(odd)"}),
+        "option": ("ClusterTests", {"hosts": "(-oProxyCommand=x)"}),
+        "status": ("system-status", {"time": 0.2}),
+        "hosts": ("SystemStatus", {"time": 0.2, "hosts": "((/pc104 40))"}),
+        "full": ("SystemStatus", {"time": 0.2, "disk": 100}),
+        "clock": ("SystemStatus", {"time": 0.2, "time_server": server.place}),
+        "skin": ("skinWrapperTest", {}),
+    }
+    entries = "".join(
+        f'<test name="{name}">'
+        + "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in given.items())
+        + f" {test} </test>"
+        for name, (test, given) in tests.items()
+    )
+    suite = f'<suite name="s"><fixture name="names"> yarpserver </fixture>{entries}</suite>'
+    write_files(folder, {"suite.xml": suite, "bin/ssh": SSH})
+    path = f"{folder / 'bin'}:/usr/bin:/bin"
+    try:
+        yield run_command(folder, "--suite", "suite.xml", PATH=path, ASKED=str(folder / "asked"))
+    finally:
+        with closing(server.socket), socket(AF_INET, SOCK_DGRAM) as ending:
+            ending.sendto(b"end", server.socket.getsockname())
+            server.join()
+
+
+def test_machines_are_asked_without_anybody_being_asked(outcome):
+    """Each machine is asked all three questions, in batch mode and with a limit of time; answers are measured."""
+    assert outcome.verdict("cluster") is Verdict.PASSED
+    assert {event.subject for event in outcome.of(Measured, test="s/cluster")} == {"pc104", "icub@icub16"}
+    asked = (outcome.folder.parents[1] / "asked").read_text()
+    for host in ("pc104", "icub@icub16"):
+        for question in ("ulimit -S -r", "ulimit -H -r", "cat /proc/sys/net/core/rmem_max"):
+            assert f"{host}: {question}\n" in asked
+    assert "BatchMode=yes\n" in asked
+    assert "ConnectTimeout=10\n" in asked
+
+
+def test_without_machines_there_is_nothing_to_test(outcome):
+    """No host is a reason to skip that says how hosts are given."""
+    assert outcome.verdict("nobody") is Verdict.SKIPPED
+    assert "hosts=" in outcome.detail("nobody")
+
+
+def test_a_machine_that_is_down_hides_no_other(outcome):
+    """That one cannot be asked is an error; that another has wrong limits is a failure all the same."""
+    said = {event.subject: event for event in outcome.of(Message, test="s/down") if event.severity.name == "ERROR"}
+    assert "No route to host" in said["down"].detail
+    low = [event for event in outcome.of(Measured, test="s/down") if event.subject == "wrong"]
+    assert [event.value for event in low] == [20.0, 20.0, 20.0]
+    assert outcome.verdict("down") in {Verdict.ERROR, Verdict.FAILED}
+
+
+@pytest.mark.parametrize(("name", "said"), [("slow", "within 0.3 s"), ("odd", "'what'"), ("option", "ProxyCommand")])
+def test_what_cannot_be_asked_is_an_error(outcome, name, said):
+    """A machine that does not answer in time or answers nonsense, and a host that would be an option, are errors."""
+    assert outcome.verdict(name) is Verdict.ERROR
+    assert said in outcome.detail(name)
+
+
+def test_this_machine_is_measured(outcome):
+    """Each processor, memory and disk are measured; other machines are passed over with a reason."""
+    assert outcome.verdict("status") in {Verdict.PASSED, Verdict.FAILED}
+    names = {event.name for event in outcome.of(Measured, test="s/status")}
+    assert {"processor 0", "all processors", "available memory", "used swap space", "free space"} <= names
+    assert any("another machine" in event.detail for event in outcome.of(Message, test="s/hosts"))
+
+
+def test_limits_are_judged(outcome):
+    """A disk that is not all free fails where it has to be."""
+    assert outcome.verdict("full") is Verdict.FAILED
+    assert "free space" in outcome.detail("full")
+
+
+def test_the_clock_is_compared_with_a_server(outcome):
+    """A clock that is a second behind the server's is told so, and fails."""
+    assert outcome.verdict("clock") is Verdict.FAILED
+    (ahead,) = outcome.of(Measured, test="s/clock", name="clock is ahead by")
+    assert ahead.value == pytest.approx(-1000.0, abs=30.0)
+
+
+def test_the_skin_wrapper_keeps_to_its_names(outcome):
+    """It opens, publishes, refuses names that are taken, and gives its names back."""
+    assert outcome.verdict("skin") is Verdict.PASSED
+    refused = [event.detail for event in outcome.of(Message, test="s/skin") if event.detail.startswith("refused")]
+    assert len(refused) == 6
+    assert all("there is a port /testSkinWrapper" in one for one in refused)

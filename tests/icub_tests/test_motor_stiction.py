@@ -1,0 +1,58 @@
+"""MotorStiction on the simulated robot."""
+
+import numpy as np
+import pytest
+
+from rtf.simulator.axes import AXES, INDEX
+from rtf.testing.events import SeriesRecorded
+from rtf.testing.verdict import Verdict
+
+ELBOW = '<parameter name="part">left_arm</parameter> <parameter name="joints">(3)</parameter>'
+SUITE = f"""
+<test name="healthy"> {ELBOW} MotorStiction </test>
+<test name="dry"> {ELBOW} <parameter name="inject">"friction l_elbow"</parameter> <parameter name="repeat">1</parameter>
+  <parameter name="outputStep">1</parameter> MotorStiction </test>
+<test name="jammed"> {ELBOW} <parameter name="inject">"jam l_elbow"</parameter>
+  <parameter name="outputMax">10</parameter> MotorStiction </test>
+<test name="backwards"> {ELBOW} <parameter name="outputStep">-1</parameter> MotorStiction </test>
+"""
+
+
+@pytest.fixture(scope="module")
+def outcome(run_on_robot):
+    """The suite above, run once."""
+    return run_on_robot(SUITE)
+
+
+def test_the_stiction_is_the_dry_friction_of_the_drive(outcome, measured):
+    """Gravity, which is more, is not taken for it."""
+    assert outcome.verdict("healthy") is Verdict.PASSED, outcome.detail("healthy")
+    axis = AXES[INDEX["l_elbow"]]
+    (found,) = measured(outcome, "healthy", "stiction")
+    assert found.value == pytest.approx(100 * axis.friction / axis.max_torque, abs=1.0)
+    (gravity,) = measured(outcome, "healthy", "in the middle, against gravity")
+    assert abs(gravity.value) > found.value
+
+
+def test_a_dry_joint_fails_by_what_was_added(outcome, measured):
+    """Five newton metres more at a drive of twenty are a quarter more of its duty cycle."""
+    assert outcome.verdict("dry") is Verdict.FAILED
+    (before,), (after,) = (measured(outcome, name, "stiction") for name in ("healthy", "dry"))
+    assert after.value - before.value == pytest.approx(25.0, abs=2.0)
+
+
+def test_what_does_not_move_is_not_driven_beyond_the_maximum(outcome):
+    """The duty cycle ends where it should, in both directions."""
+    assert outcome.verdict("jammed") is Verdict.FAILED
+    assert "l_elbow does not move" in outcome.detail("jammed")
+    for event in outcome.of(SeriesRecorded, test="s/jammed", subject="l_elbow"):
+        if event.name.endswith("duty cycle"):
+            with np.load(outcome.folder / event.path) as data:
+                assert np.ptp(data["duty"]) == pytest.approx(10.0, abs=0.6)
+
+
+def test_a_step_has_to_be_positive(outcome):
+    """It is refused before anything moves."""
+    assert outcome.exit_code != 0
+    assert outcome.verdict("backwards") is Verdict.ERROR
+    assert "outputStep" in outcome.detail("backwards")

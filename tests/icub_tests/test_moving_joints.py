@@ -1,0 +1,137 @@
+"""MotorTest, MovementReferencesTest, OpenLoopConsistency and position-stress on one simulated robot."""
+
+import numpy as np
+import pytest
+
+from rtf.simulator.axes import PARTS
+from rtf.testing.events import Message, SeriesRecorded, Severity
+from rtf.testing.verdict import MeasurementVerdict, Verdict
+
+NAMES = [axis.name for axis in PARTS["torso"]]
+
+
+def entry(name, test, inject="", **parameters):
+    """A test of the torso, as a suite has it."""
+    if inject:
+        parameters["inject"] = f'"{inject}"'
+    if "portname" not in parameters:
+        parameters["part"] = "torso"
+    rows = "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in parameters.items())
+    return f'<test name="{name}">{rows} {test} </test>'
+
+
+SUITE = "".join(
+    [
+        entry(
+            "motors", "MotorTest", portname="/icubSim/torso", joints=3, target="3.0 3.0 3.0", min="0.5 0.5 0.5",
+            max="0.5 0.5 0.5", refvel="20.0 20.0 20.0", timeout="10.0 10.0 10.0",
+        ),
+        entry("motor-jams", "MotorTest", "jam torso_yaw"),
+        entry("motor-is-not-told", "MotorTest", "missed_command torso_roll every=1"),
+        entry("other-axes", "MotorTest", joints=4),
+        entry("one-target-too-few", "MotorTest", target="3.0 3.0"),
+        entry("references", "MovementReferencesTest"),
+        entry("references-lost", "MovementReferencesTest", "missed_command torso_pitch every=1"),
+        entry("references-no-mode", "MovementReferencesTest", "mode_ignored torso_yaw"),
+        entry("open-loop", "OpenLoopConsistency"),
+        entry("open-loop-lost", "OpenLoopConsistency", "missed_command torso_roll every=1"),
+        entry("open-loop-no-mode", "OpenLoopConsistency", "mode_ignored torso_yaw"),
+        entry("stress", "position-stress"),
+        entry("stress-jams", "position-stress", "jam torso_pitch", cycles=1),
+        entry("stress-never", "position-stress", shortest=2, longest=1),
+    ]
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def outcome(run_on_robot):
+    """The suite above, run once."""
+    return run_on_robot(SUITE)
+
+
+def failed_in(outcome, test):
+    """The joints in whose sub-results something failed."""
+    messages = outcome.of(Message, severity=Severity.FAILURE, test=f"s/{test}")
+    return {message.subject.split(" ")[0] for message in messages}
+
+
+def positions_of(outcome, test, name, subject):
+    """What was recorded (deg)."""
+    (series,) = [one for one in outcome.of(SeriesRecorded, name=name, test=f"s/{test}") if one.subject == subject]
+    return np.load(outcome.folder / series.path)["position"]
+
+
+@pytest.mark.parametrize("test", ["motors", "references", "open-loop", "stress"])
+def test_a_healthy_robot_passes(outcome, test):
+    """With a file of old in the case of the motors, and with no parameter but the part in the others."""
+    assert outcome.verdict(test) is Verdict.PASSED, outcome.detail(test)
+
+
+@pytest.mark.parametrize(
+    ("test", "joint"),
+    [
+        ("motor-jams", "torso_yaw"),
+        ("motor-is-not-told", "torso_roll"),
+        ("references-lost", "torso_pitch"),
+        ("references-no-mode", "torso_yaw"),
+        ("open-loop-lost", "torso_roll"),
+        ("open-loop-no-mode", "torso_yaw"),
+        ("stress-jams", "torso_pitch"),
+    ],
+)
+def test_a_fault_fails_at_its_joint(outcome, test, joint):
+    """The others of the part are tested all the same, and pass."""
+    assert outcome.verdict(test) is Verdict.FAILED
+    assert failed_in(outcome, test) - {"torso"} == {joint}
+
+
+def test_each_motor_moves_alone_then_all_then_as_a_group(outcome, measured):
+    """Every joint really went to its target and back: single, all together, and as a group."""
+    for name in NAMES:
+        for kind, begin, end in (("single", 0.0, 3.0), ("all", 3.0, 0.0), ("group", 0.0, 3.0)):
+            positions = positions_of(outcome, "motors", f"{kind} move", f"{name} {kind}")
+            assert positions[0] == pytest.approx(begin, abs=0.3)
+            assert positions[-1] == pytest.approx(end, abs=0.3)
+            (rise,) = measured(outcome, "motors", "rise", f"{name} {kind}")
+            assert 0.01 < rise.value < 1.0
+
+
+def test_another_number_of_axes_is_a_failure_and_a_missing_target_an_error(outcome):
+    """The one says something of the robot, the other of the parameters."""
+    assert outcome.verdict("other-axes") is Verdict.FAILED
+    assert "3 axes, 4 are expected" in outcome.detail("other-axes")
+    assert outcome.verdict("one-target-too-few") is Verdict.ERROR
+    assert "target has 2 values" in outcome.detail("one-target-too-few")
+
+
+def test_every_reference_is_commanded_and_read_back(outcome, measured):
+    """What is commanded is not what it was before: a test that sends nothing would pass otherwise."""
+    commanded = {"target position": 5.0, "reference duty cycle": 2.0, "reference velocity": 5.0, "speed": 5.0}
+    for what, size in commanded.items():
+        events = measured(outcome, "references", what)
+        assert len(events) == len(NAMES)
+        assert all(abs(event.value) == pytest.approx(size, rel=0.4) for event in events)
+    assert len(measured(outcome, "references", "target position after a move in PWM mode")) == len(NAMES)
+
+
+def test_the_open_loop_is_driven_both_ways(outcome, measured):
+    """The motors get one per cent, nothing, and one per cent the other way."""
+    for when, duty in (("on entering", 0), ("at 1 %", 1), ("at 0 %", 0), ("at -1 %", -1)):
+        events = measured(outcome, "open-loop", f"output {when}")
+        assert [event.value for event in events] == pytest.approx([duty] * len(NAMES), abs=0.05)
+
+
+def test_stress_moves_each_joint_to_and_fro(outcome, measured):
+    """Each joint leaves home on both sides, where its limits let it, and comes back."""
+    for name in NAMES:
+        positions = positions_of(outcome, "stress", "stress", name)
+        assert positions.max() > 4.0
+        assert positions.min() < -4.0
+        (away,) = measured(outcome, "stress", "away from where it began", name)
+        assert away.verdict is MeasurementVerdict.PASSED
+
+
+def test_waits_that_cannot_be_are_an_error(outcome):
+    """The shortest is not longer than the longest."""
+    assert outcome.verdict("stress-never") is Verdict.ERROR
+    assert "shortest" in outcome.detail("stress-never")

@@ -1,0 +1,69 @@
+"""SensorsDuplicateReadings on the simulated robot."""
+
+import pytest
+
+from rtf.testing.verdict import Verdict
+
+
+def case(name, *rows):
+    """One test of a suite."""
+    parameters = "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in rows)
+    return f'<test name="{name}"><parameter name="time">1</parameter>{parameters} SensorsDuplicateReadings </test>'
+
+
+SUITE = "".join(
+    [
+        case("healthy"),
+        case("twice", ("inject", "duplicate /icubSim/left_arm/analog:o")),
+        case("frozen", ("inject", "ft_frozen right_leg")),
+        case("unit", ("inject", "imu_frozen imu"), ("port", "/icubSim/inertial")),
+        case("lost", ("inject", "loss /icubSim/left_arm/analog:o")),
+        case("tolerated", ("inject", "duplicate /icubSim/inertial"), ("PORTS", "((/icubSim/inertial 1000))")),
+        case("wrong", ("PORTS", "((/icubSim/inertial))")),
+    ]
+)
+
+
+@pytest.fixture(scope="module")
+def outcome(run_on_robot):
+    """One run of all of them."""
+    return run_on_robot(SUITE, parts="head")
+
+
+def test_a_healthy_robot_passes(outcome, measured):
+    """Nothing is repeated on a robot whose sensors have noise."""
+    assert outcome.verdict("healthy") is Verdict.PASSED
+    assert len(measured(outcome, "healthy", "values that came twice")) == 9
+    assert all(event.value == 0 for event in measured(outcome, "healthy", "values that came twice"))
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "port"),
+    [
+        ("twice", "messages that came twice", "/icubSim/left_arm/analog:o"),
+        ("frozen", "values that came twice", "/icubSim/right_leg/analog:o"),
+        ("unit", "values that came twice", "/icubSim/inertial"),
+    ],
+)
+def test_what_comes_again_is_found(outcome, measured, name, what, port):
+    """Messages that are sent twice, and sensors that stand still, fail at their port."""
+    assert outcome.verdict(name) is Verdict.FAILED
+    (found,) = measured(outcome, name, what, port)
+    assert found.value > 10
+
+
+def test_sensors_that_never_change_are_named(outcome):
+    """The channels of a sensor that stands still are listed."""
+    assert "never changed" in "".join(str(event) for event in outcome.events if "frozen" in str(event))
+
+
+def test_lost_messages_are_no_duplicates(outcome):
+    """What is missing is another test's business."""
+    assert outcome.verdict("lost") is Verdict.PASSED
+
+
+def test_as_many_as_the_file_says_are_tolerated(outcome, measured):
+    """The number behind a port is how many may come again, and it is needed."""
+    assert outcome.verdict("tolerated") is Verdict.PASSED
+    assert measured(outcome, "tolerated", "messages that came twice")[0].value > 5
+    assert outcome.verdict("wrong") is Verdict.ERROR

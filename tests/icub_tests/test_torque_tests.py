@@ -1,0 +1,100 @@
+"""The tests of torques against references, gravity, and impedance on the simulated robot."""
+
+import pytest
+
+from rtf.testing.verdict import Verdict
+
+
+def entry(name, test, inject="", **parameters):
+    """A test of the suite."""
+    rows = "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in parameters.items())
+    return f'<test name="{name}"><parameter name="inject">"{inject}"</parameter>{rows} {test} </test>'
+
+
+ARM = {"part": "left_arm", "joints": "(2 3)"}
+ELBOW = {"part": "left_arm", "joints": "(3)"}
+ROLL = {"part": "left_arm", "joints": "(1)", "postures": 4, "speed": 60}
+SUITE = "".join([
+    entry("references", "TorqueControlConsistency", **ARM),
+    entry("references-lost", "TorqueControlConsistency", "missed_command l_elbow", **ARM),
+    entry("references-wrong-mode", "TorqueControlConsistency", "wrong_mode l_elbow", **ARM),
+    entry("references-off", "TorqueControlConsistency", **ARM, zero="(0 45 90)"),
+    entry("gravity", "TorqueControlGravityConsistency", **ROLL),
+    entry("gravity-bias", "TorqueControlGravityConsistency", "torque_bias l_shoulder_roll", **ROLL),
+    entry("gravity-sign", "TorqueControlGravityConsistency", "torque_scale l_shoulder_roll factor=-1", **ROLL),
+    entry("gravity-no-model", "TorqueControlGravityConsistency", **ROLL, model="nowhere.urdf"),
+    entry("impedance", "TorqueControlStiffDampCheck", **ELBOW),
+    entry("impedance-scale", "TorqueControlStiffDampCheck", "torque_scale l_elbow factor=1.5", **ELBOW),
+    entry("impedance-jam", "TorqueControlStiffDampCheck", "jam l_elbow", **ELBOW),
+])  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def outcome(run_on_robot):
+    """One robot for all of them."""
+    return run_on_robot(SUITE, limit=240.0)
+
+
+@pytest.mark.parametrize("name", ["references", "gravity", "impedance"])
+def test_a_healthy_joint_passes(outcome, name):
+    """What it measures is what it was told, what the model says, and what its impedance makes of a push."""
+    assert outcome.verdict(name) is Verdict.PASSED, outcome.detail(name)
+
+
+def test_references_are_told_in_all_forms(outcome, measured):
+    """A joint at a time, a group, and the whole part; and read back at three torques each."""
+    for change in ("+0.1 Nm", "+0 Nm", "-0.1 Nm"):
+        found = measured(outcome, "references", f"reference that is read back, {change}")
+        assert {one.subject for one in found} == {
+            f"{joint} {form}" for joint in ("l_shoulder_yaw", "l_elbow") for form in ("single", "group", "all")
+        }
+
+
+def test_gravity_is_measured(outcome, measured):
+    """The model's torques vary enough for a gain, which is one, and there is no offset."""
+    (gain,) = measured(outcome, "gravity", "gain")
+    (offset,) = measured(outcome, "gravity", "offset")
+    assert gain.value == pytest.approx(1.0, abs=0.2)
+    assert offset.value == pytest.approx(0.0, abs=0.5)
+
+
+def test_a_push_is_answered_by_stiffness_and_damping(outcome, measured):
+    """The joint is moved far enough, and both slopes are what was set."""
+    for what, least in (("stiffness", 2.0), ("damping", 10.0)):
+        (moved,) = measured(outcome, "impedance", f"moved, {what}")
+        (share,) = measured(outcome, "impedance", f"{what}, share of what was set")
+        assert moved.value > least
+        assert share.value == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "joint"),
+    [
+        ("references-lost", "reference that is read back, +0 Nm", "l_elbow"),
+        ("gravity-bias", "offset", "l_shoulder_roll"),
+        ("gravity-sign", "gain", "l_shoulder_roll"),
+        ("impedance-scale", "stiffness, share of what was set", "l_elbow"),
+    ],
+)
+def test_a_fault_is_found_at_its_joint_only(outcome, measured, name, what, joint):
+    """The value that the fault changes leaves its limits there, and nowhere else."""
+    assert outcome.verdict(name) is Verdict.FAILED
+    found = measured(outcome, name, what)
+    assert any(one.margin < 0 for one in found if joint in one.subject)
+    assert all(one.margin >= 0 for one in found if joint not in one.subject)
+
+
+def test_joints_that_do_not_obey_fail(outcome):
+    """One that does not enter torque mode, and one that does not give way to a push."""
+    assert outcome.verdict("references-wrong-mode") is Verdict.FAILED
+    assert "l_elbow is not in torque mode" in outcome.detail("references-wrong-mode")
+    assert outcome.verdict("impedance-jam") is Verdict.FAILED
+    assert "does not give way" in outcome.detail("impedance-jam")
+
+
+def test_parameters_that_do_not_fit_are_errors(outcome):
+    """Too many values, and a model that is not there: the error says what and where."""
+    assert outcome.verdict("references-off") is Verdict.ERROR
+    assert "zero has 3 values" in outcome.detail("references-off")
+    assert outcome.verdict("gravity-no-model") is Verdict.ERROR
+    assert "nowhere.urdf" in outcome.detail("gravity-no-model")

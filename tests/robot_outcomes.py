@@ -1,0 +1,22 @@
+"""What robot tests said, and which joints or ports they failed: read from the events of a run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.testing.events import Message, SubResultEnded
+from rtf.testing.verdict import Verdict
+
+if TYPE_CHECKING:
+    from harness import Outcome
+
+
+def said(outcome: Outcome, test: str) -> str:
+    """All messages of a test, a line each."""
+    return "\n".join(event.detail for event in outcome.of(Message) if event.test.rpartition("/")[2] == test)
+
+
+def failed_parts(outcome: Outcome, test: str) -> list[str]:
+    """The sub-results of a test that failed, in their order."""
+    ended = outcome.of(SubResultEnded, verdict=Verdict.FAILED)
+    return [event.subject for event in ended if event.test.rpartition("/")[2] == test]

@@ -1,0 +1,67 @@
+"""The numbers of an answer to a step."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rtf.robot_testing.response import spread_of, step_response
+
+TIME = np.arange(-0.5, 3.0, 0.01)
+
+
+def first_order(start, target, tau):
+    """What a first-order system makes of a step at 0."""
+    return np.where(TIME < 0, start, target + (start - target) * np.exp(-np.maximum(TIME, 0) / tau))
+
+
+@given(
+    start=st.floats(-50, 50),
+    height=st.floats(0.5, 20) | st.floats(-20, -0.5),
+    tau=st.floats(0.05, 0.3),
+)
+def test_a_first_order_answer_has_the_numbers_of_the_books(start, height, tau):
+    """The rise is ln 9 time constants, the delay ln(10/9); it settles when exp says so, and never overshoots."""
+    target = start + height
+    answer = step_response(TIME, first_order(start, target, tau), start, target, band=abs(height) * 0.05)
+    assert answer.rise_time == pytest.approx(math.log(9) * tau, abs=0.01)
+    assert answer.delay == pytest.approx(math.log(10 / 9) * tau, abs=0.01)
+    assert answer.settling_time == pytest.approx(math.log(20) * tau, abs=0.02)
+    assert answer.overshoot == pytest.approx(0.0, abs=1e-6)
+    assert abs(answer.steady_error) < 0.01 * abs(height)
+    assert answer.bandwidth == pytest.approx(0.35 / (math.log(9) * tau), rel=0.15)
+
+
+def test_overshoot_error_and_ripple_are_told_apart():
+    """A bump is overshoot, a shift at the end is an error, what swings about it is ripple."""
+    values = np.where(TIME < 0, 0.0, 1.1) + np.where((TIME > 0.2) & (TIME < 0.3), 0.4, 0.0)
+    values += np.where(TIME > 2.0, 0.02 * np.sin(2 * np.pi * 10 * TIME), 0.0)
+    answer = step_response(TIME, values, 0.0, 1.0, band=0.2)
+    assert answer.overshoot == pytest.approx(50.0)
+    assert answer.settling_time == pytest.approx(0.3, abs=0.011)
+    assert answer.steady_error == pytest.approx(0.1, abs=0.003)
+    assert answer.ripple == pytest.approx(0.02 / math.sqrt(2), rel=0.05)
+
+
+def test_what_does_not_move_has_no_rise_and_never_settles():
+    """The numbers that do not exist are NaN and infinite, and no zero."""
+    answer = step_response(TIME, np.zeros_like(TIME), 0.0, 2.0, band=0.1)
+    assert math.isnan(answer.delay)
+    assert math.isnan(answer.rise_time)
+    assert answer.settling_time == math.inf
+    assert answer.steady_error == pytest.approx(-2.0)
+
+
+def test_too_few_points_are_refused():
+    """Nine points after the step are not judged."""
+    with pytest.raises(ValueError, match="9 points"):
+        step_response(TIME[:59], np.zeros(59), 0.0, 1.0, band=0.1)
+
+
+def test_the_spread_is_that_between_repetitions():
+    """Shifted copies are as far apart as their shifts deviate; a single one has no spread."""
+    base = first_order(0.0, 1.0, 0.1)
+    assert spread_of([TIME] * 3, [base - 0.1, base, base + 0.1], 0.01) == pytest.approx(0.1)
+    assert math.isnan(spread_of([TIME], [base], 0.01))
