@@ -1,0 +1,49 @@
+"""The page on robot tests and the tests say the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rtf.robot_testing import Safety
+from rtf.robot_testing.catalogue import Entry, as_markdown, entries, with_table
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_table_is_current():
+    """It is what the tests declare, to the letter: python -m rtf.robot_testing.catalogue docs/robot-tests.md."""
+    page = (ROOT / "docs" / "robot-tests.md").read_text(encoding="utf-8")
+    assert with_table(page, as_markdown(entries())) == page
+
+
+def test_the_table_is_complete():
+    """Every file has its test in it, under a name that is in no other row, and says what it does."""
+    found = entries()
+    assert len(found) == len([*(ROOT / "icub_tests").glob("*.py")])
+    names = [name for one in found for name in (one.name, *one.aliases)]
+    assert sorted(names) == sorted(set(names))
+    assert all(one.purpose.endswith(".") for one in found)
+
+
+def test_every_test_is_in_a_suite():
+    """A test that no suite runs is forgotten."""
+    assert [one.name for one in entries() if one.suite == "in no suite"] == []
+
+
+def test_the_safety_is_what_a_run_obeys():
+    """What is inherited counts, too."""
+    by_name = {one.name: one.safety for one in entries()}
+    assert by_name["JointLimits"] is Safety.MOTION
+    assert by_name["MotorEncodersSignCheck"] is Safety.EFFORT  # from its base
+    assert by_name["PortsFrequency"] is Safety.STILL
+
+
+def test_a_table_has_a_row_a_test():
+    """Suites are headings; names are code."""
+    table = as_markdown(
+        [Entry("A", ("a",), Safety.STILL, "Looks.", "eyes"), Entry("B", (), Safety.FAULT, "Acts.", "arms")]
+    )
+    assert "### Eyes" in table
+    assert "| `A` | still | Looks. | `a` |" in table
+    assert "### Arms" in table
+    assert "| `B` | fault | Acts. |  |" in table
