@@ -1,74 +1,171 @@
-"""``rtf demo``: run the demonstration suite and say whether every test ended as it was meant to.
+"""``rtf demo``: show what the framework does, and say whether all of it ended as it was meant to.
 
-The suite crashes, hangs and fails on purpose, so its own exit code is that of a run with failures; what is judged here
-is whether the framework saw exactly what happened.
+First the demonstration suite, which crashes, hangs and fails on purpose, so that its own exit code is that of a run
+with failures; what is judged is whether the framework saw exactly what happened. Then two programs that talk, a
+simulated robot that moves, and the battery: all tests of a lab on the simulated iCub, with the live page.
 """
 
 from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.cli.arguments import Parser
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from rtf.testing.results import RunResult
+
+#: The suites of the battery; the longest first, so that two of them end at about the same time.
+_BATTERY = ("control", "encoders", "motors", "basics", "stress", "sensors", "streams")
+
+
+class _Shown(NamedTuple):
+    """What a run of the demonstration came to: its exit code, its tests, what is not as expected, and its page."""
+
+    code: ExitCode
+    tests: int
+    wrong: list[str]
+    page: Path
 
 
 def demo(words: Sequence[str]) -> ExitCode:
     """Run the demonstration in a folder of its own, and compare."""
-    from rtf.cli import testrunner
-    from rtf.cli.moving import move
-    from rtf.cli.talking import talk
-    from rtf.errors import RtfError
-    from rtf.testing import replay
-    from rtf.testing.plugins import shipped_folder
-    from rtf.testing.results import RunResult
-
-    parser = Parser(prog="rtf demo", description="Run the demonstration suite and check every verdict.")
-    parser.add_argument("--runs", metavar="DIR", default="rtf-runs", help="where the run's folder is made")
+    parser = Parser(prog="rtf demo", description="Run the demonstration and check every verdict.")
+    parser.add_argument("--runs", metavar="DIR", default="rtf-runs", help="where the folders of the runs are made")
+    parser.add_argument("--quick", action="store_true", help="leave out the battery, which takes some minutes")
     options, rest = parser.parse_known_args(words)
-    folder = shipped_folder("suites") / "demo"
     runs = Path(options.runs)
+    first = _what_goes_wrong(runs, rest)
+    if first.code not in (ExitCode.PASSED, ExitCode.FAILURES):
+        return first.code
+    shown = [first]
+    wrong = first.wrong + _show("two programs that talk", _talk)
+    if _can_simulate():
+        wrong += _show("a robot that moves", lambda: _move(runs))
+        if not options.quick:
+            shown.append(_battery(runs / "battery"))
+            wrong += shown[-1].wrong
+    return _verdict(shown, wrong)
+
+
+def _verdict(shown: Sequence[_Shown], wrong: Sequence[str]) -> ExitCode:
+    print()
+    for line in wrong:
+        print(f"not as expected: {line}")
+    total = sum(one.tests for one in shown)
+    if wrong:
+        print(f"DEMO FAILED  {len(wrong)} of {total} expectations were not met")
+        return ExitCode.FAILURES
+    for one in shown:
+        print(f"A page to look at in a browser: {one.page.resolve()}")
+    print(f"DEMO PASSED  all {total} tests ended as expected: crash, hang, lost fixture and the rest")
+    return ExitCode.PASSED
+
+
+def _show(what: str, show: Callable[[], list[str]]) -> list[str]:
+    """Print what something says; what is wrong with it, if anything is."""
+    from rtf.errors import RtfError
+
+    print()
+    try:
+        print("\n".join(show()))
+    except (RtfError, OSError) as error:
+        return [f"{what}: {error}"]
+    return []
+
+
+def _talk() -> list[str]:
+    from rtf.cli.talking import talk
+
+    return talk()
+
+
+def _move(runs: Path) -> list[str]:
+    from rtf.cli.moving import move
+
+    return move(runs)
+
+
+def _what_goes_wrong(runs: Path, rest: Sequence[str]) -> _Shown:
+    """The suite in which everything goes wrong that can."""
+    from rtf.cli import testrunner
+    from rtf.testing.plugins import shipped_folder
+
+    folder = shipped_folder("suites") / "demo"
     latest = runs / "latest"
     page = ["--web-reporter", "--web-port", "0", "--history", str(runs / "demo-history.sqlite")]
     before = latest.resolve()
     if (before / "journal.jsonl").exists():
         page += ["--compare", str(before)]
+    reports = ["--junit", str(runs / "demo-junit.xml"), "--json", str(runs / "demo.json")]
     run = ["--suite", str(folder / "demo.xml"), "--runs", str(runs), "--answer", "default"]
-    code = testrunner.main([*run, *page, *_reports(runs), *rest])
+    code = ExitCode(testrunner.main([*run, *page, *reports, *rest]))
     if code not in (ExitCode.PASSED, ExitCode.FAILURES):
-        return ExitCode(code)
+        return _Shown(code, 0, [], latest)
+    results = _results(latest)
+    expected = tomllib.loads((folder / "expected.toml").read_text(encoding="utf-8"))
+    return _Shown(code, len(results.tests), compare(results, expected), (latest / "report.html").resolve())
+
+
+def _can_simulate() -> bool:
+    """Whether what simulates a robot is installed; says what mends it."""
+    from rtf.simulator import engine
+    from rtf.simulator.errors import MissingPackageError
+
+    try:
+        engine.mujoco()
+        engine.robot_description()
+    except MissingPackageError as error:
+        print(f"\nWithout a robot: {error}")
+        return False
+    return True
+
+
+def _battery(runs: Path) -> _Shown:
+    """All tests of a lab, on simulated robots."""
+    from rtf.cli import testrunner
+    from rtf.testing.plugins import shipped_folder
+
+    print("\nThe battery: all tests of a lab, on two simulated robots at a time")
+    folder = shipped_folder("suites") / "icubSim"
+    suites = [word for suite in (*_BATTERY, *_cameras()) for word in ("--suite", str(folder / f"{suite}.xml"))]
+    page = ["--web-reporter", "--web-port", "0", "--history", str(runs / "battery-history.sqlite")]
+    runs.mkdir(parents=True, exist_ok=True)
+    words = ["-j", "2", "--runs", str(runs), "--answer", "default", "--junit", str(runs / "battery-junit.xml")]
+    code = ExitCode(testrunner.main([*suites, *words, *page]))
+    results = _results(runs / "latest")
+    tests = results.tests.values()
+    wrong = [f"battery: {test.id}: {test.verdict}" for test in tests if test.verdict is None or not test.verdict.good]
+    if code != ExitCode.PASSED and not wrong:
+        wrong.append(f"battery: it ended with exit code {code}")
+    return _Shown(code, len(results.tests), wrong, (runs / "latest" / "report.html").resolve())
+
+
+def _cameras() -> tuple[str, ...]:
+    """The suite of the cameras, where the machine can make pictures."""
+    from rtf.simulator.errors import RenderingError
+    from rtf.simulator.rendering import rendering_back_end
+
+    try:
+        rendering_back_end()
+    except RenderingError as error:
+        print(f"Without the tests of the cameras: {error}")
+        return ()
+    return ("cameras",)
+
+
+def _results(run: Path) -> RunResult:
+    from rtf.testing import replay
+    from rtf.testing.results import RunResult
+
     results = RunResult()
-    for event in replay.as_one_run(latest):
+    for event in replay.as_one_run(run):
         results.apply(event)
-    wrong = compare(results, tomllib.loads((folder / "expected.toml").read_text(encoding="utf-8")))
-    print()
-    try:
-        print("\n".join(talk()))
-    except (RtfError, OSError) as error:
-        wrong.append(f"two programs that talk: {error}")
-    try:
-        print("\n".join(move(runs)))
-    except (RtfError, OSError) as error:
-        wrong.append(f"a robot that moves: {error}")
-    for line in wrong:
-        print(f"not as expected: {line}")
-    total = len(results.tests)
-    if wrong:
-        print(f"DEMO FAILED  {len(wrong)} of {total} expectations were not met")
-        return ExitCode.FAILURES
-    print(f"The page of this run, to look at in a browser: {(latest / 'report.html').resolve()}")
-    print(f"DEMO PASSED  all {total} tests ended as expected: crash, hang, lost fixture and the rest")
-    return ExitCode.PASSED
-
-
-def _reports(runs: Path) -> list[str]:
-    return ["--junit", str(runs / "demo-junit.xml"), "--json", str(runs / "demo.json")]
+    return results
 
 
 def compare(results: RunResult, expected: dict[str, dict[str, object]]) -> list[str]:

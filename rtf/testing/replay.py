@@ -38,9 +38,16 @@ def finished_tests(events: Iterable[Event]) -> frozenset[str]:
     return frozenset(test for test, ended in done.items() if ended)
 
 
-def planned_tests(events: Iterable[Event]) -> frozenset[str]:
-    """The tests that a run consists of."""
-    return frozenset(event.test for event in events if isinstance(event, TestPlanned))
+def planned_tests(events: Iterable[Event]) -> frozenset[str] | None:
+    """The tests that a run consists of; None for one that was killed while it was still telling its plan."""
+    planned: set[str] = set()
+    told = False
+    for event in events:
+        if isinstance(event, TestPlanned):
+            planned.add(event.test)
+        elif isinstance(event, SuiteStarted):
+            told = True  # all suites are planned before the first is started
+    return frozenset(planned) if told else None
 
 
 def as_one_run(path: Path, *, resuming: bool = False) -> Iterator[Event]:

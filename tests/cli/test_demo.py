@@ -24,7 +24,7 @@ def call(*command: str | Path, folder: Path) -> subprocess.CompletedProcess[str]
 def test_the_demo_sees_what_happens(tmp_path: Path):
     """Every verdict of the demonstration is the expected one, and the last lines say so and name the archived page."""
     for _ in range(2):  # the second time there is a run to compare with, and a history
-        done = call(sys.executable, "-m", "rtf.cli.tools", "demo", folder=tmp_path)
+        done = call(sys.executable, "-m", "rtf.cli.tools", "demo", "--quick", folder=tmp_path)
         assert done.returncode == 0, done.stdout + done.stderr
         page, verdict = done.stdout.rstrip().splitlines()[-2:]
         assert verdict.startswith("DEMO PASSED")

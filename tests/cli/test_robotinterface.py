@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 from lxml import etree
-from scripted_devices import action_xml as action
-from scripted_devices import device_xml as device
-from scripted_devices import install, robot_xml
 
 from rtf.bottle import Bottle
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.network import Network
 from rtf.middleware.rpc import RpcClient
+from scripted_devices import action_xml as action
+from scripted_devices import device_xml as device
+from scripted_devices import install, robot_xml
 from waiting import eventually
 
 if TYPE_CHECKING:

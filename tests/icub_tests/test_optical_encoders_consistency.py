@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from robot_outcomes import failed_parts, said
 
+from robot_outcomes import failed_parts, said
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.verdict import Verdict
 

@@ -203,7 +203,8 @@ def test_any_question_and_any_answer(question: Bottle, answer: Bottle):
             client.calibrate()
         except RobotError:
             return
-        assert answer == Bottle([0])
+        assert len(answer) == 1
+        assert answer[0] == 0  # whatever kind of number it is
 
 
 # Twelve numbers ------------------------------------------------------------------------------------------------------

@@ -156,3 +156,9 @@ def test_journal_that_was_closed_in_order_gets_nothing(write: Writer):
     events = [*PLAN, *ran("s/a"), *ran("s/b"), OVER, InternalError(text="reporter x broke")]
     assert [*replay.with_ends(events)] == events
     assert [*replay.with_ends([])] == []
+
+
+def test_a_plan_that_was_cut_off_selects_nothing():
+    """A run that was killed while it told its plan consists of what its command line says, not of the part it told."""
+    assert replay.planned_tests(PLAN[:3]) is None
+    assert replay.planned_tests([*PLAN[:4], SuiteStarted(suite="s")]) == {"s/a", "s/b"}

@@ -33,7 +33,7 @@ def write_matrix(findings: Sequence[Finding]) -> str:
 
 def _provable() -> list[str]:
     """The kinds that a test can be asked to find while its robot lives."""
-    return [name for name, kind in KINDS.items() if kind.layer is not Layer.PROCESS]
+    return [name for name, kind in KINDS.items() if kind.layer is not Layer.PROCESS and not kind.stimulus]
 
 
 def _found(findings: Sequence[Finding]) -> set[str]:

@@ -66,6 +66,8 @@ class Fault(ABC):
     layer: ClassVar[Layer]
     target_kind: ClassVar[Target]
     parameters: ClassVar[tuple[Parameter, ...]] = ()
+    #: Something that happens to a healthy robot: nothing is wrong with it, and no test has to find it.
+    stimulus: ClassVar[bool] = False
     #: Whether ``begin`` keeps what it finds and ``end`` puts that back, so that the order of several matters.
     keeps: ClassVar[bool] = False
     #: What is wrong, in a sentence, and how it shows.

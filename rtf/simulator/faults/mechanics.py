@@ -60,6 +60,7 @@ class Push(AxisFault):
     """See ``meaning``."""
 
     kind = "push"
+    stimulus = True
     layer = Layer.PLANT
     keeps = True
     meaning = "Somebody, or something, pushes the joint."

@@ -6,8 +6,8 @@ import threading
 from typing import TYPE_CHECKING
 
 import pytest
-import scripted_devices
 
+import scripted_devices
 from rtf.bottle import Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.network import Network

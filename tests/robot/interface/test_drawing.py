@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
-from scripted_devices import action_xml as action
-from scripted_devices import device_xml as device
 
 from rtf.bottle import Property
 from rtf.robot.interface.drawing import draw_svg, draw_text
 from rtf.robot.interface.model import Action, ActionKind, DeviceEntry, Phase, Robot
 from rtf.robot.interface.reading import read_robot
+from scripted_devices import action_xml as action
+from scripted_devices import device_xml as device
 
 if TYPE_CHECKING:
     from conftest import Bench

@@ -6,10 +6,10 @@ import re
 from typing import TYPE_CHECKING
 
 import pytest
-from scripted_devices import action_xml as action
-from scripted_devices import device_xml as device
 
 from rtf.robot.interface.model import Phase
+from scripted_devices import action_xml as action
+from scripted_devices import device_xml as device
 from waiting import eventually
 
 if TYPE_CHECKING:

@@ -6,9 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from scripted_devices import DOCTYPE, robot_xml
-from scripted_devices import action_xml as action
-from scripted_devices import device_xml as device
 
 from rtf.bottle import Bottle, Property
 from rtf.robot.errors import ConfigurationError
@@ -16,6 +13,9 @@ from rtf.robot.interface import includes, markup
 from rtf.robot.interface.model import ActionKind, Phase
 from rtf.robot.interface.problems import MAX_PROBLEMS, RobotFileError
 from rtf.robot.interface.reading import read_robot
+from scripted_devices import DOCTYPE, robot_xml
+from scripted_devices import action_xml as action
+from scripted_devices import device_xml as device
 
 if TYPE_CHECKING:
     from conftest import Bench

@@ -6,8 +6,6 @@ import socket
 from typing import TYPE_CHECKING
 
 import pytest
-from scripted_devices import action_xml as action
-from scripted_devices import device_xml as device
 
 from replaying import VERSIONS, receive, recordings, segments
 from rtf.bottle import Bottle
@@ -16,6 +14,8 @@ from rtf.middleware.rpc import RpcClient
 from rtf.robot.interface.machine import RobotInterface
 from rtf.robot.interface.model import Phase, Robot
 from rtf.robot.interface.service import make_service, open_service
+from scripted_devices import action_xml as action
+from scripted_devices import device_xml as device
 from waiting import eventually
 
 if TYPE_CHECKING:
