@@ -47,8 +47,11 @@ class Case:
     def name(self) -> str:
         """For people, and for the file that a case is in."""
         severity = " ".join(f"{name}={value:g}" for name, value in self.values.items())
-        words = [self.test, "on", self.fault or "the healthy robot", self.target, severity]
-        given = " ".join(f"{key}={value}" for key, value in sorted(self.parameters.items()) if key == "part")
+        when = " ".join(
+            [f"delay={self.delay:g}"] * (self.delay > 0) + [f"duration={self.duration}"] * bool(self.duration)
+        )
+        words = [self.test, "on", self.fault or "the healthy robot", self.target, severity, when]
+        given = " ".join(f"{key}={value}" for key, value in sorted(self.parameters.items()))
         return " ".join(word for word in [*words, given] if word)
 
     @property

@@ -1,0 +1,194 @@
+"""The proof: claims are read strictly, cases become suites of the runner, and results are judged as claimed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rtf.robot_testing.proof import (
+    Case,
+    ClaimsError,
+    Expectation,
+    Finding,
+    Judgement,
+    cases_of,
+    judge,
+    read_claims,
+    write_matrix,
+    write_suites,
+)
+from rtf.testing.events import Message, TestEnded, TestPlanned
+from rtf.testing.plugins import shipped_folder
+from rtf.testing.results import TestResult
+from rtf.testing.suite.xml import load_suite
+from rtf.testing.verdict import Severity, Verdict
+
+TEST = '''
+from rtf.robot_testing import RobotTest
+from rtf.testing import Parameter
+
+
+class Looks(RobotTest):
+    """Looks at a part."""
+
+    part = Parameter(str, "the part", default="head")
+
+    def run(self):
+        self.check(True, "it is there")
+'''
+
+
+@pytest.fixture
+def claims(tmp_path: Path):
+    """Writes the claims of the test ``Looks``, and reads them."""
+    (tmp_path / "claims").mkdir()
+    (tmp_path / "looks.py").write_text(TEST)
+
+    def read(text: str):
+        file = tmp_path / "claims" / "looks.toml"
+        file.write_text(text)
+        return read_claims(file)
+
+    return read
+
+
+def test_claims_become_cases(claims):
+    """The healthy robot, each severity, the part of the joint that is broken, and the reason."""
+    found = claims("""
+        parameters = { inject = "" }
+        [[finds]]
+        fault = "jam"
+        target = "l_elbow"
+        values = [{ torque = 10 }, { torque = 400 }]
+        fast = true
+        [[silent]]
+        fault = "ft_bias"
+        target = "left_arm"
+        [[expected]]
+        fault = "crash"
+        reason = "there is no robot any more"
+        """)
+    assert found.test == "Looks"
+    cases = [*cases_of(found)]
+    assert [case.expectation for case in cases] == [
+        Expectation.HEALTHY,
+        Expectation.FOUND,
+        Expectation.FOUND,
+        Expectation.SILENT,
+    ], "what ends the program is no case of a suite"
+    assert cases[1].parameters["part"] == "left_arm"
+    assert cases[1].names == "l_elbow"
+    assert cases[2].injection == "jam l_elbow torque=400"
+    assert "part" not in cases[3].parameters
+    assert [case.fault for case in cases_of(found, fast=True)] == ["", "jam", "jam"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[[finds]]\nfault = 'jamm'", "there is no fault 'jamm'"),
+        ("[[finds]]\nfault = 'jam'\ntargt = 'l_elbow'", "[[finds]] has targt"),
+        ("[[expected]]\nfault = 'jam'", "a reason is missing"),
+        ("[finds", "looks.toml"),
+        ("claims = 1", "the file has claims"),
+    ],
+)
+def test_claims_that_cannot_be_are_refused(claims, text: str, said: str):
+    """With the file, and what is wrong."""
+    with pytest.raises(ClaimsError, match=r"looks\.toml") as caught:
+        claims(text)
+    assert said in str(caught.value)
+
+
+def test_suites_are_those_of_the_runner(tmp_path: Path):
+    """Each case is a test of one of the suites, with its fault and its parameters, whatever stands in them."""
+    cases = [
+        Case("JointLimits", Expectation.FOUND, "jam", "l_elbow", {"torque": 400.0}, "l_elbow", {"part": "left_arm"}),
+        Case("JointLimits", Expectation.HEALTHY, parameters={"part": "head", "joints": [0, 1], "name": '<&">'}),
+        Case("CameraTest", Expectation.FOUND, "camera_black", "left"),
+    ]
+    files, by_test = write_suites(cases, tmp_path, 2)
+    assert len(files) == 2
+    loaded = {test.id: test for file in files for test in load_suite(file).suite.tests}
+    assert {*loaded} == {*by_test}
+    assert {case.name for case in by_test.values()} == {case.name for case in cases}
+    given = {by_test[name].name: dict(test.parameters) for name, test in loaded.items()}
+    assert given[cases[0].name] == {"inject": "jam l_elbow torque=400.0", "part": "left_arm"}
+    assert given[cases[1].name] == {"part": "head", "joints": "(0 1)", "name": '<&">'}
+    assert any('name="cameras">auto<' in file.read_text() for file in files)
+
+
+def result(verdict: Verdict, *failures: str) -> TestResult:
+    """What came of a test."""
+    made = TestResult(TestPlanned(test="s/t", suite="s", name="t"), "t")
+    made.verdict = verdict
+    made.attempts.append(TestEnded(test="s/t", outcome=verdict, verdict=verdict))
+    made.problems = [Message(severity=Severity.FAILURE, title="checks", detail=text, test="s/t") for text in failures]
+    return made
+
+
+@pytest.mark.parametrize(
+    ("expectation", "verdict", "failures", "said"),
+    [
+        (Expectation.FOUND, Verdict.FAILED, ["l_elbow stops early"], Judgement.FOUND),
+        (Expectation.FOUND, Verdict.FAILED, ["r_elbow stops early"], Judgement.UNNAMED),
+        (Expectation.FOUND, Verdict.PASSED, [], Judgement.MISSED),
+        (Expectation.FOUND, Verdict.ERROR, ["l_elbow is gone"], Judgement.NOT_TESTED),
+        (Expectation.SILENT, Verdict.PASSED, [], Judgement.SILENT),
+        (Expectation.SILENT, Verdict.FAILED, ["l_elbow"], Judgement.ALARM),
+        (Expectation.SILENT, Verdict.ERROR, ["l_elbow"], Judgement.ALARM),
+        (Expectation.HEALTHY, Verdict.PASSED, [], Judgement.HEALTHY),
+        (Expectation.HEALTHY, Verdict.FAILED, ["l_elbow"], Judgement.ALARM),
+        (Expectation.EXPECTED, Verdict.ERROR, [], Judgement.EXPECTED),
+        (Expectation.EXPECTED, Verdict.PASSED, [], Judgement.MISSED),
+        (Expectation.HEALTHY, Verdict.SKIPPED, [], Judgement.NOT_TESTED),
+        (Expectation.FOUND, Verdict.FIXTURE_LOST, ["l_elbow"], Judgement.NOT_TESTED),
+    ],
+)
+def test_what_is_said_of_a_case(expectation: Expectation, verdict: Verdict, failures: list[str], said: Judgement):
+    """Found only if it failed and named the joint, silent only if it passed, and nothing that was not run."""
+    case = Case("JointLimits", expectation, "jam", "l_elbow", names="l_elbow")
+    assert judge(case, result(verdict, *failures)).judgement is said
+    assert judge(case, None).judgement is Judgement.NOT_TESTED
+
+
+def test_the_matrix_tells_what_does_not_hold():
+    """A fault that nothing finds stands out, and a cell cannot break the table."""
+    case = Case("JointLimits", Expectation.FOUND, "jam", "l_elbow", {"torque": 400.0})
+    page = write_matrix([Finding(case, Judgement.MISSED, "passed", "a | b\nc", 1.0)])
+    assert "0 of 1 claims hold" in page
+    assert "| jam | plant | **nothing** |" in page
+    assert "| JointLimits | jam | l_elbow | torque 400 | **missed** | a \\| b c |" in page
+
+
+def test_every_shipped_claim_can_be_tried():
+    """All claims are sound, every test has a healthy case, and every fault that lasts is claimed by somebody."""
+    files = sorted((shipped_folder("test") / "claims").glob("*.toml"))
+    cases = [case for file in files for case in cases_of(read_claims(file))]
+    assert len({case.name for case in cases}) == len(cases)
+    assert sum(case.expectation is Expectation.HEALTHY for case in cases) == len(files)
+    page = write_matrix([Finding(case, Judgement.FOUND, "failed", "", 0.0) for case in cases if case.fault])
+    assert "**nothing**" not in page
+
+
+def test_a_proof_is_carried_out(tmp_path: Path):
+    """The command runs real tests on a real simulated robot, writes the matrix and says that the claims hold."""
+    words = [
+        "proof",
+        "--test",
+        "SensorsDuplicateReadings",
+        "--fault",
+        "duplicate",
+        "--folder",
+        str(tmp_path),
+        "-j",
+        "1",
+    ]
+    command = [sys.executable, "-m", "rtf.cli.tools", *words]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100, cwd=tmp_path, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.splitlines()[-1].startswith("PROOF PASSED")
+    assert "| duplicate | network | SensorsDuplicateReadings |" in (tmp_path / "proof.md").read_text()
