@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from rtf.testing.results import RunResult
 
-#: The suites of the battery; the longest first, so that two of them end at about the same time.
-_BATTERY = ("control", "encoders", "motors", "basics", "stress", "sensors", "streams")
+#: The suites of the battery.
+_BATTERY = ("streams", "sensors", "basics", "encoders", "motors", "control", "stress")
 
 
 class _Shown(NamedTuple):
@@ -130,12 +130,12 @@ def _battery(runs: Path) -> _Shown:
     from rtf.cli import testrunner
     from rtf.testing.plugins import shipped_folder
 
-    print("\nThe battery: all tests of a lab, on two simulated robots at a time")
+    print("\nThe battery: all tests of a lab, on the simulated robot; it takes some minutes")
     folder = shipped_folder("suites") / "icubSim"
     suites = [word for suite in (*_BATTERY, *_cameras()) for word in ("--suite", str(folder / f"{suite}.xml"))]
     page = ["--web-reporter", "--web-port", "0", "--history", str(runs / "battery-history.sqlite")]
     runs.mkdir(parents=True, exist_ok=True)
-    words = ["-j", "2", "--runs", str(runs), "--answer", "default", "--junit", str(runs / "battery-junit.xml")]
+    words = ["--runs", str(runs), "--answer", "default", "--junit", str(runs / "battery-junit.xml")]
     code = ExitCode(testrunner.main([*suites, *words, *page]))
     results = _results(runs / "latest")
     tests = results.tests.values()

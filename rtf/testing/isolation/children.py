@@ -416,6 +416,7 @@ class Nursery(Brood):
         self._stop_now = stop_now
         self._templates: dict[str, Template] = {}
         self._process: Launched | None = None
+        self._lost: list[str] = []  # the marks of nurseries that died
         self._dump = -1
         self._dump_read = 0
 
@@ -514,6 +515,8 @@ class Nursery(Brood):
                 self._process = None
             else:
                 self.abandon()
+        for mark in self._lost:  # what was just being started when its nursery died may have shown itself only later
+            end_orphans(mark)
         self._forget_children()  # gives the descriptors of spares and templates back: there is a nursery in every lane
         self._close_dump()
 
@@ -538,6 +541,7 @@ class Nursery(Brood):
             processes.signal_group(pid, signal.SIGKILL)
         _await_exit(process.pid, None)
         end_orphans(process.mark)
+        self._lost.append(process.mark)
         self._templates.clear()
         self._forget_children()
         self._process = None
