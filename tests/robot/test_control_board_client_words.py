@@ -220,7 +220,7 @@ def test_whatever_a_board_answers_is_an_answer_or_an_error_of_robots(network: Ne
     complaints: list[str] = []
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:
 
-        @settings(max_examples=300, deadline=None)
+        @settings(max_examples=120, deadline=None)
         @given(st.sampled_from(calls), ANSWERS)
         def survive(call: Callable[[RemoteControlBoard], object], answer: list[Any]) -> None:
             board.answer = lambda _: Bottle(answer)

@@ -421,7 +421,7 @@ CALLS = st.builds(lambda name, rest: Bottle([name, *rest]), st.one_of(FUNCTIONS,
 
 
 @pytest.mark.fuzz
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(st.one_of(ANYTHING, CALLS))
 def test_any_question_is_answered(question: Bottle):
     """With results, a code, or a failure, all of which can be written; and nothing goes wrong."""

@@ -135,7 +135,7 @@ def test_a_part_is_known_to_be_one(dialect: Dialect, data: st.DataObject):
 
 
 @DIALECTS
-@settings(max_examples=300)
+@settings(max_examples=120)
 @given(state=states(), data=st.data())
 def test_damaged_bytes_are_an_error_or_a_state(dialect: Dialect, state: ExtendedState, data: st.DataObject):
     """Whatever was changed, the result is a BottleError, or a state in which exactly these bytes show."""

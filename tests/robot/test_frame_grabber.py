@@ -315,7 +315,7 @@ bottles = st.lists(
 
 
 @pytest.mark.fuzz
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(bottles)
 def test_any_question_is_answered(question: Bottle):
     """The port answers whatever it is asked, and an unknown error is never what a question causes."""

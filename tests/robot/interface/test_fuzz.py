@@ -67,7 +67,7 @@ def read(data: bytes) -> None:
 
 
 @pytest.mark.fuzz
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, len(RECORDED) - 1), st.integers(0, 20), st.binary(max_size=20)), max_size=8))
 def test_mutated(changes: list[tuple[int, int, bytes]]):
     """Bytes of a real file are lost, changed and added."""
@@ -78,7 +78,7 @@ def test_mutated(changes: list[tuple[int, int, bytes]]):
 
 
 @pytest.mark.fuzz
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(
     st.lists(
         st.tuples(st.integers(0, len(RECORDED)), st.integers(0, len(RECORDED)), st.integers(0, len(RECORDED))),
@@ -105,7 +105,7 @@ def element(children: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 
 
 @pytest.mark.fuzz
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(st.lists(st.recursive(st.sampled_from(VALUES).map(escape), element, max_leaves=30), max_size=5), st.booleans())
 def test_made_up(inside: list[str], typed: bool):
     """Elements anywhere, with attributes that belong to others."""
