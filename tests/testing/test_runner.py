@@ -369,6 +369,27 @@ def test_shared_process_that_crashes_is_replaced(tmp_path: Path):
     assert len({*pids}) == 3
 
 
+def test_request_to_stop_that_is_lost_is_made_again(tmp_path: Path):
+    """The interpreter loses a signal that comes just before it waits; the test is torn down all the same."""
+    outcome = run_suite(
+        tmp_path,
+        '<suite name="s"><test timeout="0.1">deaf.py</test></suite>',
+        options={"grace": 30},
+        deaf__py=test_file(
+            "\n        import signal, threading"
+            "\n        hears = signal.getsignal(signal.SIGINT)"
+            "\n        signal.signal(signal.SIGINT, lambda *_: signal.signal(signal.SIGINT, hears))"
+            "\n        threading.Event().wait()"
+            "\n    def teardown(self):"
+            "\n        note('torn-down')"
+        ),
+    )
+    (test,) = outcome.results.tests.values()
+    assert test.attempts[-1].detail == "run() did not end within 0.1 s"
+    assert (tmp_path / "suite" / "log").read_text() == "torn-down\n"
+    assert test.duration < 15
+
+
 def test_isolation_none_is_the_runners_own_process(tmp_path: Path):
     """For a debugger: the same verdicts, from inside the runner, which says so."""
     write_files(
