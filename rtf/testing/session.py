@@ -187,11 +187,8 @@ class Session:
         """Ask the main thread to end; called from its signal handler, with :class:`TestStopped` as the effect.
 
         It takes effect at once in the author's code, and when an event that is being sent is whole; outside the
-        author's code it keeps the body from being started. It takes effect once: the runner asks until it hears that
-        the test is leaving, and what undoes things meanwhile must not be cut short.
+        author's code it keeps the body from being started.
         """
-        if self.stopped:
-            return
         self._stop = self.stopped = reason
         if self._stoppable and not self._sending:
             self._raise_stop()

@@ -14,6 +14,7 @@ from rtf.testing import journal
 from rtf.testing.events import (
     Event,
     FixtureChanged,
+    FixtureIncident,
     InternalError,
     RunEnded,
     SuiteEnded,
@@ -369,25 +370,41 @@ def test_shared_process_that_crashes_is_replaced(tmp_path: Path):
     assert len({*pids}) == 3
 
 
-def test_request_to_stop_that_is_lost_is_made_again(tmp_path: Path):
-    """The interpreter loses a signal that comes just before it waits; the test is torn down all the same."""
+#: Waits in its main thread, while another thread takes the signals: the interpreter learns of them, and is not woken.
+UNWAKEABLE = """
+        import signal, threading
+        threading.Thread(target=signal.pause, daemon=True).start()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+        threading.Event().wait()
+    def teardown(self):
+        note('torn-down')
+"""
+
+
+def test_request_to_stop_that_is_not_noticed_is_followed_up(tmp_path: Path):
+    """A process whose interpreter missed a signal is woken, and torn down like any other."""
     outcome = run_suite(
         tmp_path,
         '<suite name="s"><test timeout="0.1">deaf.py</test></suite>',
         options={"grace": 30},
-        deaf__py=test_file(
-            "\n        import signal, threading"
-            "\n        hears = signal.getsignal(signal.SIGINT)"
-            "\n        signal.signal(signal.SIGINT, lambda *_: signal.signal(signal.SIGINT, hears))"
-            "\n        threading.Event().wait()"
-            "\n    def teardown(self):"
-            "\n        note('torn-down')"
-        ),
+        deaf__py=test_file(UNWAKEABLE),
     )
     (test,) = outcome.results.tests.values()
     assert test.attempts[-1].detail == "run() did not end within 0.1 s"
     assert (tmp_path / "suite" / "log").read_text() == "torn-down\n"
     assert test.duration < 15
+
+
+def test_fixture_that_does_not_notice_that_it_is_to_end_is_woken(tmp_path: Path):
+    """The same for one that hangs in its setup."""
+    outcome = run_suite(
+        tmp_path,
+        '<suite name="s"><fixture timeout="0.3" restarts="0">deaf.py</fixture><test>t.py</test></suite>',
+        deaf__py=f"{HEAD}\nclass Rig(FixtureManager):\n    def setup(self):{UNWAKEABLE}",
+        t__py=test_file("pass"),
+    )
+    assert [incident.cause for incident in outcome.of(FixtureIncident)] == ["setup() did not come back within 0.3 s"]
+    assert (tmp_path / "suite" / "log").read_text() == "torn-down\n"
 
 
 def test_isolation_none_is_the_runners_own_process(tmp_path: Path):

@@ -36,7 +36,7 @@ from rtf.testing.events import (
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.capture import Capture
 from rtf.testing.isolation.children import NurseryLostError
-from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, STOP_SIGNAL
+from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, NUDGE_PERIOD, NUDGE_SIGNAL, STOP_SIGNAL
 from rtf.testing.verdict import MeasurementVerdict, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
@@ -48,9 +48,6 @@ if TYPE_CHECKING:
 #: How long a test may take to react to being asked to stop, and a killed one to vanish.
 GRACE = 2.0
 _VANISH = 5.0
-#: How long until it is asked again: the interpreter does not notice a signal that comes between its last look for one
-#: and the system call in which it then waits, until another comes. Who heard the first does not hear the others.
-_ASK_AGAIN = 0.1
 #: How long a process may still take to end when its test is over.
 _LEAVING = 10.0
 #: How long it may take to write its stacks.
@@ -163,7 +160,7 @@ class Attempt:
         self._deadline = clock.Deadline()
         self._total = clock.Deadline()
         self._silence = clock.Deadline()
-        self._ask_again = clock.Deadline()
+        self._nudge = clock.Deadline()
         self._finished: dict[str, str] | None = None
         self._stop: Stop | None = None
         self._killed = False
@@ -211,15 +208,16 @@ class Attempt:
         reactor = self._nursery.reactor
         while not self._over(child):
             deadline = self._deadline if self._stop else self._deadline.earliest(self._total)
-            reactor.run_once(deadline.earliest(self._next_tick()).earliest(self._ask_again))
+            reactor.run_once(deadline.earliest(self._next_tick()).earliest(self._nudge))
             if self._over(child):
                 return
             if self._stop is None:
                 self._look_for_reason_to_stop(child)
             elif self._deadline.expired or (self._kill_now() and not self._killed):
                 self._press_on(child)
-            elif self._ask_again.expired:
-                self._ask_to_stop(child)
+            elif self._nudge.expired:
+                child.signal(NUDGE_SIGNAL)
+                self._nudge = clock.Deadline.after(NUDGE_PERIOD)
 
     def _over(self, child: Child) -> bool:
         """Whether the process is gone, or waits for its next job."""
@@ -247,15 +245,11 @@ class Attempt:
         child.signal(signal.SIGCONT)
         if self._phase in _LEAVING_PHASES and stop.reason in ("fixture", "interrupted") and not self._kill_now():
             return  # it is undoing what it did, which is what it would be stopped for; its time is limited
+        child.signal(STOP_SIGNAL)
         self._deadline = clock.Deadline.after(self._limits.grace)
-        self._ask_to_stop(child)
+        self._nudge = clock.Deadline.after(NUDGE_PERIOD)
         if self._kill_now():
             self._press_on(child)
-
-    def _ask_to_stop(self, child: Child) -> None:
-        """Ask it, and ask again until it enters what undoes things, is finished, or is killed."""
-        child.signal(STOP_SIGNAL)
-        self._ask_again = clock.Deadline.after(_ASK_AGAIN)
 
     def _channel_closed(self) -> Stop | None:
         """A process that dies closes its channel a moment before its end is known; one that lives on is cut off."""
@@ -288,7 +282,7 @@ class Attempt:
             self._deadline = clock.Deadline.after(_DUMPING)
             return
         self._killed = True
-        self._ask_again = clock.Deadline()
+        self._nudge = clock.Deadline()
         child.signal(signal.SIGKILL, group=True)
         self._deadline = clock.Deadline.after(_VANISH)
 
@@ -300,7 +294,7 @@ class Attempt:
             if type(message) is dict and "finished" in message:
                 self._finished = {str(key): str(value) for key, value in message["finished"].items()}
                 self._deadline = clock.Deadline.after(_LEAVING)
-                self._ask_again = clock.Deadline()
+                self._nudge = clock.Deadline()
                 return
             event = from_record(message)
         except (EventError, ValueError, TypeError, AttributeError, RecursionError) as error:
@@ -359,7 +353,7 @@ class Attempt:
         self._repetition = event.repetition
         limit = self._limits.of(event.phase)
         if event.phase in _LEAVING_PHASES:
-            self._ask_again = clock.Deadline()
+            self._nudge = clock.Deadline()
         if self._stop is None or (event.phase in _LEAVING_PHASES and not self._killed):
             self._deadline = clock.Deadline.after(limit)
         return PhaseStarted(

@@ -39,6 +39,8 @@ from rtf.testing.isolation.nursery_protocol import (
     FORK_SPARE,
     FORK_SPARE_REQUEST,
     MARK_HOST,
+    NUDGE_PERIOD,
+    NUDGE_SIGNAL,
     PRELOAD,
     READY,
     REPORT,
@@ -231,7 +233,8 @@ class Nursery:
                 processes.signal_process(host, signal.SIGCONT)
                 processes.signal_process(host, signal.SIGTERM)
                 while host in self._pidfds and not deadline.expired:
-                    self._reap_ready(deadline.remaining())
+                    processes.signal_process(host, NUDGE_SIGNAL)
+                    self._reap_ready(min(NUDGE_PERIOD, deadline.remaining()))
         final = clock.Deadline.after(STRAY_GRACE)
         while (self._pidfds or processes.children_of(self._pid)) and not final.expired:
             for pid in processes.descendants_of(self._pid):

@@ -27,6 +27,10 @@ CHILD, EXITED, READY, UNFIT = b"c", b"x", b"r", b"u"
 #: Asks a test to end, and makes any process of ours write the stacks of its threads into the nursery's dump file.
 STOP_SIGNAL = signal.SIGINT
 DUMP_SIGNAL = signal.SIGQUIT
+#: Does nothing but wake a process that was asked to end. The interpreter does not notice a signal that comes between
+#: its last look for one and the system call in which it then waits, until another comes: so who asked goes on nudging.
+NUDGE_SIGNAL = signal.SIGURG
+NUDGE_PERIOD = 0.1
 
 #: The files of a nursery beside 0, 1 and 2. A child has its own socket on SOCKET_FD, the dump file, and no others.
 SOCKET_FD = 3

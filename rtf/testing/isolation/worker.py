@@ -26,7 +26,7 @@ from rtf.testing.case import TestCase
 from rtf.testing.events import Event, Measured, ParametersResolved, PhaseStarted, line_of, to_line
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.job import HEADER, JOB_MARK, Job
-from rtf.testing.isolation.nursery_protocol import DUMP_FD, DUMP_SIGNAL, SOCKET_FD, STOP_SIGNAL
+from rtf.testing.isolation.nursery_protocol import DUMP_FD, DUMP_SIGNAL, NUDGE_SIGNAL, SOCKET_FD, STOP_SIGNAL
 from rtf.testing.outcome import TestProblem, TestStopped
 from rtf.testing.plugins import PluginRef
 from rtf.testing.session import Session, text_of
@@ -61,6 +61,7 @@ def prepare() -> None:
     for module in _WARM:
         importlib.import_module(module)
     signal.signal(STOP_SIGNAL, _on_stop)
+    signal.signal(NUDGE_SIGNAL, _on_nudge)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     faulthandler.enable(file=DUMP_FD, all_threads=True)
     faulthandler.register(DUMP_SIGNAL, file=DUMP_FD, all_threads=True, chain=False)
@@ -100,6 +101,10 @@ def _rehearse(times: int) -> None:
 def _on_stop(_signum: int, _frame: FrameType | None) -> None:
     if _session is not None:
         _session.stop("stopped by the runner")
+
+
+def _on_nudge(_signum: int, _frame: FrameType | None) -> None:
+    """Nothing: to be woken is all, see ``NUDGE_SIGNAL``."""
 
 
 class Wire:

@@ -17,7 +17,7 @@ from rtf import clock
 from rtf.testing.events import EventError, Message, OutputCaptured, from_record
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.capture import Capture, Tail
-from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL
+from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, NUDGE_PERIOD, NUDGE_SIGNAL
 from rtf.testing.session import bounded
 from rtf.testing.supervision.fixture_record import Cause
 from rtf.testing.verdict import FixtureState, Phase, Severity
@@ -50,14 +50,18 @@ _NONSENSE_LIMIT = 1000
 
 
 class Incarnation:
-    """The process of one incarnation. ``wait(condition)`` is the supervisor's: it returns when the condition holds."""
+    """The process of one incarnation.
+
+    ``wait(condition, limit)`` is the supervisor's: it returns at the limit, or when the condition holds, at which it
+    looks after whatever happens.
+    """
 
     def __init__(
         self,
         fixture: Fixture,
         notes: Notes,
         nursery: Nursery,
-        wait: Callable[[Callable[[], bool]], None],
+        wait: Callable[[Callable[[], bool], clock.Deadline], None],
         kill_now: Callable[[], bool],
     ) -> None:
         self._fixture = fixture
@@ -163,13 +167,25 @@ class Incarnation:
                 if self._listening and (self._doing == "setup()" or self._dump_cause):
                     self._interrupt()
             while child.end is None and not self._killed:
-                self._wait(lambda: child.end is not None or self.deadline.expired or self._kill_now())
+                self._wait_for_end(child)
                 if child.end is None:
                     self._press_on(self._phase if reason else Phase.TEARDOWN)
             if child.end is not None:
                 self._conclude(child.end)
         finally:
             self._close()
+
+    def _wait_for_end(self, child: Child) -> None:
+        """Wait for it, or for the moment to press on; what has been interrupted is nudged until it notices."""
+
+        def over() -> bool:
+            return child.end is not None or self.deadline.expired or self._kill_now()
+
+        while not over():
+            nudge = clock.Deadline.after(NUDGE_PERIOD)
+            self._wait(lambda nudge=nudge: over() or nudge.expired, nudge)  # type: ignore[misc]
+            if self._pressed:
+                child.signal(NUDGE_SIGNAL)
 
     def _interrupt(self) -> None:
         """Have it leave what it is doing, so that it gets to its teardown."""
@@ -200,7 +216,7 @@ class Incarnation:
         child.signal(signal.SIGKILL, group=True)
         deadline = clock.Deadline.after(_VANISH)
         self.deadline = deadline
-        self._wait(lambda: child.end is not None or deadline.expired)
+        self._wait(lambda: child.end is not None or deadline.expired, deadline)
         if child.end is None:
             self._nursery.abandon()
 
