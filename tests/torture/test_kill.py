@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.torture
 
-ROUNDS = int(os.environ.get("RTF_TORTURE_ROUNDS", "6"))
+ROUNDS = int(os.environ.get("RTF_TORTURE_ROUNDS", "4"))
 TESTS = 8
 PROGRAM = "86399"
 
