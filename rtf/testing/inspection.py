@@ -20,7 +20,7 @@ from rtf.testing.isolation import processes
 from rtf.testing.parameters import Declared, Parameter, ParameterError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from rtf.testing.plugins import PluginRef
 
@@ -46,12 +46,25 @@ class Inspection:
 
 def inspect_plugin(ref: PluginRef, **values: Any) -> Inspection:  # whatever resolve_parameters takes
     """Load a plug-in and, with ``values`` (those of ``resolve_parameters``), try what would be given to it."""
-    answer = isolated(lambda: _look(ref, values or None), LOAD_LIMIT)
+    return inspect_uses(ref, [values])[0]
+
+
+def inspect_uses(ref: PluginRef, uses: Sequence[dict[str, Any]]) -> list[Inspection]:
+    """Load a plug-in once, and try what would be given to it at each of its uses.
+
+    Each has a fresh test or fixture. When the process ends meanwhile, each use is looked at in a process of its own, so
+    that the others have their findings.
+    """
+    answer = isolated(lambda: {"uses": [_look(ref, values or None) for values in uses]}, LOAD_LIMIT)
     if isinstance(answer, str):
-        return Inspection(problems=(answer,))
-    tupled: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value for name, value in answer.items()
-    }
+        if len(uses) == 1:
+            return [Inspection(problems=(answer,))]
+        return [found for values in uses for found in inspect_uses(ref, [values])]
+    return [_inspection(found) for found in answer["uses"]]
+
+
+def _inspection(found: dict[str, Any]) -> Inspection:
+    tupled: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in found.items()}
     return Inspection(**tupled)
 
 

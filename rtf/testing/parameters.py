@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args, get_origin, overload
 
 from rtf.bottle import Bottle, Value, as_bool, is_bool, to_string, to_text
-from rtf.resources import find_parameters
+from rtf.resources import DiagnosticKind, find_parameters
 from rtf.testing.measurement import limits_text, number, unit
 from rtf.testing.outcome import TestingError
 from rtf.testing.plugins import shipped_folder
@@ -259,8 +259,9 @@ class Declared:
         if not (param or parameters or overrides or len(declared) > _BUILT_IN):
             return []  # the common case of a test without parameters costs nothing
         found = find_parameters(param, environment, roots=_roots(folder))
-        self.parameter_warnings = tuple(f"{item.location}: {item}" for item in found.diagnostics)
-        return _Filling(self, declared).fill([*_layers(found, parameters, overrides, place)])
+        lost = [str(item) for item in found.diagnostics if item.kind is DiagnosticKind.UNBALANCED]
+        self.parameter_warnings = tuple(text for text in map(str, found.diagnostics) if text not in lost)
+        return _Filling(self, declared, lost).fill([*_layers(found, parameters, overrides, place)])
 
     @classmethod
     def parameter_table(cls) -> list[Parameter[Any]]:
@@ -327,12 +328,15 @@ def _file_layer(found: Parameters) -> Iterator[Given]:
 
 
 class _Filling:
-    """One pass over the layers, which collects every problem instead of ending at the first."""
+    """One pass over the layers, which collects every problem instead of ending at the first.
 
-    def __init__(self, target: Declared, declared: dict[str, Parameter[Any]]) -> None:
+    ``problems`` are those with the file itself: values that are lost would become defaults, and move something else.
+    """
+
+    def __init__(self, target: Declared, declared: dict[str, Parameter[Any]], problems: list[str]) -> None:
         self._target = target
         self._declared = declared
-        self._problems: list[str] = []
+        self._problems = problems
         self._sources: dict[str, str] = {}
         self._by_key = {
             key: name for name, parameter in declared.items() for key in (parameter.key, *parameter.aliases)

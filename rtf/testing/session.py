@@ -232,6 +232,13 @@ class Session:
         for part in self._parts:
             part.tally.recorded += 1
 
+    def _note(self, severity: Severity, text: str) -> None:
+        """Count a failure or an error. What the test as a whole came to names the part in which it was found."""
+        subject = self.subject
+        for tally in self._tallies()[1:]:
+            tally.note(severity, text)
+        self.tally.note(severity, text if subject in text else f"{subject}: {text}")
+
     def message(
         self,
         severity: Severity,
@@ -249,8 +256,7 @@ class Session:
         if len(detail) > TEXT_LIMIT:
             detail = bounded(detail)
         if severity in _BAD:
-            for tally in self._tallies():
-                tally.note(severity, detail or title)
+            self._note(severity, detail or title)
         record: dict[str, Any] = {
             "event": "message",
             "time": round(clock.now(), 6),

@@ -80,6 +80,31 @@ def test_validate_tells_every_problem_of_every_file(folder: Path):
     assert run_command(folder, "validate", "s.xml").exit_code == ExitCode.PASSED
 
 
+BOMB = """
+import os
+from rtf.testing import Parameter, TestCase
+
+class Bomb(TestCase):
+    speed = Parameter(int, "how fast", default=1)
+
+    def resolve_parameters(self, **values):
+        if "9" in values["param"]:
+            os.abort()
+        return super().resolve_parameters(**values)
+"""
+
+
+def test_validate_loses_no_finding_to_a_plug_in_that_crashes(folder: Path):
+    """All uses of a plug-in are looked at together; one that ends the process takes no other with it."""
+    (folder / "bomb.py").write_text(BOMB)
+    uses = "".join(f'<test name="{speed}" param="--speed {speed}">bomb.py</test>' for speed in ("1", "9", "quick"))
+    (folder / "bombs.xml").write_text(f'<suite name="bombs">{uses}</suite>')
+    done = run_command(folder, "validate", "bombs.xml")
+    assert "test 9: its process ended while it was being loaded: killed by SIGABRT" in done.stderr
+    assert "test quick: speed: " in done.stderr
+    assert "1 suites, 3 tests: 2 errors, 0 warnings" in done.stdout
+
+
 def test_report_rebuilds_reports_from_the_journal(folder: Path):
     """A report made later is the report made then."""
     run_command(folder, "-s", "s.xml", "--junit", "then.xml")

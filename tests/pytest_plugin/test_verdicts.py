@@ -33,7 +33,7 @@ EXPECTED = {
     "unsure": (Verdict.INCONCLUSIVE, "FAILED", " - inconclusive: the light was off"),
     "flaky": (Verdict.FLAKY, "", ""),
     "bug": (Verdict.ERROR, "FAILED", " - error: KeyError: 'arm'"),
-    "known bug": (Verdict.EXPECTED_FAILURE, "XFAIL", " - ticket 7: position = 12.5 deg"),
+    "known bug": (Verdict.EXPECTED_FAILURE, "XFAIL", " - ticket 7: left: position = 12.5 deg"),
     "mended": (Verdict.UNEXPECTED_PASS, "FAILED", " - unexpected pass: expected to fail: ticket 8"),
     "missing": (Verdict.ERROR, "ERROR", " - error: no test plug-in 'NoSuchTest' …"),
     "stands on arm": (Verdict.BLOCKED, "ERROR", " - blocked: needs test s/arm, which came to: failed"),

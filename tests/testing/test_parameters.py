@@ -115,6 +115,23 @@ def test_a_text_without_quotes_is_explained():
     assert "put a text with blanks in quotes" in found
 
 
+def test_a_file_whose_rest_is_lost_is_an_error(tmp_path: Path):
+    """What stands behind a bracket that is never closed would silently be defaults, and move something else."""
+    (tmp_path / "limits.ini").write_text("part torso\njoints (0 1\nspeed (5 6)\n")
+    with pytest.raises(ParameterError, match=r"limits\.ini:2.* never closed") as caught:
+        Limits().resolve_parameters(param="--from limits.ini", folder=str(tmp_path))
+    assert str(caught.value).count("limits.ini:2") == 1
+
+
+def test_what_reading_a_file_warns_of_has_its_place_once(tmp_path: Path):
+    """As compilers write it."""
+    (tmp_path / "limits.ini").write_text("part x$NOWHERE\n")
+    test = Limits()
+    test.resolve_parameters(param="--from limits.ini", folder=str(tmp_path))
+    (warning,) = test.parameter_warnings
+    assert warning.count("limits.ini:1") == 1
+
+
 def test_nan_is_outside_every_range():
     """A number that is none never passes for a value."""
     (found,) = problems('--part arm --joints "(0)" --speed "(nan)"')

@@ -92,6 +92,22 @@ def test_part_that_is_skipped_skips_the_part_only(session: Session, sent: list[E
     assert session.tally.verdict() is Verdict.INCONCLUSIVE
 
 
+def test_what_a_test_came_to_names_the_part(session: Session):
+    """The part's own account does not repeat its name, and nor does a text that has it."""
+    with session.part("l_elbow"):
+        session.message(Severity.FAILURE, "measure", "12 deg", ("", 0))
+        (part,) = session._parts
+        assert part.tally.first == "12 deg"
+    assert session.tally.first == "l_elbow: 12 deg"
+
+
+def test_part_is_not_named_twice(session: Session):
+    """A text that names it already is left as it is."""
+    with session.part("l_elbow"):
+        session.message(Severity.FAILURE, "assert", "l_elbow does not move", ("", 0))
+    assert session.tally.first == "l_elbow does not move"
+
+
 def test_stop_takes_effect_at_once_in_the_authors_code(session: Session):
     """And nowhere else."""
     session.stop("x")  # outside: noted
