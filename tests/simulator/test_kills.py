@@ -33,7 +33,7 @@ pytestmark = pytest.mark.skipif(
     not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
 )
 
-ROUNDS = int(os.environ.get("RTF_TORTURE_ROUNDS", "6"))
+ROUNDS = int(os.environ.get("RTF_TORTURE_ROUNDS", "3"))
 _NETWORK = """
 import sys
 from rtf import clock
