@@ -47,6 +47,14 @@ class ControlMode(IntEnum):
         return Vocab(int(self)).text
 
 
+def mode_word(number: int) -> str:
+    """The word of a mode that is told as a number; the number itself where there is no such mode."""
+    try:
+        return ControlMode(number).word
+    except ValueError:
+        return str(number)
+
+
 class InteractionMode(IntEnum):
     """Whether a joint holds its place stiffly or gives way to who pushes it."""
 

@@ -1,21 +1,21 @@
 """A control board that does nothing itself: every method of every interface, made of a few ways of passing it on.
 
-A client passes the methods on through the network, a remapper to other boards. Each says how in five methods; here they
-are told which method of an interface it is, as the function itself, so that arguments and results are checked.
+A client passes the methods on through the network, a remapper to other boards. Each says how in five methods; they are
+told which method of an interface it is, as the function itself. What a method takes and gives is what its interface
+says, so that calls are checked as those of any other board.
 """
 
 from __future__ import annotations
 
+import inspect
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeAlias, TypeVar
+from functools import update_wrapper
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
 import numpy as np
 
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import (
-    AxisSelection,
-    CalibrationParameters,
-    FloatArray,
     IAmplifierControl,
     IAxisInfo,
     IControlCalibration,
@@ -35,11 +35,7 @@ from rtf.robot.interfaces import (
     IRemoteCalibrator,
     ITorqueControl,
     IVelocityControl,
-    JointType,
-    MotorTorqueParameters,
-    Pid,
-    PidType,
-    Values,
+    modes_for,
     selected,
     values_for,
 )
@@ -47,13 +43,119 @@ from rtf.robot.interfaces import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.robot.control_modes import ControlMode, InteractionMode
+    from rtf.robot.control_modes import ControlMode
+    from rtf.robot.interfaces import AxisSelection, FloatArray, Values
 
-P = ParamSpec("P")
 R = TypeVar("R")
-M = TypeVar("M")
-#: A method of an interface that takes any choice of axes.
+#: A method of an interface that takes any choice of axes, as the last of its arguments.
 Plural: TypeAlias = "Callable[..., Any]"
+Method = TypeVar("Method", bound="Callable[..., Any]")
+Numbers = TypeVar("Numbers", bound="Callable[..., FloatArray]")
+Words = TypeVar("Words", bound="Callable[..., tuple[Any, ...]]")
+Truth = TypeVar("Truth", bound="Callable[..., bool]")
+Order = TypeVar("Order", bound="Callable[..., None]")
+
+
+# How a method of an interface becomes one of a forwarded board --------------------------------------------------------
+
+
+def _made(method: Method, forward: Callable[..., Any]) -> Method:
+    """A method that gives its arguments, in the order in which the interface declares them, to ``forward``."""
+    signature = inspect.signature(method)
+    _, *parameters = signature.parameters.values()
+    defaults = tuple(one.default for one in parameters)
+    needed = defaults.count(inspect.Parameter.empty)
+
+    def forwarded(board: ForwardedBoard, *given: Any, **named: Any) -> Any:
+        if not named and needed <= len(given) <= len(defaults):
+            return forward(board, *given, *defaults[len(given) :])
+        call = signature.bind(board, *given, **named)
+        call.apply_defaults()
+        return forward(*call.args)
+
+    return cast("Method", update_wrapper(forwarded, method, updated=()))  # without the mark that it is abstract
+
+
+def _numbers(method: Numbers) -> Numbers:
+    """One that reads a number of each axis. The kind of PID, where there are several, goes before the axes."""
+
+    def read(board: ForwardedBoard, *of_and_axes: Any) -> FloatArray:
+        *of, axes = of_and_axes
+        return np.asarray(board.forward_reading(method, axes, *of), dtype=np.float64)
+
+    return _made(method, read)
+
+
+def _words(method: Words) -> Words:
+    """One that reads something else of each axis."""
+
+    def read(board: ForwardedBoard, axes: AxisSelection) -> tuple[Any, ...]:
+        return tuple(board.forward_reading(method, axes))
+
+    return _made(method, read)
+
+
+def _set_numbers(method: Order) -> Order:
+    """One that gives each axis a number, with the kind of PID likewise."""
+
+    def give(board: ForwardedBoard, *of_values_axes: Any) -> None:
+        *of, values, axes = of_values_axes
+        board.forward_setting(method, board.checked(values, len(board.chosen(axes))).tolist(), axes, *of)
+
+    return _made(method, give)
+
+
+def _set_modes(method: Order) -> Order:
+    """One that gives each axis a mode: one for all of them, or one for each."""
+
+    def give(board: ForwardedBoard, modes: ControlMode | Sequence[ControlMode], axes: AxisSelection) -> None:
+        count = len(board.chosen(axes))
+        try:
+            wanted = modes_for(count, modes)
+        except RefusedError as error:
+            raise board.refusal(str(error)) from None
+        board.forward_setting(method, wanted, axes)
+
+    return _made(method, give)
+
+
+def _done(method: Order) -> Order:
+    """One that does something with axes."""
+
+    def do(board: ForwardedBoard, axes: AxisSelection) -> None:
+        board.forward_action(method, axes)
+
+    return _made(method, do)
+
+
+def _all_are(method: Truth) -> Truth:
+    """One that says whether something is true of all these axes."""
+    return _made(method, lambda board, axes: all(board.forward_action(method, axes)))
+
+
+def _single(method: Method) -> Method:
+    """One of a single axis, which is the first of its arguments."""
+
+    def do(board: ForwardedBoard, axis: int, *arguments: Any) -> Any:
+        [axis] = board.chosen(axis)
+        return board.forward_single(method, axis, *arguments)
+
+    return _made(method, do)
+
+
+def _single_pid(method: Method) -> Method:
+    """One of a single axis, before which the kind of PID goes."""
+
+    def do(board: ForwardedBoard, kind: Any, axis: int, *arguments: Any) -> Any:
+        [axis] = board.chosen(axis)
+        return board.forward_single(method, axis, *arguments, of=(kind,))
+
+    return _made(method, do)
+
+
+def _whole(method: Method) -> Method:
+    """One of the whole board."""
+    return _made(method, lambda board: board.forward_whole(method))
 
 
 class ForwardedBoard(
@@ -77,100 +179,60 @@ class ForwardedBoard(
     IRemoteCalibrator,
     IJointFault,
 ):
-    """All interfaces of a board; ``axes`` and the five below are what is left to say."""
+    """All interfaces of a board; ``axes`` and the five below are what is left to say.
+
+    They are given axes as they were chosen, None for all, and have to refuse those that the board does not have.
+    """
 
     @abstractmethod
-    def forward_reading(self, method: Plural, axes: list[int], *of: object) -> Sequence[Any]:
+    def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
         """What a plural method gives for these axes, one value for each. ``of`` goes before the axes: a kind of PID."""
 
     @abstractmethod
-    def forward_setting(self, method: Plural, values: Sequence[Any], axes: list[int], *of: object) -> None:
-        """Have a plural method set these axes; there is a value for each."""
+    def forward_setting(self, method: Plural, values: Sequence[Any], axes: AxisSelection, *of: object) -> None:
+        """Have a plural method set these axes, which exist; there is a value for each."""
 
     @abstractmethod
-    def forward_action(self, method: Plural, axes: list[int]) -> list[Any]:
+    def forward_action(self, method: Plural, axes: AxisSelection) -> list[Any]:
         """Have a method do something for these axes; returns what it gave, of each call that was made of it."""
 
     @abstractmethod
     def forward_single(self, method: Callable[..., R], axis: int, *arguments: object, of: tuple[object, ...] = ()) -> R:
-        """What a method of one axis gives. ``of`` goes before the axis, the arguments behind it."""
+        """What a method gives of one axis, which exists. ``of`` goes before the axis, the arguments behind it."""
 
     @abstractmethod
-    def forward_whole(self, method: Callable[..., R], *arguments: object) -> R:
+    def forward_whole(self, method: Callable[..., R]) -> R:
         """What a method of the whole board gives."""
 
-    # How the methods below are made -------------------------------------------------------------------------------
+    # What is checked before anything is passed on -----------------------------------------------------------------
 
-    def _chosen(self, axes: AxisSelection) -> list[int]:
+    def refusal(self, why: str) -> RefusedError:
+        """What to raise for arguments that make no sense."""
+        return RefusedError(why)
+
+    def chosen(self, axes: AxisSelection) -> list[int]:
+        """The numbers of axes. Raises RefusedError for one that the board does not have."""
         return selected(self.axes(), axes)
 
-    def _numbers(self, method: Plural, axes: AxisSelection, *of: object) -> FloatArray:
-        return np.asarray(self.forward_reading(method, self._chosen(axes), *of), dtype=np.float64)
+    def checked(self, values: Values, count: int) -> FloatArray:
+        """So many finite numbers. Raises RefusedError for others."""
+        return values_for(count, values)
 
-    def _set_numbers(self, method: Plural, values: Values, axes: AxisSelection, *of: object) -> None:
-        chosen = self._chosen(axes)
-        self.forward_setting(method, values_for(len(chosen), values).tolist(), chosen, *of)
-
-    def _set_modes(self, method: Plural, modes: M | Sequence[M], axes: AxisSelection) -> None:
-        """One mode for all of them, or one for each."""
-        chosen = self._chosen(axes)
-        wanted = [*modes] if isinstance(modes, (list, tuple)) else [modes] * len(chosen)
-        if len(wanted) != len(chosen):
-            raise RefusedError(f"{len(chosen)} modes are needed, {len(wanted)} were given")
-        self.forward_setting(method, wanted, chosen)
-
-    def _single(
-        self, method: Callable[Concatenate[Any, int, P], R], axis: int, *arguments: P.args, **named: P.kwargs
-    ) -> R:
-        [axis] = self._chosen(axis)
-        return self.forward_single(method, axis, *arguments, *named.values())
-
-    def _pid(
-        self,
-        method: Callable[Concatenate[Any, PidType, int, P], R],
-        kind: PidType,
-        axis: int,
-        *arguments: P.args,
-        **named: P.kwargs,
-    ) -> R:
-        [axis] = self._chosen(axis)
-        return self.forward_single(method, axis, *arguments, *named.values(), of=(kind,))
+    # The methods ----------------------------------------------------------------------------------------------------
 
     # Axes ------------------------------------------------------------------------------------------------------------
 
-    def axis_name(self, joint: int) -> str:
-        """See IAxisInfo."""
-        return self._single(IAxisInfo.axis_name, joint)
-
-    def joint_type(self, joint: int) -> JointType:
-        """See IAxisInfo."""
-        return self._single(IAxisInfo.joint_type, joint)
+    axis_name = _single(IAxisInfo.axis_name)
+    joint_type = _single(IAxisInfo.joint_type)
 
     # Encoders --------------------------------------------------------------------------------------------------------
 
-    def encoders(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
-        return self._numbers(IEncoders.encoders, joints)
-
-    def encoder_speeds(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
-        return self._numbers(IEncoders.encoder_speeds, joints)
-
-    def encoder_accelerations(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
-        return self._numbers(IEncoders.encoder_accelerations, joints)
-
-    def encoder_times(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
-        return self._numbers(IEncoders.encoder_times, joints)
-
-    def set_encoders(self, values: Values, joints: AxisSelection = None) -> None:
-        """See IEncoders."""
-        self._set_numbers(IEncoders.set_encoders, values, joints)
-
-    def reset_encoders(self, joints: AxisSelection = None) -> None:
-        """See IEncoders."""
-        self.forward_action(IEncoders.reset_encoders, self._chosen(joints))
+    encoders = _numbers(IEncoders.encoders)
+    encoder_speeds = _numbers(IEncoders.encoder_speeds)
+    encoder_accelerations = _numbers(IEncoders.encoder_accelerations)
+    encoder_times = _numbers(IEncoders.encoder_times)
+    set_encoders = _set_numbers(IEncoders.set_encoders)
+    reset_encoders = _done(IEncoders.reset_encoders)
 
     # Motors ----------------------------------------------------------------------------------------------------------
 
@@ -178,384 +240,121 @@ class ForwardedBoard(
         """See IMotorEncoders: each axis has one."""
         return self.axes()
 
-    def motor_encoders(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
-        return self._numbers(IMotorEncoders.motor_encoders, motors)
-
-    def motor_encoder_speeds(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
-        return self._numbers(IMotorEncoders.motor_encoder_speeds, motors)
-
-    def motor_encoder_accelerations(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
-        return self._numbers(IMotorEncoders.motor_encoder_accelerations, motors)
-
-    def set_motor_encoders(self, values: Values, motors: AxisSelection = None) -> None:
-        """See IMotorEncoders."""
-        self._set_numbers(IMotorEncoders.set_motor_encoders, values, motors)
-
-    def reset_motor_encoders(self, motors: AxisSelection = None) -> None:
-        """See IMotorEncoders."""
-        self.forward_action(IMotorEncoders.reset_motor_encoders, self._chosen(motors))
-
-    def counts_per_revolution(self, motor: int) -> float:
-        """See IMotorEncoders."""
-        return self._single(IMotorEncoders.counts_per_revolution, motor)
-
-    def set_counts_per_revolution(self, motor: int, counts: float) -> None:
-        """See IMotorEncoders."""
-        self._single(IMotorEncoders.set_counts_per_revolution, motor, counts)
+    motor_encoders = _numbers(IMotorEncoders.motor_encoders)
+    motor_encoder_speeds = _numbers(IMotorEncoders.motor_encoder_speeds)
+    motor_encoder_accelerations = _numbers(IMotorEncoders.motor_encoder_accelerations)
+    set_motor_encoders = _set_numbers(IMotorEncoders.set_motor_encoders)
+    reset_motor_encoders = _done(IMotorEncoders.reset_motor_encoders)
+    counts_per_revolution = _single(IMotorEncoders.counts_per_revolution)
+    set_counts_per_revolution = _single(IMotorEncoders.set_counts_per_revolution)
 
     def motor_count(self) -> int:
         """See IMotor: each axis has one."""
         return self.axes()
 
-    def temperatures(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotor."""
-        return self._numbers(IMotor.temperatures, motors)
-
-    def temperature_limit(self, motor: int) -> float:
-        """See IMotor."""
-        return self._single(IMotor.temperature_limit, motor)
-
-    def set_temperature_limit(self, motor: int, limit: float) -> None:
-        """See IMotor."""
-        self._single(IMotor.set_temperature_limit, motor, limit)
-
-    def gearbox_ratio(self, motor: int) -> float:
-        """See IMotor."""
-        return self._single(IMotor.gearbox_ratio, motor)
-
-    def set_gearbox_ratio(self, motor: int, ratio: float) -> None:
-        """See IMotor."""
-        self._single(IMotor.set_gearbox_ratio, motor, ratio)
+    temperatures = _numbers(IMotor.temperatures)
+    temperature_limit = _single(IMotor.temperature_limit)
+    set_temperature_limit = _single(IMotor.set_temperature_limit)
+    gearbox_ratio = _single(IMotor.gearbox_ratio)
+    set_gearbox_ratio = _single(IMotor.set_gearbox_ratio)
 
     # Moving ----------------------------------------------------------------------------------------------------------
 
-    def position_move(self, targets: Values, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
-        self._set_numbers(IPositionControl.position_move, targets, joints)
-
-    def relative_move(self, distances: Values, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
-        self._set_numbers(IPositionControl.relative_move, distances, joints)
-
-    def motion_done(self, joints: AxisSelection = None) -> bool:
-        """See IPositionControl."""
-        return all(self.forward_action(IPositionControl.motion_done, self._chosen(joints)))
-
-    def target_positions(self, joints: AxisSelection = None) -> FloatArray:
-        """See IPositionControl."""
-        return self._numbers(IPositionControl.target_positions, joints)
-
-    def set_reference_speeds(self, speeds: Values, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
-        self._set_numbers(IPositionControl.set_reference_speeds, speeds, joints)
-
-    def reference_speeds(self, joints: AxisSelection = None) -> FloatArray:
-        """See IPositionControl."""
-        return self._numbers(IPositionControl.reference_speeds, joints)
-
-    def set_reference_accelerations(self, accelerations: Values, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
-        self._set_numbers(IPositionControl.set_reference_accelerations, accelerations, joints)
-
-    def reference_accelerations(self, joints: AxisSelection = None) -> FloatArray:
-        """See IPositionControl."""
-        return self._numbers(IPositionControl.reference_accelerations, joints)
-
-    def stop(self, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
-        self.forward_action(IPositionControl.stop, self._chosen(joints))
-
-    def velocity_move(self, velocities: Values, joints: AxisSelection = None) -> None:
-        """See IVelocityControl."""
-        self._set_numbers(IVelocityControl.velocity_move, velocities, joints)
-
-    def target_velocities(self, joints: AxisSelection = None) -> FloatArray:
-        """See IVelocityControl."""
-        return self._numbers(IVelocityControl.target_velocities, joints)
-
-    def set_positions(self, positions: Values, joints: AxisSelection = None) -> None:
-        """See IPositionDirect."""
-        self._set_numbers(IPositionDirect.set_positions, positions, joints)
-
-    def reference_positions(self, joints: AxisSelection = None) -> FloatArray:
-        """See IPositionDirect."""
-        return self._numbers(IPositionDirect.reference_positions, joints)
+    position_move = _set_numbers(IPositionControl.position_move)
+    relative_move = _set_numbers(IPositionControl.relative_move)
+    motion_done = _all_are(IPositionControl.motion_done)
+    target_positions = _numbers(IPositionControl.target_positions)
+    set_reference_speeds = _set_numbers(IPositionControl.set_reference_speeds)
+    reference_speeds = _numbers(IPositionControl.reference_speeds)
+    set_reference_accelerations = _set_numbers(IPositionControl.set_reference_accelerations)
+    reference_accelerations = _numbers(IPositionControl.reference_accelerations)
+    stop = _done(IPositionControl.stop)
+    velocity_move = _set_numbers(IVelocityControl.velocity_move)
+    target_velocities = _numbers(IVelocityControl.target_velocities)
+    set_positions = _set_numbers(IPositionDirect.set_positions)
+    reference_positions = _numbers(IPositionDirect.reference_positions)
 
     # Torques, impedances, currents and duty cycles -------------------------------------------------------------------
 
-    def torques(self, joints: AxisSelection = None) -> FloatArray:
-        """See ITorqueControl."""
-        return self._numbers(ITorqueControl.torques, joints)
-
-    def torque_range(self, joint: int) -> tuple[float, float]:
-        """See ITorqueControl."""
-        return self._single(ITorqueControl.torque_range, joint)
-
-    def set_reference_torques(self, torques: Values, joints: AxisSelection = None) -> None:
-        """See ITorqueControl."""
-        self._set_numbers(ITorqueControl.set_reference_torques, torques, joints)
-
-    def reference_torques(self, joints: AxisSelection = None) -> FloatArray:
-        """See ITorqueControl."""
-        return self._numbers(ITorqueControl.reference_torques, joints)
-
-    def motor_torque_parameters(self, joint: int) -> MotorTorqueParameters:
-        """See ITorqueControl."""
-        return self._single(ITorqueControl.motor_torque_parameters, joint)
-
-    def set_motor_torque_parameters(self, joint: int, parameters: MotorTorqueParameters) -> None:
-        """See ITorqueControl."""
-        self._single(ITorqueControl.set_motor_torque_parameters, joint, parameters)
-
-    def impedance(self, joint: int) -> tuple[float, float]:
-        """See IImpedanceControl."""
-        return self._single(IImpedanceControl.impedance, joint)
-
-    def set_impedance(self, joint: int, stiffness: float, damping: float) -> None:
-        """See IImpedanceControl."""
-        self._single(IImpedanceControl.set_impedance, joint, stiffness, damping)
-
-    def impedance_offset(self, joint: int) -> float:
-        """See IImpedanceControl."""
-        return self._single(IImpedanceControl.impedance_offset, joint)
-
-    def set_impedance_offset(self, joint: int, offset: float) -> None:
-        """See IImpedanceControl."""
-        self._single(IImpedanceControl.set_impedance_offset, joint, offset)
-
-    def impedance_limits(self, joint: int) -> tuple[float, float, float, float]:
-        """See IImpedanceControl."""
-        return self._single(IImpedanceControl.impedance_limits, joint)
-
-    def currents(self, motors: AxisSelection = None) -> FloatArray:
-        """See ICurrentControl."""
-        return self._numbers(ICurrentControl.currents, motors)
-
-    def current_range(self, motor: int) -> tuple[float, float]:
-        """See ICurrentControl."""
-        return self._single(ICurrentControl.current_range, motor)
-
-    def set_reference_currents(self, currents: Values, motors: AxisSelection = None) -> None:
-        """See ICurrentControl."""
-        self._set_numbers(ICurrentControl.set_reference_currents, currents, motors)
-
-    def reference_currents(self, motors: AxisSelection = None) -> FloatArray:
-        """See ICurrentControl."""
-        return self._numbers(ICurrentControl.reference_currents, motors)
-
-    def set_reference_duty_cycles(self, duties: Values, motors: AxisSelection = None) -> None:
-        """See IPWMControl."""
-        self._set_numbers(IPWMControl.set_reference_duty_cycles, duties, motors)
-
-    def reference_duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
-        """See IPWMControl."""
-        return self._numbers(IPWMControl.reference_duty_cycles, motors)
-
-    def duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
-        """See IPWMControl."""
-        return self._numbers(IPWMControl.duty_cycles, motors)
+    torques = _numbers(ITorqueControl.torques)
+    torque_range = _single(ITorqueControl.torque_range)
+    set_reference_torques = _set_numbers(ITorqueControl.set_reference_torques)
+    reference_torques = _numbers(ITorqueControl.reference_torques)
+    motor_torque_parameters = _single(ITorqueControl.motor_torque_parameters)
+    set_motor_torque_parameters = _single(ITorqueControl.set_motor_torque_parameters)
+    impedance = _single(IImpedanceControl.impedance)
+    set_impedance = _single(IImpedanceControl.set_impedance)
+    impedance_offset = _single(IImpedanceControl.impedance_offset)
+    set_impedance_offset = _single(IImpedanceControl.set_impedance_offset)
+    impedance_limits = _single(IImpedanceControl.impedance_limits)
+    currents = _numbers(ICurrentControl.currents)
+    current_range = _single(ICurrentControl.current_range)
+    set_reference_currents = _set_numbers(ICurrentControl.set_reference_currents)
+    reference_currents = _numbers(ICurrentControl.reference_currents)
+    set_reference_duty_cycles = _set_numbers(IPWMControl.set_reference_duty_cycles)
+    reference_duty_cycles = _numbers(IPWMControl.reference_duty_cycles)
+    duty_cycles = _numbers(IPWMControl.duty_cycles)
 
     # Modes, faults and limits ----------------------------------------------------------------------------------------
 
-    def control_modes(self, joints: AxisSelection = None) -> tuple[ControlMode, ...]:
-        """See IControlMode."""
-        return tuple(self.forward_reading(IControlMode.control_modes, self._chosen(joints)))
-
-    def set_control_modes(self, modes: ControlMode | Sequence[ControlMode], joints: AxisSelection = None) -> None:
-        """See IControlMode."""
-        self._set_modes(IControlMode.set_control_modes, modes, joints)
-
-    def interaction_modes(self, joints: AxisSelection = None) -> tuple[InteractionMode, ...]:
-        """See IInteractionMode."""
-        return tuple(self.forward_reading(IInteractionMode.interaction_modes, self._chosen(joints)))
-
-    def set_interaction_modes(
-        self, modes: InteractionMode | Sequence[InteractionMode], joints: AxisSelection = None
-    ) -> None:
-        """See IInteractionMode."""
-        self._set_modes(IInteractionMode.set_interaction_modes, modes, joints)
-
-    def last_joint_fault(self, joint: int) -> tuple[int, str]:
-        """See IJointFault."""
-        return self._single(IJointFault.last_joint_fault, joint)
-
-    def limits(self, joint: int) -> tuple[float, float]:
-        """See IControlLimits."""
-        return self._single(IControlLimits.limits, joint)
-
-    def set_limits(self, joint: int, minimum: float, maximum: float) -> None:
-        """See IControlLimits."""
-        self._single(IControlLimits.set_limits, joint, minimum, maximum)
-
-    def velocity_limits(self, joint: int) -> tuple[float, float]:
-        """See IControlLimits."""
-        return self._single(IControlLimits.velocity_limits, joint)
-
-    def set_velocity_limits(self, joint: int, minimum: float, maximum: float) -> None:
-        """See IControlLimits."""
-        self._single(IControlLimits.set_velocity_limits, joint, minimum, maximum)
+    control_modes = _words(IControlMode.control_modes)
+    set_control_modes = _set_modes(IControlMode.set_control_modes)
+    interaction_modes = _words(IInteractionMode.interaction_modes)
+    set_interaction_modes = _set_modes(IInteractionMode.set_interaction_modes)
+    last_joint_fault = _single(IJointFault.last_joint_fault)
+    limits = _single(IControlLimits.limits)
+    set_limits = _single(IControlLimits.set_limits)
+    velocity_limits = _single(IControlLimits.velocity_limits)
+    set_velocity_limits = _single(IControlLimits.set_velocity_limits)
 
     # Controllers -----------------------------------------------------------------------------------------------------
 
-    def pid(self, kind: PidType, joint: int) -> Pid:
-        """See IPidControl."""
-        return self._pid(IPidControl.pid, kind, joint)
-
-    def set_pid(self, kind: PidType, joint: int, pid: Pid) -> None:
-        """See IPidControl."""
-        self._pid(IPidControl.set_pid, kind, joint, pid)
+    pid = _single_pid(IPidControl.pid)
+    set_pid = _single_pid(IPidControl.set_pid)
 
     def pid_count(self) -> int:
         """See IPidControl: each axis has one of each kind."""
         return self.axes()
 
-    def pid_references(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """See IPidControl."""
-        return self._numbers(IPidControl.pid_references, joints, kind)
-
-    def set_pid_references(self, kind: PidType, values: Values, joints: AxisSelection = None) -> None:
-        """See IPidControl."""
-        self._set_numbers(IPidControl.set_pid_references, values, joints, kind)
-
-    def pid_errors(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """See IPidControl."""
-        return self._numbers(IPidControl.pid_errors, joints, kind)
-
-    def pid_outputs(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """See IPidControl."""
-        return self._numbers(IPidControl.pid_outputs, joints, kind)
-
-    def pid_error_limits(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """See IPidControl."""
-        return self._numbers(IPidControl.pid_error_limits, joints, kind)
-
-    def set_pid_error_limits(self, kind: PidType, values: Values, joints: AxisSelection = None) -> None:
-        """See IPidControl."""
-        self._set_numbers(IPidControl.set_pid_error_limits, values, joints, kind)
-
-    def set_pid_offset(self, kind: PidType, joint: int, offset: float) -> None:
-        """See IPidControl."""
-        self._pid(IPidControl.set_pid_offset, kind, joint, offset)
-
-    def reset_pid(self, kind: PidType, joint: int) -> None:
-        """See IPidControl."""
-        self._pid(IPidControl.reset_pid, kind, joint)
-
-    def enable_pid(self, kind: PidType, joint: int) -> None:
-        """See IPidControl."""
-        self._pid(IPidControl.enable_pid, kind, joint)
-
-    def disable_pid(self, kind: PidType, joint: int) -> None:
-        """See IPidControl."""
-        self._pid(IPidControl.disable_pid, kind, joint)
-
-    def pid_enabled(self, kind: PidType, joint: int) -> bool:
-        """See IPidControl."""
-        return self._pid(IPidControl.pid_enabled, kind, joint)
+    pid_references = _numbers(IPidControl.pid_references)
+    set_pid_references = _set_numbers(IPidControl.set_pid_references)
+    pid_errors = _numbers(IPidControl.pid_errors)
+    pid_outputs = _numbers(IPidControl.pid_outputs)
+    pid_error_limits = _numbers(IPidControl.pid_error_limits)
+    set_pid_error_limits = _set_numbers(IPidControl.set_pid_error_limits)
+    set_pid_offset = _single_pid(IPidControl.set_pid_offset)
+    reset_pid = _single_pid(IPidControl.reset_pid)
+    enable_pid = _single_pid(IPidControl.enable_pid)
+    disable_pid = _single_pid(IPidControl.disable_pid)
+    pid_enabled = _single_pid(IPidControl.pid_enabled)
 
     # Amplifiers ------------------------------------------------------------------------------------------------------
 
-    def enable_amplifier(self, joint: int) -> None:
-        """See IAmplifierControl."""
-        self._single(IAmplifierControl.enable_amplifier, joint)
-
-    def disable_amplifier(self, joint: int) -> None:
-        """See IAmplifierControl."""
-        self._single(IAmplifierControl.disable_amplifier, joint)
-
-    def amplifier_status(self, joints: AxisSelection = None) -> tuple[int, ...]:
-        """See IAmplifierControl."""
-        return tuple(self.forward_reading(IAmplifierControl.amplifier_status, self._chosen(joints)))
-
-    def max_current(self, joint: int) -> float:
-        """See IAmplifierControl."""
-        return self._single(IAmplifierControl.max_current, joint)
-
-    def set_max_current(self, joint: int, current: float) -> None:
-        """See IAmplifierControl."""
-        self._single(IAmplifierControl.set_max_current, joint, current)
-
-    def nominal_current(self, motor: int) -> float:
-        """See IAmplifierControl."""
-        return self._single(IAmplifierControl.nominal_current, motor)
-
-    def set_nominal_current(self, motor: int, current: float) -> None:
-        """See IAmplifierControl."""
-        self._single(IAmplifierControl.set_nominal_current, motor, current)
-
-    def peak_current(self, motor: int) -> float:
-        """See IAmplifierControl."""
-        return self._single(IAmplifierControl.peak_current, motor)
-
-    def set_peak_current(self, motor: int, current: float) -> None:
-        """See IAmplifierControl."""
-        self._single(IAmplifierControl.set_peak_current, motor, current)
-
-    def pwm(self, motor: int) -> float:
-        """See IAmplifierControl."""
-        return self._single(IAmplifierControl.pwm, motor)
-
-    def pwm_limit(self, motor: int) -> float:
-        """See IAmplifierControl."""
-        return self._single(IAmplifierControl.pwm_limit, motor)
-
-    def set_pwm_limit(self, motor: int, limit: float) -> None:
-        """See IAmplifierControl."""
-        self._single(IAmplifierControl.set_pwm_limit, motor, limit)
-
-    def supply_voltage(self, motor: int) -> float:
-        """See IAmplifierControl."""
-        return self._single(IAmplifierControl.supply_voltage, motor)
+    enable_amplifier = _single(IAmplifierControl.enable_amplifier)
+    disable_amplifier = _single(IAmplifierControl.disable_amplifier)
+    amplifier_status = _words(IAmplifierControl.amplifier_status)
+    max_current = _single(IAmplifierControl.max_current)
+    set_max_current = _single(IAmplifierControl.set_max_current)
+    nominal_current = _single(IAmplifierControl.nominal_current)
+    set_nominal_current = _single(IAmplifierControl.set_nominal_current)
+    peak_current = _single(IAmplifierControl.peak_current)
+    set_peak_current = _single(IAmplifierControl.set_peak_current)
+    pwm = _single(IAmplifierControl.pwm)
+    pwm_limit = _single(IAmplifierControl.pwm_limit)
+    set_pwm_limit = _single(IAmplifierControl.set_pwm_limit)
+    supply_voltage = _single(IAmplifierControl.supply_voltage)
 
     # Calibration -----------------------------------------------------------------------------------------------------
 
-    def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
-        """See IControlCalibration."""
-        self._single(IControlCalibration.calibrate_axis, joint, parameters)
-
-    def set_calibration_parameters(self, joint: int, parameters: CalibrationParameters) -> None:
-        """See IControlCalibration."""
-        self._single(IControlCalibration.set_calibration_parameters, joint, parameters)
-
-    def calibration_done(self, joint: int) -> bool:
-        """See IControlCalibration."""
-        return self._single(IControlCalibration.calibration_done, joint)
-
-    def has_calibrator(self) -> bool:
-        """See IRemoteCalibrator."""
-        return self.forward_whole(IRemoteCalibrator.has_calibrator)
-
-    def calibrate_joint(self, joint: int) -> None:
-        """See IRemoteCalibrator."""
-        self._single(IRemoteCalibrator.calibrate_joint, joint)
-
-    def calibrate_part(self) -> None:
-        """See IRemoteCalibrator."""
-        self.forward_whole(IRemoteCalibrator.calibrate_part)
-
-    def home_joint(self, joint: int) -> None:
-        """See IRemoteCalibrator."""
-        self._single(IRemoteCalibrator.home_joint, joint)
-
-    def home_part(self) -> None:
-        """See IRemoteCalibrator."""
-        self.forward_whole(IRemoteCalibrator.home_part)
-
-    def park_joint(self, joint: int) -> None:
-        """See IRemoteCalibrator."""
-        self._single(IRemoteCalibrator.park_joint, joint)
-
-    def park_part(self) -> None:
-        """See IRemoteCalibrator."""
-        self.forward_whole(IRemoteCalibrator.park_part)
-
-    def quit_calibrate(self) -> None:
-        """See IRemoteCalibrator."""
-        self.forward_whole(IRemoteCalibrator.quit_calibrate)
-
-    def quit_park(self) -> None:
-        """See IRemoteCalibrator."""
-        self.forward_whole(IRemoteCalibrator.quit_park)
+    calibrate_axis = _single(IControlCalibration.calibrate_axis)
+    set_calibration_parameters = _single(IControlCalibration.set_calibration_parameters)
+    calibration_done = _single(IControlCalibration.calibration_done)
+    has_calibrator = _whole(IRemoteCalibrator.has_calibrator)
+    calibrate_joint = _single(IRemoteCalibrator.calibrate_joint)
+    calibrate_part = _whole(IRemoteCalibrator.calibrate_part)
+    home_joint = _single(IRemoteCalibrator.home_joint)
+    home_part = _whole(IRemoteCalibrator.home_part)
+    park_joint = _single(IRemoteCalibrator.park_joint)
+    park_part = _whole(IRemoteCalibrator.park_part)
+    quit_calibrate = _whole(IRemoteCalibrator.quit_calibrate)
+    quit_park = _whole(IRemoteCalibrator.quit_park)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from rtf.bottle import Bottle, as_bool, as_float, as_int, as_string, to_string
+from rtf.bottle import Bottle, Property, as_bool, as_float, as_int, as_string, to_string
 from rtf.middleware.carriers import registry
 from rtf.middleware.errors import MiddlewareError
 from rtf.robot.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from rtf.bottle import Property, Value
+    from rtf.bottle import Value
 
 _YES = ("on", "true", "yes", "1")
 _NO = ("off", "false", "no", "0")
@@ -21,6 +21,11 @@ def wrong(configuration: Property, key: str, sentence: str) -> ConfigurationErro
     """The error to raise for a parameter; it begins with its place."""
     location = configuration.location(key)
     return ConfigurationError(f"{key}: {sentence}" if location is None else f"{location}: {key}: {sentence}")
+
+
+def group_of(configuration: Property, key: str) -> Property:
+    """A group as a configuration of its own; of nothing if it is not there."""
+    return Property.from_bottle(configuration.find_group(key) or Bottle())
 
 
 def port_name(configuration: Property, key: str, default: str | None = None) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import socket
 from contextlib import contextmanager, suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 from unittest import mock
 
@@ -109,6 +110,93 @@ class Readings:
             self.late += 1
 
 
+class TestEither:
+    """A port, whether it keeps what comes or has it wait."""
+
+    @pytest.fixture(params=[Scene.plain, Scene.reader], ids=["plain", "buffered"])
+    def make(self, request: pytest.FixtureRequest, scene: Scene) -> Callable[[], Port]:
+        """What makes the port that is read."""
+        return partial(request.param, scene)
+
+    def test_read_with_a_limit_and_write_and_close(self, scene: Scene, make: Callable[[], Port]):
+        """A message is read, or left unread at the end; the reader is told which."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, make) as (reader, writer):
+                readings = Readings(reader)
+
+                def read() -> None:
+                    readings.read(timeout=1.0)
+
+                def write() -> None:
+                    writer.write(Bottle([7]))
+
+                together(control, read, write, reader.close)
+                assert len(readings.got) + readings.closed + readings.late == 1
+
+        scene.explore(program)
+
+    def test_two_readers_of_which_one_does_not_wait_long(self, scene: Scene, make: Callable[[], Port]):
+        """A message is for one of them, and never for none: another one is written if the hasty one has it."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, make) as (reader, writer):
+                quick, patient = Readings(reader), Readings(reader)
+
+                def quickly() -> None:
+                    quick.read(timeout=1.0)
+
+                def patiently() -> None:
+                    patient.read()
+
+                def write() -> None:
+                    writer.write(Bottle([1]))
+
+                short, long = start(control, quickly, patiently)
+                control.pause("write", lambda: all(one.what == "be notified" or not one.alive for one in (short, long)))
+                write()
+                short.join()
+                if quick.got:
+                    write()
+                long.join()
+                assert patient.got == [1]
+
+        scene.explore(program)
+
+    def test_interrupt_wakes_whoever_reads(self, scene: Scene, make: Callable[[], Port]):
+        """Also when the port is resumed at once, before the reader has had its turn.
+
+        A second interrupt is for it only if it came late.
+        """
+
+        def program(control: Control) -> None:
+            with scene.pair(control, make) as (reader, _):
+                readings = Readings(reader)
+                (reading,) = start(control, readings.read)
+                control.pause("interrupt")
+                with control.undisturbed():
+                    waited = reading.what == "be notified"
+                    reader.interrupt()
+                    reader.resume()
+                if not waited:
+                    reader.interrupt()
+                reading.join()
+                assert readings.closed == 1
+
+        scene.explore(program)
+
+    def test_resume_does_not_open_what_is_closed(self, scene: Scene, make: Callable[[], Port]):
+        """Whoever reads a port while it is closed is told, whatever a third thread does."""
+
+        def program(control: Control) -> None:
+            with scene.pair(control, make) as (reader, _):
+                readings = Readings(reader)
+                together(control, readings.read, reader.close, reader.resume)
+                assert readings.closed == 1
+
+        scene.explore(program)
+
+
 class TestPort:
     """A plain port."""
 
@@ -134,32 +222,6 @@ class TestPort:
 
         scene.explore(program)
 
-    def test_read_with_a_limit_and_write_and_close(self, scene: Scene):
-        """A message is read, or left unread at the end; the reader is told which."""
-
-        def program(control: Control) -> None:
-            with scene.pair(control, scene.plain) as (reader, writer):
-                readings = Readings(reader)
-
-                def read() -> None:
-                    readings.read(timeout=1.0)
-
-                def write() -> None:
-                    writer.write(Bottle([7]))
-
-                together(control, read, write, reader.close)
-                assert len(readings.got) + readings.closed + readings.late == 1
-
-        scene.explore(program)
-
-    def test_two_readers_of_which_one_does_not_wait_long(self, scene: Scene):
-        """A message is for one of them, and never for none."""
-        scene.explore(two_readers(scene, scene.plain))
-
-    def test_interrupt_wakes_whoever_reads(self, scene: Scene):
-        """Also when the port is resumed at once, before the reader has had its turn."""
-        scene.explore(interrupted_reader(scene, scene.plain))
-
     def test_interrupt_and_resume_at_the_same_time(self, scene: Scene):
         """The port is either, altogether."""
 
@@ -170,10 +232,6 @@ class TestPort:
                     assert reader.interrupted is not reader._rendezvous._open
 
         scene.explore(program)
-
-    def test_resume_does_not_open_what_is_closed(self, scene: Scene):
-        """Whoever reads a port while it is closed is told, whatever a third thread does."""
-        scene.explore(resumed_while_closed(scene, scene.plain))
 
     def test_connecting_twice_leaves_one_connection(self, scene: Scene):
         """A connection to the same port is replaced, also when two threads make one."""
@@ -252,36 +310,6 @@ class TestBuffered:
                 assert len(readings.got) + readings.closed == 2
 
         scene.explore(program)
-
-    def test_read_with_a_limit_and_write_and_close(self, scene: Scene):
-        """What was written before the end and not read waits still, or was thrown away by the end."""
-
-        def program(control: Control) -> None:
-            with scene.pair(control, scene.reader) as (reader, writer):
-                readings = Readings(reader)
-
-                def read() -> None:
-                    readings.read(timeout=1.0)
-
-                def write() -> None:
-                    writer.write(Bottle([7]))
-
-                together(control, read, write, reader.close)
-                assert len(readings.got) + readings.closed + readings.late == 1
-
-        scene.explore(program)
-
-    def test_two_readers_of_which_one_does_not_wait_long(self, scene: Scene):
-        """An object is for one of them, and never for none."""
-        scene.explore(two_readers(scene, scene.reader))
-
-    def test_interrupt_wakes_whoever_reads(self, scene: Scene):
-        """Also when the port is resumed at once, before the reader has had its turn."""
-        scene.explore(interrupted_reader(scene, scene.reader))
-
-    def test_resume_does_not_open_what_is_closed(self, scene: Scene):
-        """Whoever reads a port while it is closed is told, whatever a third thread does."""
-        scene.explore(resumed_while_closed(scene, scene.reader))
 
     def test_callback_interrupt_and_close(self, scene: Scene):
         """Its thread ends with the port, and calls for each object once at most."""
@@ -386,63 +414,3 @@ class TestBuffered:
                     assert reader.pending <= 1
 
         scene.explore(program)
-
-
-def two_readers(scene: Scene, make: Callable[[], Port]) -> Callable[[Control], None]:
-    """One that waits for a second, one that waits for good, and a message; another one if the first has it."""
-
-    def program(control: Control) -> None:
-        with scene.pair(control, make) as (reader, writer):
-            quick, patient = Readings(reader), Readings(reader)
-
-            def quickly() -> None:
-                quick.read(timeout=1.0)
-
-            def patiently() -> None:
-                patient.read()
-
-            def write() -> None:
-                writer.write(Bottle([1]))
-
-            short, long = start(control, quickly, patiently)
-            control.pause("write", lambda: all(one.what == "be notified" or not one.alive for one in (short, long)))
-            write()
-            short.join()
-            if quick.got:
-                write()
-            long.join()
-            assert patient.got == [1]
-
-    return program
-
-
-def interrupted_reader(scene: Scene, make: Callable[[], Port]) -> Callable[[Control], None]:
-    """One that reads while the port is interrupted and resumed; a second interrupt is for it only if it came late."""
-
-    def program(control: Control) -> None:
-        with scene.pair(control, make) as (reader, _):
-            readings = Readings(reader)
-            (reading,) = start(control, readings.read)
-            control.pause("interrupt")
-            with control.undisturbed():
-                waited = reading.what == "be notified"
-                reader.interrupt()
-                reader.resume()
-            if not waited:
-                reader.interrupt()
-            reading.join()
-            assert readings.closed == 1
-
-    return program
-
-
-def resumed_while_closed(scene: Scene, make: Callable[[], Port]) -> Callable[[Control], None]:
-    """One that reads, one that closes, and one that resumes."""
-
-    def program(control: Control) -> None:
-        with scene.pair(control, make) as (reader, _):
-            readings = Readings(reader)
-            together(control, readings.read, reader.close, reader.resume)
-            assert readings.closed == 1
-
-    return program

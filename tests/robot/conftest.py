@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,20 +26,43 @@ def said() -> list[str]:
     return []
 
 
-@pytest.fixture
-def network(said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Network]:
-    """A network of this process; afterwards no thread and no descriptor of it is left."""
-    monkeypatch.setenv("YARP_RUNTIME_DIR", str(tmp_path / "runtime"))
+@contextmanager
+def nothing_left() -> Iterator[None]:
+    """What happens within the block leaves no thread and no descriptor."""
     threads = set(threading.enumerate())
     descriptors = open_descriptors()
-    yield Network(LocalNames(), report=said.append)
+    yield
     eventually(lambda: set(threading.enumerate()) <= threads, "a thread is left")
     eventually(lambda: open_descriptors() <= descriptors, "a descriptor is left")
 
 
 @pytest.fixture
+def network(said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Network]:
+    """A network of this process, of which nothing is left afterwards."""
+    monkeypatch.setenv("YARP_RUNTIME_DIR", str(tmp_path / "runtime"))
+    with nothing_left():
+        yield Network(LocalNames(), report=said.append)
+
+
+@pytest.fixture(scope="class")
+def shared_network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
+    """The same for all tests of a class, which bring what they use back to how it began."""
+    with pytest.MonkeyPatch.context() as patch, nothing_left():
+        patch.setenv("YARP_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
+        yield Network(LocalNames())
+
+
+@pytest.fixture
 def stepped() -> Iterator[ManualClock]:
     """The robot's time, which passes when the test says so."""
+    with clock.use(ManualClock()) as time:
+        assert isinstance(time, ManualClock)
+        yield time
+
+
+@pytest.fixture(scope="class")
+def shared_time() -> Iterator[ManualClock]:
+    """The same for all tests of a class; it goes on from one to the next."""
     with clock.use(ManualClock()) as time:
         assert isinstance(time, ManualClock)
         yield time

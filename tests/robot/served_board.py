@@ -24,6 +24,15 @@ class CountingBoard(FakeBoard):
 
     streamed = 0
 
+    def open(self, configuration: Property) -> None:
+        """See Device."""
+        self._configuration = configuration
+        super().open(configuration)
+
+    def begin_anew(self) -> None:
+        """Be as when it was opened; those that are connected stay so."""
+        self.open(self._configuration)
+
     def velocity_move(self, velocities: Values, joints: AxisSelection = None) -> None:
         """See IVelocityControl."""
         super().velocity_move(velocities, joints)

@@ -18,8 +18,53 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rtf.bottle import Value
+    from rtf.robot.client.control_board import RemoteControlBoard
     from rtf.robot.device import Device
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot.server.control_board import ControlBoardServer
+
+    from .served_board import CountingBoard
+
+
+CONFIGURATION = "(VARIABLES (kinematic_mj (1.0 0.0 0.0 1.0)))"
+
+
+class Link:
+    """A client, the board that it is connected with, and their time."""
+
+    def __init__(
+        self, time: ManualClock, board: CountingBoard, server: ControlBoardServer, client: RemoteControlBoard
+    ) -> None:
+        self.time, self.board, self.server, self.client = time, board, server, client
+        self.sent = 0
+        send = client._link.stream.send
+
+        def counted(head: list[Value], values: FloatArray, *, strict: bool) -> None:
+            send(head, values, strict=strict)
+            self.sent += 1
+
+        client._link.stream.send = counted  # type: ignore[method-assign]
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass when the commands have arrived, and wait until the state has."""
+        eventually(lambda: self.board.streamed == self.sent, "a command is missing")
+        self.time.sleep(seconds)
+        publish(self.server, self.time)
+        eventually(self._is_up_to_date, "the state is missing")
+
+    def _is_up_to_date(self) -> bool:
+        age = self.client._link.state.age()
+        return age is not None and age < 1e-6
+
+
+@pytest.fixture(scope="class")
+def link(request: pytest.FixtureRequest, shared_time: ManualClock, shared_network: Network) -> Iterator[Link]:
+    """One for all tests."""
+    with (
+        fake_board(shared_network, CONFIGURATION) as (board, server),
+        connect("/fake", carrier=request.cls.CARRIER, network=shared_network) as client,
+    ):
+        yield Link(shared_time, board, server, client)
 
 
 class Contract(ControlBoardContract):
@@ -28,35 +73,17 @@ class Contract(ControlBoardContract):
     CARRIER = "tcp"
 
     @pytest.fixture
-    def board(self, stepped: ManualClock, network: Network) -> Iterator[Device]:
-        """See the contract."""
-        variables = "(VARIABLES (kinematic_mj (1.0 0.0 0.0 1.0)))"
-        with (
-            fake_board(network, variables) as (self.served, self.server),
-            connect("/fake", carrier=self.CARRIER, network=network) as self.client,
-        ):
-            self.time = stepped
-            self.sent = 0
-            send = self.client._link.stream.send
-
-            def counted(head: list[Value], values: FloatArray, *, strict: bool) -> None:
-                send(head, values, strict=strict)
-                self.sent += 1
-
-            self.client._link.stream.send = counted  # type: ignore[method-assign]
-            self.advance(0.0)
-            yield self.client
+    def board(self, link: Link) -> Device:
+        """The client of a board that is as it was when it was opened."""
+        self.link = link
+        link.board.begin_anew()
+        link.time.sleep(1.0)  # the state of the test before is old
+        self.advance(0.0)
+        return link.client
 
     def advance(self, seconds: float) -> None:
         """See the contract."""
-        eventually(lambda: self.served.streamed == self.sent, "a command is missing")
-        self.time.sleep(seconds)
-        publish(self.server, self.time)
-        eventually(self._is_up_to_date, "the state is missing")
-
-    def _is_up_to_date(self) -> bool:
-        age = self.client._link.state.age()
-        return age is not None and age < 1e-6
+        self.link.advance(seconds)
 
 
 class TestByTcp(Contract):

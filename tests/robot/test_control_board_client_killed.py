@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
-from contextlib import ExitStack
-from typing import TYPE_CHECKING
+from contextlib import closing
+from typing import TYPE_CHECKING, NamedTuple
 
 import pytest
 
@@ -27,8 +29,9 @@ if TYPE_CHECKING:
 
 
 CARRIERS = ("tcp", "fast_tcp", "udp")
-SERVER = """
-import sys
+#: What is there already when a board is to be started: each is a fork of it.
+SERVERS = """
+import os, select, sys
 from rtf import clock
 from rtf.bottle import Property
 from rtf.middleware.names import Contact
@@ -37,59 +40,102 @@ from rtf.middleware.network import Network
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.server.control_board import ControlBoardServer
 
-network = Network(RemoteNames(Contact("/root", "127.0.0.1", int(sys.argv[1]), "tcp")))
-board = FakeBoard("fake", network=network)
-board.open(Property.parse("(GENERAL (Joints 3))"))
-server = ControlBoardServer(board, "/fake", network=network)
-print("ready", flush=True)
-while True:
-    server.publish(clock.now())
-    clock.sleep(0.01)
+def serve(root):
+    network = Network(RemoteNames(Contact("/root", "127.0.0.1", root, "tcp")))
+    board = FakeBoard("fake", network=network)
+    board.open(Property.parse("(GENERAL (Joints 3))"))
+    server = ControlBoardServer(board, "/fake", network=network)
+    print(os.getpid(), flush=True)
+    while not select.select([0], [], [], 0.01)[0]:  # until the test has died
+        server.publish(clock.now())
+
+for line in sys.stdin:
+    child = os.fork()
+    if not child:
+        serve(int(line))
+        os._exit(0)
+    os.waitpid(child, 0)
+    print("gone", flush=True)
 """
 
 
-class BoardProcess:
-    """A board in a process of its own, which can be killed and started again."""
+class BoardProcesses:
+    """Starts boards in processes of their own, one after the other, which can be killed."""
 
-    def __init__(self, names: NameServer) -> None:
-        self._port = str(names.contact.port)
-        self.start()
+    def __init__(self) -> None:
+        self._forks = subprocess.Popen(
+            [sys.executable, "-c", SERVERS], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        self._board = 0
 
-    def start(self) -> None:
-        """Start it; returns when it serves."""
-        self._process = subprocess.Popen([sys.executable, "-c", SERVER, self._port], stdout=subprocess.PIPE, text=True)
-        assert self._process.stdout is not None
-        assert self._process.stdout.readline() == "ready\n"
+    def start(self, names: NameServer) -> None:
+        """Start one; returns when it serves."""
+        self._board = int(self._said(f"{names.contact.port}\n"))
 
     def kill(self) -> None:
-        """Kill it: it says good-bye to nobody."""
-        self._process.kill()
-        self._process.communicate()
+        """Kill it: it says good-bye to nobody. Returns when it is gone."""
+        board, self._board = self._board, 0
+        if board:
+            os.kill(board, signal.SIGKILL)
+            assert self._said() == "gone\n"
+
+    def close(self) -> None:
+        """No more are wanted."""
+        self._forks.communicate()
+
+    def _said(self, asked: str = "") -> str:
+        assert self._forks.stdin is not None
+        assert self._forks.stdout is not None
+        self._forks.stdin.write(asked)
+        self._forks.stdin.flush()
+        return self._forks.stdout.readline()
+
+
+@pytest.fixture(scope="module")
+def processes() -> Iterator[BoardProcesses]:
+    """Where boards are started."""
+    with closing(BoardProcesses()) as made:
+        yield made
+
+
+class Killed(NamedTuple):
+    """A network of several processes, and a board in it that can be killed and started again."""
+
+    network: Network
+    names: NameServer
+    processes: BoardProcesses
+
+    def kill(self) -> None:
+        """Kill the board."""
+        self.processes.kill()
+
+    def start(self) -> None:
+        """Start it again."""
+        self.processes.start(self.names)
 
 
 @pytest.fixture
-def killed(network: Network) -> Iterator[tuple[Network, BoardProcess]]:
-    """A network of several processes, and a board in it."""
+def board(network: Network, processes: BoardProcesses) -> Iterator[Killed]:
+    """A board that serves."""
     del network  # of which is taken that nothing is left
-    with NameServer() as server, ExitStack() as opened:
-        process = BoardProcess(server)
-        opened.callback(process.kill)
-        client_names = RemoteNames(server.contact)
-        opened.callback(client_names.close)
-        yield Network(client_names), process
+    with NameServer() as server, closing(RemoteNames(server.contact)) as client_names:
+        processes.start(server)
+        try:
+            yield Killed(Network(client_names), server, processes)
+        finally:
+            processes.kill()
 
 
 @pytest.mark.parametrize("carrier", CARRIERS)
-def test_a_board_that_was_killed_is_found_again(killed: tuple[Network, BoardProcess], carrier: str):
+def test_a_board_that_was_killed_is_found_again(board: Killed, carrier: str):
     """Questions fail while it is gone; the next one after it came back makes all three connections work again."""
-    network, process = killed
-    with connect("/fake", carrier=carrier, network=network) as client:
-        process.kill()
+    with connect("/fake", carrier=carrier, network=board.network, timeout=0.2) as client:
+        board.kill()
         for _ in range(2):
             with pytest.raises(NoAnswerError, match=r"^/fake "):
                 client.target_positions()
         eventually(lambda: raises(StaleStateError, client.encoders), "the state does not get too old")
-        process.start()
+        board.start()
         client.set_control_modes(ControlMode.POSITION_DIRECT)
         eventually(lambda: not raises(StaleStateError, client.encoders), "no state comes")
         client.set_positions([1.0, 2.0, 3.0])
@@ -97,22 +143,20 @@ def test_a_board_that_was_killed_is_found_again(killed: tuple[Network, BoardProc
 
 
 @pytest.mark.parametrize("carrier", CARRIERS)
-def test_who_only_reads_gets_the_state_again(killed: tuple[Network, BoardProcess], carrier: str):
+def test_who_only_reads_gets_the_state_again(board: Killed, carrier: str):
     """A state that is missing for a while makes the client look for the board."""
-    network, process = killed
-    with connect("/fake", carrier=carrier, network=network) as client:
-        process.kill()
+    with connect("/fake", carrier=carrier, network=board.network, timeout=0.2) as client:
+        board.kill()
         eventually(lambda: raises(StaleStateError, client.encoders), "the state does not get too old")
-        process.start()
+        board.start()
         eventually(lambda: not raises(StaleStateError, client.encoders), "no state comes")
 
 
-def test_who_only_streams_is_connected_again(killed: tuple[Network, BoardProcess]):
+def test_who_only_streams_is_connected_again(board: Killed):
     """A command for which there is no connection any more makes a new one, or says that there is none."""
-    network, process = killed
-    with connect("/fake", carrier="tcp", network=network) as client:
-        process.kill()
+    with connect("/fake", carrier="tcp", network=board.network) as client:
+        board.kill()
         eventually(lambda: raises(NoAnswerError, lambda: client.set_positions(0.0, 0)), "nobody notices")
-        process.start()
+        board.start()
         client.set_positions(0.0, 0)
         assert client.axes() == 3

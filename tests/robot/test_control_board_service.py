@@ -6,8 +6,8 @@ import math
 import socket
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, closing, contextmanager
-from typing import TYPE_CHECKING, Any
+from contextlib import closing, contextmanager
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -70,12 +70,17 @@ PART = "/robot/arm"
 RECORDED_PORT = 10008
 
 
-def opened(joints: int = 4, limits: tuple[float, float] = (-95.0, 10.0)) -> FakeBoard:
-    """A board of so many joints."""
-    board = FakeBoard("fake")
+def described(joints: int = 4, limits: tuple[float, float] = (-95.0, 10.0)) -> Property:
+    """The configuration of a board of so many joints."""
     least, greatest = (" ".join([str(limit)] * joints) for limit in limits)
     variables = "(VARIABLES (kinematic_mj (1.0 0.0 0.0 1.0)))"
-    board.open(Property.parse(f"(GENERAL (Joints {joints})) (LIMITS (Min ({least})) (Max ({greatest}))) {variables}"))
+    return Property.parse(f"(GENERAL (Joints {joints})) (LIMITS (Min ({least})) (Max ({greatest}))) {variables}")
+
+
+def opened(joints: int = 4, limits: tuple[float, float] = (-95.0, 10.0)) -> FakeBoard:
+    """Such a board."""
+    board = FakeBoard("fake")
+    board.open(described(joints, limits))
     return board
 
 
@@ -86,25 +91,43 @@ def connected(network: Network, **parameters: object) -> ControlBoardServiceClie
     return client
 
 
+class Link(NamedTuple):
+    """A client, the board that it is connected with, and their time."""
+
+    time: ManualClock
+    board: FakeBoard
+    server: ControlBoardServiceServer
+    client: ControlBoardServiceClient
+
+
+@pytest.fixture(scope="class")
+def link(shared_time: ManualClock, shared_network: Network) -> Iterator[Link]:
+    """One for all tests."""
+    board, outlets = opened(), PostingOutlets(in_its_dialect(shared_network))
+    with (
+        closing(ControlBoardServiceServer(board, PART, network=shared_network, outlets=outlets)) as server,
+        closing(connected(shared_network)) as client,
+    ):
+        yield Link(shared_time, board, server, client)
+
+
 class TestServedBoard(ControlBoardContract):
     """A board at the other end of the service does what boards do."""
 
     @pytest.fixture
-    def board(self, stepped: ManualClock, network: Network) -> Iterator[Device]:
-        """A client of a fake board."""
-        self.time = stepped
-        with ExitStack() as stack:
-            outlets = PostingOutlets(in_its_dialect(network))
-            server = ControlBoardServiceServer(opened(), PART, network=network, outlets=outlets)
-            stack.callback(server.close)
-            self.server = server
-            yield stack.enter_context(closing(connected(network)))
+    def board(self, link: Link) -> Device:
+        """The client of a board that is as it was when it was opened; no state has come yet that is not too old."""
+        self.link = link
+        link.board.open(described())
+        link.time.sleep(1.0)
+        return link.client
 
     def advance(self, seconds: float) -> None:
         """See the contract."""
-        self.time.sleep(seconds)
-        self.server.publish(self.time.now())
-        self.server.settle()
+        time, _, server, _ = self.link
+        time.sleep(seconds)
+        server.publish(time.now())
+        server.settle()
 
 
 # The bytes ------------------------------------------------------------------------------------------------------------

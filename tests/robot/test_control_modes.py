@@ -17,6 +17,7 @@ from rtf.robot.control_modes import (
     ControlMode,
     InteractionMode,
     answer,
+    mode_word,
 )
 
 _STARTING = ("cfgn", "cfgy", "cal", "cald")
@@ -114,3 +115,9 @@ def test_words():
     """Each mode knows its word."""
     assert [mode.word for mode in USER_MODES] == [*_USER]
     assert [mode.word for mode in InteractionMode] == ["stif", "comp", "unkn"]
+
+
+@given(st.integers(-(2**31), 2**31 - 1) | st.sampled_from(ControlMode).map(int))
+def test_a_number_has_a_word(number: int):
+    """That of its mode; what is no mode is told as the number it is."""
+    assert mode_word(number) == (ControlMode(number).word if number in list(ControlMode) else str(number))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -44,10 +45,15 @@ ARM, TORSO = ("shoulder", "elbow", "wrist"), ("yaw", "pitch")
 MIXED = ("pitch", "elbow", "yaw", "shoulder")
 
 
+def described(name: str, axes: tuple[str, ...]) -> Property:
+    """The configuration of a board with these axes."""
+    return Property.parse(f"(GENERAL (Joints {len(axes)}) (AxisName ({' '.join(axes)}))) (VARIABLES (of {name}))")
+
+
 def board(name: str, axes: tuple[str, ...]) -> FakeBoard:
-    """A board with these axes."""
+    """Such a board."""
     made = FakeBoard(name)
-    made.open(Property.parse(f"(GENERAL (Joints {len(axes)}) (AxisName ({' '.join(axes)}))) (VARIABLES (of {name}))"))
+    made.open(described(name, axes))
     return made
 
 
@@ -80,31 +86,49 @@ class TestRemappedBoard(ControlBoardContract):
         self.time.sleep(seconds)
 
 
+class Link(NamedTuple):
+    """A remapper, the boards that are served to it, and their time."""
+
+    time: ManualClock
+    devices: dict[str, Device]
+    servers: list[Any]  # of either style
+    remapper: RemoteControlBoardRemapper
+
+
+@pytest.fixture(scope="class", params=Dialect, ids=lambda dialect: dialect.name)
+def link(request: pytest.FixtureRequest, shared_time: ManualClock, shared_network: Network) -> Iterator[Link]:
+    """Of an arm and a torso that are served; one for all tests."""
+    network = copy.copy(shared_network)
+    network.dialect = request.param
+    serve: Any = ControlBoardServer if request.param is Dialect.YARP3 else ControlBoardServiceServer
+    with ExitStack() as stack:
+        devices, outlets = boards(), PostingOutlets(network)
+        servers = [
+            stack.enter_context(closing(serve(device, f"/r/{name}", network=network, outlets=outlets)))
+            for name, device in devices.items()
+        ]
+        remapper = stack.enter_context(closing(RemoteControlBoardRemapper("remote", network=network)))
+        remapper.open(Property.parse(REMOTE))
+        yield Link(shared_time, devices, servers, remapper)
+
+
 class TestRemoteRemappedBoard(ControlBoardContract):
     """So are they through the network, in either style."""
 
-    @pytest.fixture(params=Dialect, ids=lambda dialect: dialect.name)
-    def board(self, request: pytest.FixtureRequest, stepped: ManualClock, network: Network) -> Iterator[Device]:
-        """Of an arm and a torso that are served."""
-        self.time = stepped
-        network.dialect = request.param
-        serve: Any = ControlBoardServer if request.param is Dialect.YARP3 else ControlBoardServiceServer
-        with ExitStack() as stack:
-            outlets = PostingOutlets(network)
-            self.servers = [
-                serve(device, f"/r/{name}", network=network, outlets=outlets) for name, device in boards().items()
-            ]
-            for server in self.servers:
-                stack.callback(server.close)
-            remapper = stack.enter_context(closing(RemoteControlBoardRemapper("remote", network=network)))
-            remapper.open(Property.parse(REMOTE))
-            yield remapper
+    @pytest.fixture
+    def board(self, link: Link) -> Device:
+        """Of boards that are as they were when they were opened; no state has come yet that is not too old."""
+        self.link = link
+        for name, axes in (("arm", ARM), ("torso", TORSO)):
+            link.devices[name].open(described(name, axes))
+        link.time.sleep(1.0)
+        return link.remapper
 
     def advance(self, seconds: float) -> None:
         """See the contract."""
-        self.time.sleep(seconds)
-        for server in self.servers:
-            server.publish(self.time.now())
+        self.link.time.sleep(seconds)
+        for server in self.link.servers:
+            server.publish(self.link.time.now())
             server.settle()
 
 
@@ -162,16 +186,16 @@ class Counting(ForwardedBoard, Device):
         """See IAxisInfo."""
         return self.names[joint]
 
-    def forward_reading(self, method: Any, axes: list[int], *of: object) -> list[float]:
+    def forward_reading(self, method: Any, axes: Any, *of: object) -> list[float]:
         """See ForwardedBoard."""
         self.calls.append((method.__name__, *of, axes))
         return [100.0 * len(self.names) + axis for axis in axes][self.short :]
 
-    def forward_setting(self, method: Any, values: Any, axes: list[int], *of: object) -> None:
+    def forward_setting(self, method: Any, values: Any, axes: Any, *of: object) -> None:
         """See ForwardedBoard."""
         self.calls.append((method.__name__, *of, [*values], axes))
 
-    def forward_action(self, method: Any, axes: list[int]) -> list[Any]:
+    def forward_action(self, method: Any, axes: Any) -> list[Any]:
         """See ForwardedBoard."""
         self.calls.append((method.__name__, axes))
         return [len(self.calls) % 2 == 1]
@@ -180,9 +204,9 @@ class Counting(ForwardedBoard, Device):
         """See ForwardedBoard."""
         self.calls.append((method.__name__, *of, axis, *arguments))
 
-    def forward_whole(self, method: Any, *arguments: object) -> Any:
+    def forward_whole(self, method: Any) -> Any:
         """See ForwardedBoard."""
-        self.calls.append((method.__name__, *arguments))
+        self.calls.append((method.__name__,))
         return len(self.names) == 3
 
 

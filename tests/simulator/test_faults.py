@@ -27,7 +27,7 @@ from rtf.simulator.faults.injection import MOST_FAULTS
 from rtf.simulator.outlets import SimulatedOutlet
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from rtf.simulator.faults import Fault
     from rtf.simulator.model import IcubModel
@@ -41,7 +41,9 @@ JOINT = "l_elbow"
 ELBOW = INDEX[JOINT]
 HERE = np.array([ELBOW])
 #: What of the boards is not state: where it is kept, and what is computed anew at each step.
-_NOT_STATE = {"robot", "data", "references", "_scratch", "_snapshot"}
+_NOT_STATE = {"robot", "data", "law", "references", "_scratch", "_snapshot"}
+#: The numbers of the control law that its configuration and the modes make.
+_LAW = ("kp_kd", "ki", "limit", "_bias")
 
 
 @cache
@@ -154,21 +156,26 @@ def bench() -> Bench:
     return Bench()
 
 
-def numbers_of(thing: object, without: set[str]) -> dict[str, object]:
-    """All that an object consists of, such that it can be compared."""
-    found: dict[str, object] = {}
-    for name, value in vars(thing).items():
-        if name not in without:
-            found[name] = value.tobytes() if isinstance(value, np.ndarray) else re.sub(r" at 0x\w+", "", repr(value))
-    return found
+def numbers_of(thing: object, names: Iterable[str]) -> dict[str, object]:
+    """Parts of an object, such that they can be compared."""
+    return {name: comparable(getattr(thing, name)) for name in names}
+
+
+def comparable(value: object) -> object:
+    """Bytes, or text without addresses."""
+    if isinstance(value, np.ndarray):
+        return value.tobytes()
+    if isinstance(value, list) and value and isinstance(value[0], np.ndarray):
+        return [one.tobytes() for one in value]
+    return re.sub(r" at 0x\w+", "", repr(value))
 
 
 def health(bench: Bench) -> dict[str, object]:
     """Everything that a fault may change and has to put back."""
     boards = bench.boards
     names = [name for name in vars(boards) if name.startswith("configured_") or name.endswith("_faults")]
-    names += ["minimum", "maximum", "limit_slack", "pids", "max_current", "_kp", "_kd", "_ki", "_bias", "_limit"]
-    found = {key: value for key, value in numbers_of(boards, set()).items() if key in names}
+    names += ["minimum", "maximum", "limit_slack", "pids", "max_current"]
+    found = numbers_of(boards, names) | numbers_of(boards.law, _LAW)
     engine = bench.simulation.robot.model
     found["friction"], found["gains"] = engine.dof_frictionloss.tobytes(), engine.actuator_gainprm.tobytes()
     found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
@@ -187,8 +194,9 @@ def state(bench: Bench) -> dict[str, object]:
     return {
         **health(bench),
         **physics,
-        **numbers_of(bench.boards, _NOT_STATE),
-        "references": numbers_of(bench.boards.references, set()),
+        **numbers_of(bench.boards, vars(bench.boards).keys() - _NOT_STATE),
+        "gathered": bench.boards.law._base.tobytes(),
+        "references": numbers_of(bench.boards.references, vars(bench.boards.references)),
         "random": str(bench.simulation.random.bit_generator.state),
     }
 

@@ -6,27 +6,38 @@ everything else is a question with an answer. For YARP 4 see :mod:`rtf.robot.cli
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from rtf import clock
-from rtf.bottle import Property
-from rtf.robot.client.control_board_controllers import ControllersStub
-from rtf.robot.client.control_board_efforts import EffortsStub
-from rtf.robot.client.control_board_modes import ModesStub
-from rtf.robot.client.control_board_motion import MotionStub
-from rtf.robot.client.control_board_motors import MotorsStub
+import numpy as np
+
+from rtf.bottle import Bottle, Property, Value, Vocab
+from rtf.robot import vocabulary_kinds as kinds
 from rtf.robot.client.link import ControlBoardLink
-from rtf.robot.client.settings import TIMEOUT, ClientSettings, unique_local
+from rtf.robot.client.questions import CALIBRATE, CALIBRATION_DONE, GETTING, KEEP_CALIBRATION, SETTING
+from rtf.robot.client.settings import TIMEOUT, unique_local
+from rtf.robot.client.stub import SLOW, BoardStub
+from rtf.robot.errors import RefusedError
+from rtf.robot.forwarding import ForwardedBoard
+from rtf.robot.interfaces import IMotor, IMotorEncoders, IRemoteVariables
+from rtf.robot.vocabulary import Shape
 
 if TYPE_CHECKING:
-    from types import TracebackType
-    from typing import Self
+    from collections.abc import Callable, Sequence
 
     from rtf.middleware.network import Network
-    from rtf.robot.client.state import Observer
+    from rtf.robot.client.questions import Question, Questions
+    from rtf.robot.client.settings import ClientSettings
+    from rtf.robot.forwarding import Plural
+    from rtf.robot.interfaces import AxisSelection, CalibrationParameters, Pid, PidType
+
+R = TypeVar("R")
+#: What nearly all answers are made of; there are other numbers, too.
+_NUMBERS = {int, float}
+#: Of the parameters of a calibration these many travel.
+_CALIBRATE, _KEEP = 3, 4
 
 
-class RemoteControlBoard(MotionStub, MotorsStub, EffortsStub, ModesStub, ControllersStub):
+class RemoteControlBoard(BoardStub, ForwardedBoard, IRemoteVariables):
     """``remote_controlboard``: a board of another process. The parameters are those of :class:`ClientSettings`.
 
     A board that is lost raises NoAnswerError, or StaleStateError for what is measured, and is looked for again by the
@@ -38,35 +49,205 @@ class RemoteControlBoard(MotionStub, MotorsStub, EffortsStub, ModesStub, Control
     stand still says so with ``stop``, or brings them into another mode.
     """
 
-    def open(self, configuration: Property) -> None:
-        """See Device. By the machine's clock it returns with the first state, if that comes soon."""
-        settings = ClientSettings.read(configuration)
-        self.close()
-        self._opened = ControlBoardLink(settings, self.network)
-        if type(clock.current()) is clock.SystemClock:  # by others time may stand still meanwhile
-            self._opened.state.wait_for_first()
+    def _connect(self, settings: ClientSettings) -> ControlBoardLink:
+        return ControlBoardLink(settings, self.network)
 
-    def observe(self, observer: Observer) -> None:
-        """Have every state given to a function as it comes. Until ``unobserve``, until it is closed, or it raises."""
-        self._link.state.observe(observer)
+    # What is asked and told: one joint, a group and all of them each have a form of their own -----------------------
 
-    def unobserve(self, observer: Observer) -> None:
-        """Give it no more."""
-        self._link.state.unobserve(observer)
+    def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
+        """See ForwardedBoard."""
+        question, lead = GETTING[method.__name__][Shape.ALL], _words(of)
+        elements = self._elements(GETTING[method.__name__], axes, lead)
+        if question.kind is kinds.FLOAT:
+            return self._numbers(question, lead, elements)
+        try:
+            return [question.kind.read([element])[0] for element in elements]
+        except RefusedError as error:
+            raise self._link.rpc.nonsense(question, lead, [*elements], str(error)) from None
 
-    def close(self) -> None:
-        """See Device."""
-        opened, self._opened = self._opened, None
-        if opened is not None:
-            opened.close()
+    def forward_setting(self, method: Plural, values: Sequence[Any], axes: AxisSelection, *of: object) -> None:
+        """See ForwardedBoard."""
+        questions = SETTING[method.__name__]
+        write = questions[Shape.ONE].kind.write
+        self._tell(questions, axes, _words(of), [element for value in values for element in write(value)])
 
-    def __enter__(self) -> Self:
-        return self
+    def forward_action(self, method: Plural, axes: AxisSelection) -> list[Any]:
+        """See ForwardedBoard."""
+        name = method.__name__
+        if name in GETTING:
+            return [self._is_true(GETTING[name], axes)]
+        self._tell(SETTING[name], axes)
+        return []
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    def forward_single(self, method: Callable[..., R], axis: int, *arguments: object, of: tuple[object, ...] = ()) -> R:
+        """See ForwardedBoard."""
+        name, rpc = method.__name__, self._link.rpc
+        if name in GETTING:
+            return rpc.read(GETTING[name][Shape.SINGLE], *_words(of), axis)  # type: ignore[no-any-return]
+        question = SETTING[name][Shape.SINGLE]
+        tell = rpc.act if name in SLOW else rpc.tell
+        return tell(question, *_words(of), axis, *self._written(question, arguments))  # type: ignore[return-value]
+
+    def forward_whole(self, method: Callable[..., R]) -> R:
+        """See ForwardedBoard."""
+        name, rpc = method.__name__, self._link.rpc
+        if name in GETTING:
+            return rpc.read(GETTING[name][Shape.NONE])  # type: ignore[no-any-return]
+        tell = rpc.act if name in SLOW else rpc.tell
+        return tell(SETTING[name][Shape.NONE])  # type: ignore[return-value]
+
+    def _elements(self, questions: Questions, axes: AxisSelection, lead: tuple[Value, ...]) -> Sequence[Value]:
+        """What the board answers, one element for each axis."""
+        rpc = self._link.rpc
+        if axes is None:
+            return self._list(questions[Shape.ALL], self.axes(), *lead)
+        numbers = self.chosen(axes)
+        if isinstance(axes, int | np.integer):
+            question = questions[Shape.ONE]
+            data = rpc.get(question, *lead, *numbers)
+            if len(data) != 1:
+                raise rpc.nonsense(question, (*lead, *numbers), data, "one value is needed")
+            return data
+        if not numbers:
+            return []
+        if Shape.GROUP in questions:
+            return self._list(questions[Shape.GROUP], len(numbers), *lead, len(numbers), _listed(numbers))
+        every = self._list(questions[Shape.ALL], self.axes(), *lead)
+        return [every[number] for number in numbers]
+
+    def _list(self, question: Question, count: int, *arguments: Value) -> Sequence[Value]:
+        rpc = self._link.rpc
+        data = rpc.get(question, *arguments)
+        inner = data[0] if len(data) == 1 else None
+        if not isinstance(inner, Bottle) or len(inner) != count:
+            raise rpc.nonsense(question, arguments, data, f"a list of {count} values is needed")
+        return inner.elements()
+
+    def _numbers(self, question: Question, lead: tuple[Value, ...], elements: Sequence[Value]) -> Sequence[Any]:
+        """Numbers, which a board may also not have measured: then they are not finite."""
+        if not {*map(type, elements)} <= _NUMBERS and not all(isinstance(element, int | float) for element in elements):
+            raise self._link.rpc.nonsense(question, lead, [*elements], "numbers are needed")
+        return elements
+
+    def _is_true(self, questions: Questions, axes: AxisSelection) -> bool:
+        """Whether something is true for all of these axes."""
+        rpc = self._link.rpc
+        if axes is None:
+            return bool(rpc.read(questions[Shape.ALL]))
+        numbers = self.chosen(axes)
+        if isinstance(axes, int | np.integer):
+            return bool(rpc.read(questions[Shape.ONE], *numbers))
+        return not numbers or bool(rpc.read(questions[Shape.GROUP], len(numbers), _listed(numbers)))
+
+    def _tell(
+        self,
+        questions: Questions,
+        axes: AxisSelection,
+        lead: tuple[Value, ...] = (),
+        elements: Sequence[Value] = (),
     ) -> None:
-        self.close()
+        """Tell axes to do something, with an element for each where values are needed."""
+        rpc = self._link.rpc
+        listed = [Bottle.adopt([*elements])] if elements else []
+        if axes is None:
+            rpc.tell(questions[Shape.ALL], *lead, *listed)
+            return
+        numbers = self.chosen(axes)
+        if Shape.GROUP not in questions or isinstance(axes, int | np.integer):
+            for place, number in enumerate(numbers):
+                rpc.tell(questions[Shape.ONE], *lead, number, *elements[place : place + 1])
+        elif numbers:
+            rpc.tell(questions[Shape.GROUP], *lead, len(numbers), _listed(numbers), *listed)
+
+    def _written(self, question: Question, arguments: tuple[Any, ...]) -> list[Value]:
+        """The values of a single axis as they are sent: finite numbers."""
+        for argument in arguments:
+            self._finite(*(argument if isinstance(argument, tuple) else (argument,)))
+        return question.kind.write(arguments[0] if len(arguments) == 1 else arguments)
+
+    # What is asked in another way -----------------------------------------------------------------------------------
+
+    def motor_encoder_count(self) -> int:
+        """See IMotorEncoders."""
+        return self.forward_whole(IMotorEncoders.motor_encoder_count)
+
+    def motor_count(self) -> int:
+        """See IMotor."""
+        return self.forward_whole(IMotor.motor_count)
+
+    def pwm(self, motor: int) -> float:
+        """See IAmplifierControl; the duty cycle of the last state."""
+        return float(self.duty_cycles(motor)[0])
+
+    def pids(self, kind: PidType) -> tuple[Pid, ...]:
+        """See IPidControl: in one question."""
+        question, rpc = GETTING["pids"][Shape.NONE], self._link.rpc
+        pids: tuple[Pid, ...] = rpc.read(question, Vocab(kind))
+        if len(pids) != self.axes():
+            raise rpc.nonsense(question, (Vocab(kind),), [str(pids)], f"{self.axes()} are needed")
+        return pids
+
+    def set_pids(self, kind: PidType, pids: Sequence[Pid]) -> None:
+        """See IPidControl: likewise."""
+        if len(pids) != self.axes():
+            raise self.refusal(f"{self.axes()} are needed, {len(pids)} were given")
+        question = SETTING["set_pids"][Shape.NONE]
+        for pid in pids:
+            self._finite(*pid)
+        self._link.rpc.tell(question, Vocab(kind), *question.kind.write(pids))
+
+    def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
+        """See IControlCalibration. The protocol carries the type and three parameters."""
+        self._calibrate(CALIBRATE, joint, parameters, _CALIBRATE)
+
+    def set_calibration_parameters(self, joint: int, parameters: CalibrationParameters) -> None:
+        """See IControlCalibration. The protocol carries the type and four parameters."""
+        self._calibrate(KEEP_CALIBRATION, joint, parameters, _KEEP)
+
+    def _calibrate(self, question: Question, joint: int, parameters: CalibrationParameters, count: int) -> None:
+        kind, *numbers = parameters
+        self._link.rpc.tell(question, *self.chosen(joint), int(kind), *self._finite(*numbers[:count]))
+
+    def calibration_done(self, joint: int) -> bool:
+        """See IControlCalibration. A board that cannot calibrate says no, too."""
+        axes = self.chosen(joint)
+        try:
+            self._link.rpc.tell(CALIBRATION_DONE, *axes)
+        except RefusedError:
+            return False
+        return True
+
+    def has_calibrator(self) -> bool:
+        """See IRemoteCalibrator; a board that knows nothing of calibrators has none."""
+        try:
+            return super().has_calibrator()
+        except RefusedError:
+            return False
+
+    def variable(self, key: str) -> Bottle:
+        """See IRemoteVariables."""
+        question, rpc = GETTING["variable"][Shape.NAMED], self._link.rpc
+        data = rpc.get(question, key)
+        if len(data) == 1 and isinstance(data[0], Bottle):
+            return data[0]
+        raise rpc.nonsense(question, (key,), data, "a list is needed")
+
+    def set_variable(self, key: str, value: Bottle) -> None:
+        """See IRemoteVariables."""
+        self._link.rpc.tell(SETTING["set_variable"][Shape.NAMED], key, *value)
+
+    def variables(self) -> tuple[str, ...]:
+        """See IRemoteVariables."""
+        return self.forward_whole(IRemoteVariables.variables)
+
+
+def _words(of: tuple[object, ...]) -> tuple[Value, ...]:
+    """The kinds of PID that a question is about."""
+    return tuple(Vocab(kind) for kind in of if isinstance(kind, int))
+
+
+def _listed(numbers: list[int]) -> Bottle:
+    return Bottle.adopt([*numbers])
 
 
 def connect(

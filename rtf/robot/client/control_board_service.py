@@ -8,15 +8,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rtf import clock
 from rtf.bottle import Bottle, as_string
 from rtf.robot.client.service_rpc import ServiceLink
-from rtf.robot.client.settings import ClientSettings
-from rtf.robot.client.stub import BoardStub
+from rtf.robot.client.stub import SLOW, BoardStub
 from rtf.robot.control_board_messages import BY_METHOD, BY_NAME, in_its_dialect
-from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError
-from rtf.robot.extended_state import Field
 from rtf.robot.forwarding import ForwardedBoard
 from rtf.robot.interfaces import IPidControl, IRemoteVariables
 from rtf.robot.service_rows import Style
@@ -24,24 +20,12 @@ from rtf.robot.service_rows import Style
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.bottle import Property
+    from rtf.robot.client.settings import ClientSettings
     from rtf.robot.forwarding import Plural
-    from rtf.robot.interfaces import AxisSelection, CalibrationParameters, FloatArray, Pid, PidType
+    from rtf.robot.interfaces import AxisSelection, CalibrationParameters, Pid, PidType, Values
     from rtf.robot.service_rows import Message
 
 R = TypeVar("R")
-#: What is streamed: it comes so often that nobody could wait for the answers.
-_STREAMED = frozenset(
-    {
-        "velocity_move",
-        "set_positions",
-        "set_reference_torques",
-        "set_reference_currents",
-        "set_reference_duty_cycles",
-    }
-)
-#: What is answered when it is done, which takes its time.
-_SLOW = frozenset({"calibrate_joint", "calibrate_part", "home_joint", "home_part", "park_joint", "park_part"})
 _PARK_JOINT = BY_NAME["parkSingleJointRPC"]
 
 
@@ -53,6 +37,7 @@ class ControlBoardServiceClient(BoardStub, ForwardedBoard, IRemoteVariables):
     :class:`~rtf.robot.client.control_board.RemoteControlBoard`.
     """
 
+    carrier = "fast_tcp"
     _opened: ServiceLink | None = None
 
     @property
@@ -61,127 +46,61 @@ class ControlBoardServiceClient(BoardStub, ForwardedBoard, IRemoteVariables):
         assert isinstance(link, ServiceLink)
         return link
 
-    def open(self, configuration: Property) -> None:
-        """See Device. By the machine's clock it returns with the first state, if that comes within the time-out."""
-        given = configuration.copy()
-        if not given.check("carrier"):
-            given.put("carrier", "fast_tcp")
-        settings = ClientSettings.read(given)
-        self.close()
-        self._opened = ServiceLink(settings, in_its_dialect(self.network))
-        if type(clock.current()) is clock.SystemClock:  # by others time may stand still meanwhile
-            self._opened.state.wait_for_first()
-
-    def close(self) -> None:
-        """See Device."""
-        opened, self._opened = self._opened, None
-        if opened is not None:
-            opened.close()
-
-    def axes(self) -> int:
-        """As the board said when it was opened."""
-        return self._link.axes
-
-    # What is measured: flat, as it is asked for all the time --------------------------------------------------------
-
-    def encoders(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
-        return self._link.state.read(Field.JOINT_POSITIONS, joints)
-
-    def encoder_speeds(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
-        return self._link.state.read(Field.JOINT_VELOCITIES, joints)
-
-    def encoder_accelerations(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
-        return self._link.state.read(Field.JOINT_ACCELERATIONS, joints)
-
-    def encoder_times(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders; the message has one time for all."""
-        return self._link.state.times(joints)
-
-    def motor_encoders(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
-        return self._link.state.read(Field.MOTOR_POSITIONS, motors)
-
-    def motor_encoder_speeds(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
-        return self._link.state.read(Field.MOTOR_VELOCITIES, motors)
-
-    def motor_encoder_accelerations(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
-        return self._link.state.read(Field.MOTOR_ACCELERATIONS, motors)
-
-    def torques(self, joints: AxisSelection = None) -> FloatArray:
-        """See ITorqueControl."""
-        return self._link.state.read(Field.TORQUES, joints)
-
-    def currents(self, motors: AxisSelection = None) -> FloatArray:
-        """See ICurrentControl."""
-        return self._link.state.read(Field.CURRENTS, motors)
-
-    def duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
-        """See IPWMControl. They travel in single precision."""
-        return self._link.state.read(Field.DUTY_CYCLES, motors)
-
-    def control_modes(self, joints: AxisSelection = None) -> tuple[ControlMode, ...]:
-        """See IControlMode. What is no mode is UNKNOWN."""
-        numbers = self._link.state.read(Field.CONTROL_MODES, joints).tolist()
-        return tuple(_MODES.get(number, ControlMode.UNKNOWN) for number in numbers)
-
-    def interaction_modes(self, joints: AxisSelection = None) -> tuple[InteractionMode, ...]:
-        """See IInteractionMode; likewise."""
-        numbers = self._link.state.read(Field.INTERACTION_MODES, joints).tolist()
-        return tuple(_INTERACTIONS.get(number, InteractionMode.UNKNOWN) for number in numbers)
+    def _connect(self, settings: ClientSettings) -> ServiceLink:
+        return ServiceLink(settings, in_its_dialect(self.network))
 
     # What is asked and told -----------------------------------------------------------------------------------------
 
-    def forward_reading(self, method: Plural, axes: list[int], *of: object) -> Sequence[Any]:
+    def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
         """See ForwardedBoard."""
-        name, rpc = method.__name__, self._link.rpc
-        if len(axes) == 1:
-            return [rpc.call(_message(method, Style.ONE), *of, axes[0])]
-        some = None if self._are_all(axes) else BY_METHOD.get((name, Style.SOME))
+        name, rpc, numbers = method.__name__, self._link.rpc, self.chosen(axes)
+        if len(numbers) == 1:
+            return [rpc.call(_message(method, Style.ONE), *of, numbers[0])]
+        some = None if self._are_all(numbers) else BY_METHOD.get((name, Style.SOME))
         if some is not None:
-            return self._so_many(rpc.call(some, *of, axes), len(axes), method)
+            return self._so_many(rpc.call(some, *of, numbers), len(numbers), method)
         every = self._so_many(rpc.call(_message(method, Style.ALL), *of), self.axes(), method)
-        return [every[axis] for axis in axes]
+        return [every[number] for number in numbers]
 
-    def forward_setting(self, method: Plural, values: Sequence[Any], axes: list[int], *of: object) -> None:
+    def forward_setting(self, method: Plural, values: Sequence[Any], axes: AxisSelection, *of: object) -> None:
         """See ForwardedBoard."""
-        name, rpc = method.__name__, self._link.rpc
-        if name in _STREAMED:
-            self._stream(name, [*values], None if self._are_all(axes) else axes[0] if len(axes) == 1 else axes)
-        elif self._are_all(axes) and len(axes) > 1:
+        name, rpc, numbers = method.__name__, self._link.rpc, self.chosen(axes)
+        if self._are_all(numbers) and len(numbers) > 1:
             rpc.call(_message(method, Style.ALL), *of, values)
-        elif len(axes) > 1 and (name, Style.SOME) in BY_METHOD:
-            rpc.call(_message(method, Style.SOME), *of, axes, values)
+        elif len(numbers) > 1 and (name, Style.SOME) in BY_METHOD:
+            rpc.call(_message(method, Style.SOME), *of, numbers, values)
         else:
-            for axis, value in zip(axes, values, strict=True):
-                rpc.call(_message(method, Style.ONE), *of, axis, value)
+            for number, value in zip(numbers, values, strict=True):
+                rpc.call(_message(method, Style.ONE), *of, number, value)
 
-    def forward_action(self, method: Plural, axes: list[int]) -> list[Any]:
+    def forward_action(self, method: Plural, axes: AxisSelection) -> list[Any]:
         """See ForwardedBoard."""
-        rpc = self._link.rpc
-        if self._are_all(axes):
+        rpc, numbers = self._link.rpc, self.chosen(axes)
+        if self._are_all(numbers):
             return [rpc.call(_message(method, Style.ALL))]
-        if len(axes) > 1 and (method.__name__, Style.SOME) in BY_METHOD:
-            return [rpc.call(_message(method, Style.SOME), axes)]
-        return [rpc.call(_message(method, Style.ONE), axis) for axis in axes]
+        if len(numbers) > 1 and (method.__name__, Style.SOME) in BY_METHOD:
+            return [rpc.call(_message(method, Style.SOME), numbers)]
+        return [rpc.call(_message(method, Style.ONE), number) for number in numbers]
 
     def forward_single(self, method: Callable[..., R], axis: int, *arguments: object, of: tuple[object, ...] = ()) -> R:
         """See ForwardedBoard."""
         rpc = self._link.rpc
         if method.__name__ == "park_joint":
             return rpc.call_slowly(_PARK_JOINT, axis, True)  # type: ignore[no-any-return]  # wait until it is done
-        ask = rpc.call_slowly if method.__name__ in _SLOW else rpc.call
+        ask = rpc.call_slowly if method.__name__ in SLOW else rpc.call
         return ask(_message(method, Style.CALL), *of, axis, *arguments)  # type: ignore[no-any-return]
 
-    def forward_whole(self, method: Callable[..., R], *arguments: object) -> R:
+    def forward_whole(self, method: Callable[..., R]) -> R:
         """See ForwardedBoard."""
         rpc = self._link.rpc
-        ask = rpc.call_slowly if method.__name__ in _SLOW else rpc.call
-        return ask(_message(method, Style.CALL), *arguments)  # type: ignore[no-any-return]
+        ask = rpc.call_slowly if method.__name__ in SLOW else rpc.call
+        return ask(_message(method, Style.CALL))  # type: ignore[no-any-return]
+
+    def _stream(self, method: str, values: Values, axes: AxisSelection) -> None:
+        """See BoardStub. How many axes there are counts, and not how they were chosen."""
+        numbers = self.chosen(axes)
+        alone = numbers[0] if len(numbers) == 1 else numbers
+        super()._stream(method, values, None if self._are_all(numbers) else alone)
 
     def _are_all(self, axes: list[int]) -> bool:
         return axes == [*range(self._link.axes)]
@@ -200,16 +119,16 @@ class ControlBoardServiceClient(BoardStub, ForwardedBoard, IRemoteVariables):
         """See IControlCalibration. Only three parameters travel: with others it is refused, before anything moves."""
         kind, *numbers = parameters
         if any(numbers[3:]):
-            raise RefusedError(
-                f"{self._link.settings.remote}: boards of YARP 4.0 take three parameters when they calibrate joint "
+            raise self.refusal(
+                f"boards of YARP 4.0 take three parameters when they calibrate joint "
                 f"{joint}; the others are set with set_calibration_parameters"
             )
-        self._link.rpc.call(BY_NAME["calibrateAxisWithParamsRPC"], self._axis(joint), kind, *numbers[:3])
+        self._link.rpc.call(BY_NAME["calibrateAxisWithParamsRPC"], *self.chosen(joint), kind, *numbers[:3])
 
     def calibration_done(self, joint: int) -> bool:
         """See IControlCalibration."""
         try:
-            self._link.rpc.call(BY_NAME["calibrationDoneRPC"], self._axis(joint))
+            self._link.rpc.call(BY_NAME["calibrationDoneRPC"], *self.chosen(joint))
         except RefusedError:
             return False
         return True
@@ -243,7 +162,3 @@ def _message(method: Callable[..., Any], style: Style) -> Message:
     if found is None:
         raise NotSupportedError(f"boards of YARP 4.0 cannot be asked for {method.__qualname__} of {style.value}")
     return found
-
-
-_MODES = {mode.value: mode for mode in ControlMode}
-_INTERACTIONS = {mode.value: mode for mode in InteractionMode}

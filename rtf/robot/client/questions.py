@@ -36,8 +36,9 @@ Questions = dict[Shape, Question]
 
 def _question(topic: Topic, verb: Vocab) -> Question:
     family = topic.family
+    kind = topic.given if verb == SET and topic.given is not None else topic.kind
     tail = _STAMPED_TAIL if family.stamped else _TAIL
-    return Question((verb, *map(Vocab, topic.words)), topic.kind, _HEADS[family.echo], tail)
+    return Question((verb, *map(Vocab, topic.words)), kind, _HEADS[family.echo], tail)
 
 
 def _by_method() -> tuple[dict[str, Questions], dict[str, Questions]]:
@@ -73,5 +74,3 @@ PROTOCOL = Question((GET, Vocab("prot")), kinds.INT)
 CALIBRATE = Question((Vocab("calj"),), kinds.CALIBRATION)
 KEEP_CALIBRATION = Question((Vocab("cljp"),), kinds.CALIBRATION)
 CALIBRATION_DONE = Question((Vocab("cald"),), kinds.NOTHING)
-ENABLE_PID = Question((SET, Vocab("pid"), Vocab("ena")), kinds.NOTHING)
-PID_ENABLED = Question((GET, Vocab("pid"), Vocab("ena")), kinds.FLAG, _HEADS[Echo.TOPIC])

@@ -98,12 +98,15 @@ class BoardRpc:
 
         It is answered when it is done, within :data:`ACTION_LIMIT`.
         """
+        with self._port_of_its_own() as port:
+            self._tell(port, question, arguments, ACTION_LIMIT)
+
+    def _port_of_its_own(self) -> RpcClient:
+        """Another connection with the board, for what takes its time. Raises NoAnswerError."""
         try:
-            port = RpcClient("", self._target, network=self._network)
+            return RpcClient("", self._target, network=self._network)
         except RtfError as error:
             raise NoAnswerError(f"{self.board} cannot be reached: {error}") from error
-        with port:
-            self._tell(port, question, arguments, ACTION_LIMIT)
 
     def _tell(self, port: RpcClient, question: Question, arguments: tuple[Value, ...], limit: float) -> None:
         answer = self._ask(port, [*question.words, *arguments], limit)

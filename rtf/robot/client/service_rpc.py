@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from rtf.bottle import BottleError
 from rtf.errors import RtfError
 from rtf.middleware.names import Contact
-from rtf.middleware.rpc import RpcClient
 from rtf.middleware.types import call
 from rtf.middleware.types.service import succeeded
 from rtf.robot.client.link import ControlBoardLink
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Bottle, Value
     from rtf.middleware.network import Network
+    from rtf.middleware.rpc import RpcClient
     from rtf.robot.client.questions import Question
     from rtf.robot.service_rows import Message
 
@@ -66,11 +66,7 @@ class ServiceRpc(BoardRpc):
 
     def call_slowly(self, message: Message, *arguments: object) -> Any:
         """The same for what takes its time. It goes over a connection of its own, so that others are not held up."""
-        try:
-            port = RpcClient("", self._target, network=self._network)
-        except RtfError as error:
-            raise NoAnswerError(f"{self.board} cannot be reached: {error}") from error
-        with port:
+        with self._port_of_its_own() as port:
             return self._call(port, message, arguments, ACTION_LIMIT)
 
     def _call(self, port: RpcClient, message: Message, arguments: tuple[object, ...], limit: float) -> Any:

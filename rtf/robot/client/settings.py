@@ -39,8 +39,8 @@ class ClientSettings:
     remote_qos: Qos = field(default_factory=Qos)
 
     @classmethod
-    def read(cls, configuration: Property) -> ClientSettings:
-        """Take them from a configuration. Raises ConfigurationError.
+    def read(cls, configuration: Property, carrier: str = "udp") -> ClientSettings:
+        """Take them from a configuration, with this carrier if it names none. Raises ConfigurationError.
 
         ======================= ==================================================================================
         ``remote``              the name of the board, such as ``/icub/left_arm``; required
@@ -59,7 +59,7 @@ class ClientSettings:
         return cls(
             remote,
             parameters.port_name(configuration, "local", "") or unique_local(remote),
-            parameters.carrier(configuration, "udp"),
+            parameters.carrier(configuration, carrier),
             parameters.positive(configuration, "timeout", TIMEOUT),
             parameters.positive(configuration, "rpcTimeout", RPC_TIMEOUT),
             _strict(configuration),
@@ -85,7 +85,7 @@ def _strict(configuration: Property) -> bool | None:
 def _qos(configuration: Property, key: str) -> Qos:
     group = configuration.find(key)
     if isinstance(group, Bottle) or group is None:
-        group = Property.from_bottle(configuration.find_group(key) or Bottle())
+        group = parameters.group_of(configuration, key)
     if not isinstance(group, Property):
         raise parameters.wrong(configuration, key, f"it is a group, not {to_string(group)}")
     if not parameters.flag(group, "enable", default=True):

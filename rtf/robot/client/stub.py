@@ -1,38 +1,56 @@
-"""What all interfaces of a client of a control board are made with: how axes and values become questions and commands.
+"""What the clients of control boards of both protocols have in common.
 
-Axes are checked here, and so are values, because a board does not answer what is streamed, and may take anything.
+They are opened and closed in the same way, what is measured comes with the state, and references that come at a high
+rate are streamed. Axes are checked here, and so are values, because a board does not answer what is streamed, and may
+take anything. How everything else is asked for, each client says itself.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, TypeVar
+from abc import abstractmethod
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from rtf import clock
 from rtf.bottle import Bottle, Value
-from rtf.robot.client.questions import GETTING, HEADS, SETTING, Question, Questions
+from rtf.robot.client.questions import HEADS
+from rtf.robot.client.settings import ClientSettings
 from rtf.robot.client.state import chosen
+from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError, RefusedError
+from rtf.robot.extended_state import Field
 from rtf.robot.interfaces import values_for
 from rtf.robot.vocabulary import Shape
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Mapping
+    from types import TracebackType
+    from typing import Self
 
+    from rtf.bottle import Property
     from rtf.robot.client.link import ControlBoardLink
+    from rtf.robot.client.state import Observer
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
 
-T = TypeVar("T")
-#: What nearly all answers are made of; there are other numbers, too.
-_NUMBERS = {int, float}
+#: The methods that are answered when they are done, which takes its time.
+SLOW = frozenset({"calibrate_joint", "calibrate_part", "home_joint", "home_part", "park_joint", "park_part"})
+_CONTROL_MODES: Mapping[int, ControlMode] = {int(mode): mode for mode in ControlMode}
+_INTERACTION_MODES: Mapping[int, InteractionMode] = {int(mode): mode for mode in InteractionMode}
 
 
 class BoardStub(Device):
-    """A device whose methods are questions to a board. Raises DeviceError while it is not open."""
+    """A board that is at the other end of a link. Its methods raise DeviceError while it is not open."""
 
+    #: By what the state and the streamed commands travel if nothing is said.
+    carrier: ClassVar[str] = "udp"
     _opened: ControlBoardLink | None = None
+
+    @abstractmethod
+    def _connect(self, settings: ClientSettings) -> ControlBoardLink:
+        """The connections with the board. Raises DeviceError."""
 
     @property
     def _link(self) -> ControlBoardLink:
@@ -40,151 +58,154 @@ class BoardStub(Device):
             raise DeviceError(f"{self.name} is not open")
         return self._opened
 
+    def open(self, configuration: Property) -> None:
+        """See Device. By the machine's clock it returns with the first state, if that comes within the time-out."""
+        settings = ClientSettings.read(configuration, self.carrier)
+        self.close()
+        self._opened = self._connect(settings)
+        if type(clock.current()) is clock.SystemClock:  # by others time may stand still meanwhile
+            self._opened.state.wait_for_first()
+
+    def close(self) -> None:
+        """See Device."""
+        opened, self._opened = self._opened, None
+        if opened is not None:
+            opened.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def observe(self, observer: Observer) -> None:
+        """Have every state given to a function as it comes. Until ``unobserve``, until it is closed, or it raises."""
+        self._link.state.observe(observer)
+
+    def unobserve(self, observer: Observer) -> None:
+        """Give it no more."""
+        self._link.state.unobserve(observer)
+
     # Axes and values ---------------------------------------------------------------------------------------------
 
-    def _axis(self, axis: int) -> int:
-        link = self._link
-        if 0 <= axis < link.axes:
-            return int(axis)
-        raise RefusedError(f"{link.settings.remote}: there is no joint {axis}; they go from 0 to {link.axes - 1}")
+    def axes(self) -> int:
+        """As the board said when it was opened."""
+        return self._link.axes
 
-    def _chosen(self, axes: AxisSelection) -> list[int]:
+    def refusal(self, why: str) -> RefusedError:
+        """What to raise for arguments that make no sense."""
+        return RefusedError(f"{self._link.settings.remote}: {why}")
+
+    def chosen(self, axes: AxisSelection) -> list[int]:
+        """The numbers of axes. Raises RefusedError for one that the board does not have."""
         link = self._link
         return chosen(link.settings.remote, link.axes, axes)
 
-    def _values(self, values: Values, count: int) -> FloatArray:
+    def checked(self, values: Values, count: int) -> FloatArray:
+        """So many finite numbers. Raises RefusedError for others."""
         try:
             return values_for(count, values)
         except RefusedError as error:
-            raise RefusedError(f"{self._link.settings.remote}: {error}") from None
+            raise self.refusal(str(error)) from None
 
     def _finite(self, *numbers: float) -> list[Value]:
         """Numbers as they are sent. Raises RefusedError for what is none."""
         for number in numbers:
             if not math.isfinite(number):
-                raise RefusedError(f"{self._link.settings.remote}: {number} is no finite number")
+                raise self.refusal(f"{number} is no finite number")
         return [float(number) for number in numbers]
 
-    # One axis, or none -------------------------------------------------------------------------------------------
+    # What is measured: flat, as it is asked for all the time --------------------------------------------------------
 
-    def _get(self, method: str) -> Any:
-        """What is asked of the board as a whole."""
-        return self._link.rpc.read(GETTING[method][Shape.NONE])
+    def encoders(self, joints: AxisSelection = None) -> FloatArray:
+        """See IEncoders."""
+        return self._link.state.read(Field.JOINT_POSITIONS, joints)
 
-    def _get_of(self, method: str, axis: int, *lead: Value) -> Any:
-        return self._link.rpc.read(GETTING[method][Shape.SINGLE], *lead, self._axis(axis))
+    def encoder_speeds(self, joints: AxisSelection = None) -> FloatArray:
+        """See IEncoders."""
+        return self._link.state.read(Field.JOINT_VELOCITIES, joints)
 
-    def _set_of(self, method: str, axis: int, *elements: Value) -> None:
-        self._link.rpc.tell(SETTING[method][Shape.SINGLE], self._axis(axis), *elements)
+    def encoder_accelerations(self, joints: AxisSelection = None) -> FloatArray:
+        """See IEncoders."""
+        return self._link.state.read(Field.JOINT_ACCELERATIONS, joints)
 
-    # Any choice of axes ------------------------------------------------------------------------------------------
+    def encoder_times(self, joints: AxisSelection = None) -> FloatArray:
+        """See IEncoders; the message has one time for all."""
+        return self._link.state.times(joints)
 
-    def _elements(self, method: str, axes: AxisSelection, *lead: Value) -> Sequence[Value]:
-        """What the board answers, one element for each axis."""
-        questions, rpc = GETTING[method], self._link.rpc
-        if axes is None:
-            return self._list(questions[Shape.ALL], self._link.axes, *lead)
-        if isinstance(axes, int | np.integer):
-            question, axis = questions[Shape.ONE], self._axis(int(axes))
-            data = rpc.get(question, *lead, axis)
-            if len(data) != 1:
-                raise rpc.nonsense(question, (*lead, axis), data, "one value is needed")
-            return data
-        numbers = self._chosen(axes)
-        if not numbers:
-            return []
-        if Shape.GROUP in questions:
-            return self._list(questions[Shape.GROUP], len(numbers), *lead, len(numbers), _axes(numbers))
-        every = self._list(questions[Shape.ALL], self._link.axes, *lead)
-        return [every[number] for number in numbers]
+    def motor_encoders(self, motors: AxisSelection = None) -> FloatArray:
+        """See IMotorEncoders."""
+        return self._link.state.read(Field.MOTOR_POSITIONS, motors)
 
-    def _list(self, question: Question, count: int, *arguments: Value) -> Sequence[Value]:
-        rpc = self._link.rpc
-        data = rpc.get(question, *arguments)
-        inner = data[0] if len(data) == 1 else None
-        if not isinstance(inner, Bottle) or len(inner) != count:
-            raise rpc.nonsense(question, arguments, data, f"a list of {count} values is needed")
-        return inner.elements()
+    def motor_encoder_speeds(self, motors: AxisSelection = None) -> FloatArray:
+        """See IMotorEncoders."""
+        return self._link.state.read(Field.MOTOR_VELOCITIES, motors)
 
-    def _floats(self, method: str, axes: AxisSelection, *lead: Value) -> FloatArray:
-        """Numbers, which a board may also not have measured: then they are not finite."""
-        elements = self._elements(method, axes, *lead)
-        if not {*map(type, elements)} <= _NUMBERS and not all(isinstance(element, int | float) for element in elements):
-            raise self._link.rpc.nonsense(GETTING[method][Shape.ALL], lead, [*elements], "numbers are needed")
-        return np.array(elements, dtype=np.float64)
+    def motor_encoder_accelerations(self, motors: AxisSelection = None) -> FloatArray:
+        """See IMotorEncoders."""
+        return self._link.state.read(Field.MOTOR_ACCELERATIONS, motors)
 
-    def _words(self, method: str, axes: AxisSelection, read: Callable[[Value], T]) -> tuple[T, ...]:
-        """Elements of another kind, which ``read`` makes something of; it raises RefusedError where it cannot."""
-        elements = self._elements(method, axes)
-        try:
-            return tuple(map(read, elements))
-        except RefusedError as error:
-            raise self._link.rpc.nonsense(GETTING[method][Shape.ALL], (), [*elements], str(error)) from None
+    def torques(self, joints: AxisSelection = None) -> FloatArray:
+        """See ITorqueControl."""
+        return self._link.state.read(Field.TORQUES, joints)
 
-    def _flag(self, method: str, axes: AxisSelection) -> bool:
-        """Whether something is true for all of these axes."""
-        questions, rpc = GETTING[method], self._link.rpc
-        if axes is None:
-            return bool(rpc.read(questions[Shape.ALL]))
-        if isinstance(axes, int | np.integer):
-            return bool(rpc.read(questions[Shape.ONE], self._axis(int(axes))))
-        numbers = self._chosen(axes)
-        return not numbers or bool(rpc.read(questions[Shape.GROUP], len(numbers), _axes(numbers)))
+    def currents(self, motors: AxisSelection = None) -> FloatArray:
+        """See ICurrentControl and IAmplifierControl, for which they are the same."""
+        return self._link.state.read(Field.CURRENTS, motors)
 
-    def _set(self, method: str, values: Values, axes: AxisSelection, *lead: Value) -> None:
-        """Give the axes a number each."""
-        if isinstance(axes, int | np.integer) and isinstance(values, int | float):
-            self._put(SETTING[method], self._finite(values), axes, *lead)
-        else:
-            count = len(self._chosen(axes))
-            self._put(SETTING[method], self._values(values, count).tolist(), axes, *lead)
+    def duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
+        """See IPWMControl. They travel in single precision."""
+        return self._link.state.read(Field.DUTY_CYCLES, motors)
 
-    def _put(self, questions: Questions, elements: list[Value], axes: AxisSelection, *lead: Value) -> None:
-        """Give the axes an element each."""
-        rpc = self._link.rpc
-        if axes is None:
-            rpc.tell(questions[Shape.ALL], *lead, Bottle.adopt(elements))
-        elif isinstance(axes, int | np.integer):
-            rpc.tell(questions[Shape.ONE], *lead, self._axis(int(axes)), elements[0])
-        elif Shape.GROUP in questions:
-            numbers = self._chosen(axes)
-            if numbers:
-                rpc.tell(questions[Shape.GROUP], *lead, len(numbers), _axes(numbers), Bottle.adopt(elements))
-        else:
-            for number, element in zip(self._chosen(axes), elements, strict=True):
-                rpc.tell(questions[Shape.ONE], *lead, number, element)
+    def control_modes(self, joints: AxisSelection = None) -> tuple[ControlMode, ...]:
+        """See IControlMode. A number that is no mode is UNKNOWN.
 
-    def _do(self, method: str, axes: AxisSelection) -> None:
-        """Something that needs no value."""
-        questions, rpc = SETTING[method], self._link.rpc
-        if axes is None:
-            rpc.tell(questions[Shape.ALL])
-        elif isinstance(axes, int | np.integer):
-            rpc.tell(questions[Shape.ONE], self._axis(int(axes)))
-        elif Shape.GROUP in questions:
-            numbers = self._chosen(axes)
-            if numbers:
-                rpc.tell(questions[Shape.GROUP], len(numbers), _axes(numbers))
-        else:
-            for number in self._chosen(axes):
-                rpc.tell(questions[Shape.ONE], number)
+        What was set shows when the next state has come, which takes the board's period and its way.
+        """
+        numbers = self._link.state.read(Field.CONTROL_MODES, joints).tolist()
+        return tuple([_CONTROL_MODES.get(number, ControlMode.UNKNOWN) for number in numbers])
+
+    def interaction_modes(self, joints: AxisSelection = None) -> tuple[InteractionMode, ...]:
+        """See IInteractionMode; likewise."""
+        numbers = self._link.state.read(Field.INTERACTION_MODES, joints).tolist()
+        return tuple([_INTERACTION_MODES.get(number, InteractionMode.UNKNOWN) for number in numbers])
+
+    # What is streamed: it comes so often that nobody could wait for answers ------------------------------------------
+
+    def velocity_move(self, velocities: Values, joints: AxisSelection = None) -> None:
+        """See IVelocityControl. The board does not answer, here and below."""
+        self._stream("velocity_move", velocities, joints)
+
+    def set_positions(self, positions: Values, joints: AxisSelection = None) -> None:
+        """See IPositionDirect."""
+        self._stream("set_positions", positions, joints)
+
+    def set_reference_torques(self, torques: Values, joints: AxisSelection = None) -> None:
+        """See ITorqueControl."""
+        self._stream("set_reference_torques", torques, joints)
+
+    def set_reference_currents(self, currents: Values, motors: AxisSelection = None) -> None:
+        """See ICurrentControl."""
+        self._stream("set_reference_currents", currents, motors)
+
+    def set_reference_duty_cycles(self, duties: Values, motors: AxisSelection = None) -> None:
+        """See IPWMControl. There is no command for several: they get one each."""
+        self._stream("set_reference_duty_cycles", duties, motors)
 
     def _stream(self, method: str, values: Values, axes: AxisSelection) -> None:
         """Stream a command. One for a single axis waits for the one before."""
         heads, stream = HEADS[method], self._link.stream
         if axes is None:
-            stream.send([*heads[Shape.ALL]], self._values(values, self._link.axes), strict=False)
+            stream.send([*heads[Shape.ALL]], self.checked(values, self._link.axes), strict=False)
             return
-        numbers = self._chosen(axes)
-        given = self._values(values, len(numbers))
+        numbers = self.chosen(axes)
+        given = self.checked(values, len(numbers))
         if isinstance(axes, int | np.integer):
             stream.send([*heads[Shape.ONE], *numbers], given, strict=True)
         elif Shape.GROUP not in heads:
             for place, number in enumerate(numbers):
                 stream.send([*heads[Shape.ONE], number], given[place : place + 1], strict=True)
         elif numbers:
-            stream.send([*heads[Shape.GROUP], len(numbers), _axes(numbers)], given, strict=False)
-
-
-def _axes(numbers: list[int]) -> Bottle:
-    return Bottle.adopt([*numbers])
+            stream.send([*heads[Shape.GROUP], len(numbers), Bottle.adopt([*numbers])], given, strict=False)

@@ -33,7 +33,7 @@ import numpy as np
 from rtf.bottle import Bottle, Property, Value, as_float, to_string
 from rtf.robot.errors import ConfigurationError
 from rtf.robot.interfaces import CalibrationParameters
-from rtf.robot.parameters import count, flag
+from rtf.robot.parameters import count, flag, group_of
 
 if TYPE_CHECKING:
     from typing import Self
@@ -75,7 +75,7 @@ class CalibratorSettings:
     @classmethod
     def read(cls, configuration: Property) -> Self:
         """Read it. Raises ConfigurationError, with the place."""
-        general = _group(configuration, "GENERAL")
+        general = group_of(configuration, "GENERAL")
         joints = count(general, "Joints" if general.check("Joints") else "joints", 0, _MAX_JOINTS)
         calibration = _Rows(configuration, "CALIBRATION", joints)
         rest = _Rows(configuration, "HOME", joints)
@@ -98,7 +98,7 @@ class CalibratorSettings:
             park=_Rows(configuration, "PARK", joints).pose("Park", _REST_TIMEOUT) if has_park else home,
             skip_calibration=flag(general, "skipCalibration"),
             clear_faults=flag(general, "clearHwFaultBeforeCalibration"),
-            power_off=flag(_group(configuration, "PARK"), "powerOff"),
+            power_off=flag(group_of(configuration, "PARK"), "powerOff"),
         )
 
 
@@ -110,7 +110,7 @@ class _Rows:
         self._name = name
         self._joints = joints
         self._lists: dict[str, tuple[str, list[Value]]] = {}
-        for key, group in _group(configuration, name).items():
+        for key, group in group_of(configuration, name).items():
             inner = group.get(1)
             self._lists[key.lower()] = key, list(inner if isinstance(inner, Bottle) else group[1:])
 
@@ -180,10 +180,6 @@ def _order(configuration: Property, joints: int) -> tuple[tuple[int, ...], ...]:
     if len({*everyone}) != len(everyone):
         raise _wrong(configuration, "CALIB_ORDER", "", "a joint is there twice")
     return tuple(order)
-
-
-def _group(configuration: Property, name: str) -> Property:
-    return Property.from_bottle(configuration.find_group(name) or Bottle())
 
 
 def _wrong(configuration: Property, group: str, key: str, sentence: str) -> ConfigurationError:

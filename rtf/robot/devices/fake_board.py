@@ -6,8 +6,7 @@ tried on it. What it does not model is told in :mod:`rtf.robot.devices.fake_axes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,18 +31,20 @@ from rtf.robot.interfaces import (
     IRemoteVariables,
     JointType,
     MotorTorqueParameters,
+    modes_for,
     values_for,
 )
-from rtf.robot.parameters import count, wrong
+from rtf.robot.parameters import count, group_of, wrong
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rtf.middleware.network import Network
     from rtf.robot.interfaces import AxisSelection, FloatArray
 
 MAX_JOINTS = 1000
 #: Where a configuration says nothing, in deg.
 LIMITS = (0.0, 100.0)
-M = TypeVar("M", ControlMode, InteractionMode)
 _TYPES = {"revolute": JointType.REVOLUTE, "prismatic": JointType.PRISMATIC}
 
 
@@ -82,11 +83,11 @@ class FakeBoard(
 
     def open(self, configuration: Property) -> None:
         """See Device."""
-        general = _group(configuration, "GENERAL")
+        general = group_of(configuration, "GENERAL")
         joints = count(general, "Joints", 1, MAX_JOINTS)
         names = _listed(general, "AxisName", joints) or [f"joint{joint}" for joint in range(joints)]
         types = _listed(general, "AxisType", joints) or ["revolute"] * joints
-        limits = _group(configuration, "LIMITS")
+        limits = group_of(configuration, "LIMITS")
         minima, maxima = (
             _numbers(limits, key, joints, default) for key, default in zip(("Min", "Max"), LIMITS, strict=True)
         )
@@ -167,7 +168,8 @@ class FakeBoard(
     def set_control_modes(self, modes: ControlMode | Sequence[ControlMode], joints: AxisSelection = None) -> None:
         """See IControlMode."""
         with self._lock:
-            for joint, mode in _each(modes, self._chosen(joints)):
+            chosen = self._chosen(joints)
+            for joint, mode in zip(chosen, modes_for(len(chosen), modes), strict=True):
                 self._request(joint, mode)
 
     def interaction_modes(self, joints: AxisSelection = None) -> tuple[InteractionMode, ...]:
@@ -180,7 +182,8 @@ class FakeBoard(
     ) -> None:
         """See IInteractionMode."""
         with self._lock:
-            for joint, mode in _each(modes, self._chosen(joints)):
+            chosen = self._chosen(joints)
+            for joint, mode in zip(chosen, modes_for(len(chosen), modes), strict=True):
                 if mode is InteractionMode.UNKNOWN:
                     raise RefusedError(f"joint {joint}: 'unknown' is no interaction mode to ask for")
                 self._interaction[joint] = mode
@@ -248,20 +251,6 @@ class FakeBoard(
         if not self._variables:
             raise NotSupportedError(f"{self.name} has no variables; its group VARIABLES may give it some")
         return tuple(self._variables)
-
-
-def _each(modes: M | Sequence[M], joints: Sequence[int]) -> list[tuple[int, M]]:
-    """A mode for each of the joints."""
-    if not isinstance(modes, Sequence):
-        return [(joint, modes) for joint in joints]
-    if len(modes) != len(joints):
-        raise RefusedError(f"{len(joints)} modes are needed, {len(modes)} were given")
-    return list(zip(joints, modes, strict=True))
-
-
-def _group(configuration: Property, key: str) -> Property:
-    """A group of the configuration as one of its own; of nothing if it is not there."""
-    return Property.from_bottle(configuration.find_group(key) or Bottle())
 
 
 def _listed(group: Property, key: str, joints: int) -> Bottle | None:

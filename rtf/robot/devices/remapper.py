@@ -13,6 +13,7 @@ from rtf.bottle import Bottle, as_int
 from rtf.robot import parameters
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError, NoAnswerError, NotSupportedError, RefusedError, RobotError
+from rtf.robot.extended_state import MAX_AXES
 from rtf.robot.forwarding import ForwardedBoard
 from rtf.robot.interfaces import IAxisInfo, IRemoteCalibrator, IRemoteVariables
 
@@ -21,10 +22,9 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Property
     from rtf.robot.forwarding import Plural
+    from rtf.robot.interfaces import AxisSelection
 
 R = TypeVar("R")
-#: A robot with more axes is none.
-MAX_AXES = 4096
 _RANGE_NUMBERS = 4
 #: What is done instead for each axis of a board of which only some belong here, so that the others keep still.
 _FOR_EACH = {
@@ -67,10 +67,11 @@ class RemappedBoard(ForwardedBoard, IRemoteVariables):
 
     # Passing on ---------------------------------------------------------------------------------------------------
 
-    def forward_reading(self, method: Plural, axes: list[int], *of: object) -> Sequence[Any]:
+    def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
         """See ForwardedBoard."""
-        found: list[Any] = [None] * len(axes)
-        for share in self._shares(axes):
+        chosen = self.chosen(axes)
+        found: list[Any] = [None] * len(chosen)
+        for share in self._shares(chosen):
             values = _bound(share.board, method)(*of, share.joints)
             if len(values) != len(share.joints):
                 raise NoAnswerError(
@@ -80,32 +81,31 @@ class RemappedBoard(ForwardedBoard, IRemoteVariables):
                 found[place] = value
         return found
 
-    def forward_setting(self, method: Plural, values: Sequence[Any], axes: list[int], *of: object) -> None:
+    def forward_setting(self, method: Plural, values: Sequence[Any], axes: AxisSelection, *of: object) -> None:
         """See ForwardedBoard."""
-        for share in self._shares(axes):
+        for share in self._shares(self.chosen(axes)):
             _bound(share.board, method)(*of, [values[place] for place in share.places], share.joints)
 
-    def forward_action(self, method: Plural, axes: list[int]) -> list[Any]:
+    def forward_action(self, method: Plural, axes: AxisSelection) -> list[Any]:
         """See ForwardedBoard."""
-        return [_bound(share.board, method)(share.joints) for share in self._shares(axes)]
+        return [_bound(share.board, method)(share.joints) for share in self._shares(self.chosen(axes))]
 
     def forward_single(self, method: Callable[..., R], axis: int, *arguments: object, of: tuple[object, ...] = ()) -> R:
         """See ForwardedBoard."""
         place = self.places[axis]
         return _bound(place.board, method)(*of, place.joint, *arguments)
 
-    def forward_whole(self, method: Callable[..., R], *arguments: object) -> R:
+    def forward_whole(self, method: Callable[..., R]) -> R:
         """See ForwardedBoard. Every board is asked; of several answers the first one that is no yes counts."""
-        self.axes()
-        answers = [self._whole(share, method, *arguments) for share in self._shares(range(len(self.places)))]
+        answers = [self._whole(share, method) for share in self._shares(self.chosen(None))]
         return next((answer for answer in answers if not answer), answers[0])
 
-    def _whole(self, share: _Share, method: Callable[..., R], *arguments: object) -> R:
+    def _whole(self, share: _Share, method: Callable[..., R]) -> R:
         if method.__name__ in _FOR_EACH and sorted(share.joints) != [*range(share.board.view(IAxisInfo).axes())]:  # type: ignore[type-abstract]
             one: Callable[..., Any] = _FOR_EACH[method.__name__]
             *_, last = [_bound(share.board, one)(joint) for joint in share.joints]
             return last  # type: ignore[no-any-return]  # nothing, as of the method for all
-        return _bound(share.board, method)(*arguments)
+        return _bound(share.board, method)()
 
     def _shares(self, axes: Sequence[int]) -> Iterator[_Share]:
         """The boards that have some of the axes, each once."""

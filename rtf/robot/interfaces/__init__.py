@@ -10,7 +10,7 @@ through the network ``StaleStateError`` and ``NoAnswerError``. All may be called
 
 from rtf.robot.interfaces.axes import AxisSelection, FloatArray, IAxisInfo, JointType, Values, selected, values_for
 from rtf.robot.interfaces.calibration import CalibrationParameters, IControlCalibration, IRemoteCalibrator
-from rtf.robot.interfaces.modes import IControlMode, IInteractionMode, IJointFault
+from rtf.robot.interfaces.modes import IControlMode, IInteractionMode, IJointFault, modes_for
 from rtf.robot.interfaces.motion import (
     IControlLimits,
     ICurrentControl,
@@ -77,6 +77,7 @@ __all__ = [
     "SensorReading",
     "SensorStatus",
     "Values",
+    "modes_for",
     "selected",
     "values_for",
 ]

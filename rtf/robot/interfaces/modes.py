@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.errors import RefusedError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rtf.robot.control_modes import ControlMode, InteractionMode
     from rtf.robot.interfaces.axes import AxisSelection
+
+M = TypeVar("M", ControlMode, InteractionMode)
 
 
 class IControlMode(ABC):
@@ -55,3 +58,12 @@ class IJointFault(ABC):
     @abstractmethod
     def last_joint_fault(self, joint: int) -> tuple[int, str]:
         """The code and the sentence of the last fault of a joint; 0 and nothing when there was none."""
+
+
+def modes_for(count: int, modes: M | Sequence[M]) -> list[M]:
+    """So many modes: the one that is given for each, or those that are. Raises RefusedError for another number."""
+    if not isinstance(modes, Sequence):
+        return [modes] * count
+    if len(modes) != count:
+        raise RefusedError(f"{count} modes are needed, {len(modes)} were given")
+    return list(modes)

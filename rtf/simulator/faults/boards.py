@@ -99,8 +99,8 @@ class WrongMode(_ModeFault):
         return ControlMode.POSITION if wanted == ControlMode.TORQUE and allowed else None
 
 
-class _Configuration(AxisFault):
-    """Changes a number that the board is configured with."""
+class _WrongNumber(AxisFault):
+    """Changes a number that the board goes by."""
 
     layer = Layer.CONFIGURATION
     keeps = True
@@ -126,7 +126,7 @@ class _Configuration(AxisFault):
         self.boards.refresh(self.axis)
 
 
-class WrongGearRatio(_Configuration):
+class WrongGearRatio(_WrongNumber):
     """See ``meaning``."""
 
     kind = "wrong_gear_ratio"
@@ -145,7 +145,7 @@ class WrongGearRatio(_Configuration):
         return healthy * self.factor
 
 
-class WrongUpperLimit(_Configuration):
+class WrongUpperLimit(_WrongNumber):
     """See ``meaning``."""
 
     kind = "wrong_upper_limit"
@@ -177,27 +177,24 @@ class WrongLowerLimit(WrongUpperLimit):
         return self.boards.minimum
 
 
-class LimitsIgnored(AxisFault):
+class LimitsIgnored(_WrongNumber):
     """See ``meaning``."""
 
     kind = "limits_ignored"
     layer = Layer.BOARD
-    keeps = True
     meaning = "The board tells its limits and does not keep them."
     shows = "A command beyond a limit is carried out, up to the mechanical stop."
     parameters = (Parameter("by", 5.0, "deg", "how far it goes beyond", 0.0, 360.0),)
     by: float
 
-    def begin(self) -> None:
-        """See Fault."""
-        self._before = float(self.boards.limit_slack[self.axis])
-        self.boards.limit_slack[self.axis] += self.by
-        self.boards.refresh(self.axis)
+    @property
+    def numbers(self) -> FloatArray:
+        """See the base."""
+        return self.boards.limit_slack
 
-    def end(self) -> None:
-        """See Fault."""
-        self.boards.limit_slack[self.axis] = self._before
-        self.boards.refresh(self.axis)
+    def wrong(self, healthy: float) -> float:
+        """See the base."""
+        return healthy + self.by
 
 
 class WrongCoupling(AxisFault):

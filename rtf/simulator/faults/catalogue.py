@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from rtf.simulator.faults.base import Layer
@@ -21,17 +22,7 @@ def facts(kind: type[Fault]) -> dict[str, Any]:
         "kind": kind.kind,
         "layer": kind.layer.value,
         "target": kind.target_kind.value,
-        "parameters": [
-            {
-                "name": one.name,
-                "default": one.default,
-                "unit": one.unit,
-                "minimum": one.minimum,
-                "maximum": one.maximum,
-                "meaning": one.meaning,
-            }
-            for one in kind.parameters
-        ],
+        "parameters": [asdict(one) for one in kind.parameters],
         "meaning": kind.meaning,
         "shows": kind.shows,
     }

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from rtf.simulator.faults.base import AxisFault, Layer, Parameter
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rtf.robot.interfaces import FloatArray
 
 _BIAS = (Parameter("bias", 5.0, "deg", "what is added", -360.0, 360.0),)
@@ -20,13 +22,18 @@ class _EncoderFault(AxisFault):
 
     layer = Layer.ENCODER
 
+    @property
+    def among(self) -> list[Callable[[FloatArray, FloatArray, float], None]]:
+        """The faults of all such encoders."""
+        return self.boards.encoder_faults
+
     def begin(self) -> None:
         """See Fault."""
-        self.boards.encoder_faults.append(self.show)
+        self.among.append(self.show)
 
     def end(self) -> None:
         """See Fault."""
-        self.boards.encoder_faults.remove(self.show)
+        self.among.remove(self.show)
 
     @abstractmethod
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
@@ -36,13 +43,10 @@ class _EncoderFault(AxisFault):
 class _MotorEncoderFault(_EncoderFault):
     """Changes what the encoder on a motor's rotor shows."""
 
-    def begin(self) -> None:
-        """See Fault."""
-        self.boards.motor_encoder_faults.append(self.show)
-
-    def end(self) -> None:
-        """See Fault."""
-        self.boards.motor_encoder_faults.remove(self.show)
+    @property
+    def among(self) -> list[Callable[[FloatArray, FloatArray, float], None]]:
+        """See the base."""
+        return self.boards.motor_encoder_faults
 
 
 class _Drift(_EncoderFault):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-import signal
-from typing import TYPE_CHECKING
+from signal import SIGKILL, SIGSTOP, Signals
+from typing import TYPE_CHECKING, ClassVar
 
 from rtf.robot.errors import RefusedError
 from rtf.simulator.faults.base import Fault, Layer, Parameter, RobotFault, Target
@@ -118,36 +118,36 @@ class WrongRate(_PortFault):
         return delays if self._count % max(1, round(self.every)) == 0 else []
 
 
-class Crash(RobotFault):
+class _ProcessFault(RobotFault):
+    """What a signal does to the program that is the robot."""
+
+    layer = Layer.PROCESS
+    signal: ClassVar[Signals]
+
+    def begin(self) -> None:
+        """See Fault."""
+        os.kill(os.getpid(), self.signal)
+
+    def end(self) -> None:
+        """See Fault. From within nothing can be done."""
+
+
+class Crash(_ProcessFault):
     """See ``meaning``."""
 
     kind = "crash"
-    layer = Layer.PROCESS
     meaning = "The program that is the robot dies at once."
     shows = "All ports are gone, and nobody takes them back."
-
-    def begin(self) -> None:
-        """See Fault."""
-        os.kill(os.getpid(), signal.SIGKILL)
-
-    def end(self) -> None:
-        """See Fault: nothing is left to be mended."""
+    signal = SIGKILL
 
 
-class Hang(RobotFault):
-    """See ``meaning``."""
+class Hang(_ProcessFault):
+    """See ``meaning``. Whoever wants it to go on sends SIGCONT."""
 
     kind = "hang"
-    layer = Layer.PROCESS
     meaning = "The program that is the robot stops to work, and stays."
     shows = "Ports take connections and never answer; streams end."
-
-    def begin(self) -> None:
-        """See Fault."""
-        os.kill(os.getpid(), signal.SIGSTOP)
-
-    def end(self) -> None:
-        """See Fault: whoever wants it to go on sends SIGCONT."""
+    signal = SIGSTOP
 
 
 KINDS = (Latency, Jitter, Loss, Duplicate, WrongRate, Crash, Hang)

@@ -36,7 +36,7 @@ class Bench:
     """Runs robots. ``told`` is what they said, ``calls`` what was called of their devices."""
 
     #: What hangs is found out soon, what moves has the time of a slow machine.
-    patience = Patience(open=1.0, close=1.0, action=1.0, move=20.0, abort=1.0, grace=1.0, hurry=1.0)
+    patience = Patience(open=0.5, close=0.5, action=0.5, move=20.0, abort=0.5, grace=0.5, hurry=0.5)
 
     def __init__(self, folder: Path, network: Network) -> None:
         self.folder = folder

@@ -36,9 +36,9 @@ def robot(**parameters: str) -> str:
     calibrator = (
         action("attach", level=7, device="board")
         + action("custom", level=8, name="tune")
-        + action("calibrate", level=10, target="board", timeout="1")
+        + action("calibrate", level=10, target="board", timeout="0.5")
         + action("abort", "interrupt1", 1)
-        + action("park", "shutdown", 2, target="board", timeout="1")
+        + action("park", "shutdown", 2, target="board", timeout="0.5")
         + action("detach", "shutdown", 6)
     )
     last = action("attach", level=20, device="board") + action("detach", "shutdown", 20)
@@ -221,7 +221,7 @@ class TestWishes:
 
     def test_during_a_calibration(self, bench: Bench, started: Start):
         """The calibrator is told to stop at once, what was to come is left out, and all is shut down in order."""
-        running = started(bench.make(robot(calibrate="wait").replace('"timeout">1', '"timeout">60')))
+        running = started(bench.make(robot(calibrate="wait").replace('"timeout">0.5', '"timeout">60')))
         eventually(lambda: "cal calibrate board" in bench.calls, "it does not begin")
         running.interface.interrupt()
         outcome = running.end()

@@ -1,0 +1,141 @@
+"""The newest object of a stream is read when somebody asks for it, and never taken for what it is not."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from rtf import clock
+from rtf.bottle import Bottle
+from rtf.middleware.port import Port
+from rtf.middleware.types import VECTOR
+from rtf.middleware.types.vector import VectorCodec
+from rtf.robot.client.newest import Newest
+from rtf.robot.errors import StaleStateError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.middleware.network import Network
+
+
+class Counting(VectorCodec):
+    """Vectors of doubles, and how many were read."""
+
+    def __init__(self) -> None:
+        super().__init__("f8")
+        self.read = 0
+
+    def decode(self, data: Any, dialect: Any) -> Any:
+        """See Codec."""
+        self.read += 1
+        return super().decode(data, dialect)
+
+
+@pytest.fixture
+def codec() -> Counting:
+    """What the stream is read with."""
+    return Counting()
+
+
+@pytest.fixture
+def newest(network: Network, codec: Counting) -> Iterator[Newest[Any]]:
+    """A port that reads lazily."""
+    with closing(Newest("/newest", codec, timeout=10.0, network=network, lazily=True)) as made:
+        yield made
+
+
+@pytest.fixture
+def source(network: Network, newest: Newest[Any]) -> Iterator[Port]:
+    """A port that sends to it, by tcp: what it has written has been delivered."""
+    with Port("/source", network=network) as made:
+        made.add_output(newest.name, "tcp")
+        yield made
+
+
+def send(source: Port, *values: float, envelope: str = "") -> None:
+    """Send a vector."""
+    source.write(np.array(values), VECTOR, envelope=envelope)
+
+
+def test_what_nobody_asks_for_is_not_read(newest: Newest[Any], source: Port, codec: Counting):
+    """Only the first, which shows what is usual, and what is asked for; and that once."""
+    for number in range(20):
+        send(source, number, 2.0)
+    assert codec.read == 1
+    for _ in range(3):
+        came = newest.fresh()
+        assert came.value.tolist() == [19.0, 2.0]
+    assert codec.read == 2
+
+
+def test_each_is_asked_for_as_it_came(newest: Newest[Any], source: Port):
+    """With its own stamp and values, whether it is as long as the one before or not."""
+    for number, values in enumerate(([1.0], [2.0], [3.0, 4.0], [5.0, 6.0], [7.0], [8.0])):
+        send(source, *values, envelope=f"{number} 0.5")
+        came = newest.came
+        assert came is not None
+        assert came.stamp is not None
+        assert (came.value.tolist(), came.stamp.count) == (values, number)
+
+
+def test_it_is_as_old_as_its_arrival(newest: Newest[Any], source: Port):
+    """Not as its reading."""
+    send(source, 1.0)
+    send(source, 2.0)
+    delivered = clock.now()
+    came = newest.came
+    assert came is not None
+    assert came.value.tolist() == [2.0]
+    assert came.at <= delivered
+
+
+def test_nonsense_of_the_usual_length_is_found_out_when_it_is_read(newest: Newest[Any], source: Port, said: list[str]):
+    """Its sender is hung up on, once and with a word about it, and what came before it stays the newest."""
+    send(source, 1.0, 2.0)
+    assert newest.fresh().value.tolist() == [1.0, 2.0]
+    size = len(b"".join(VECTOR.encode(np.zeros(2), source.network.dialect)))
+    source.write(b"\xff" * size, _AS_IT_IS)
+    assert [newest.fresh().value.tolist() for _ in range(2)] == [[1.0, 2.0]] * 2
+    assert len([sentence for sentence in said if "/source was cut off" in sentence]) == 1
+
+
+def test_other_nonsense_is_found_out_at_once(newest: Newest[Any], source: Port, said: list[str]):
+    """As everywhere."""
+    send(source, 1.0, 2.0)
+    source.write(Bottle.parse("[pos] x y"))
+    assert any("/source was cut off" in sentence for sentence in said)
+    assert newest.fresh().value.tolist() == [1.0, 2.0]
+
+
+def test_text_is_read_as_text(newest: Newest[Any], network: Network):
+    """Of whatever length."""
+    with Port("/typed", network=network) as typed:
+        typed.add_output(newest.name, "text_ack")
+        for number in range(3):
+            typed.write(Bottle([float(number), 2.5]))
+            assert newest.fresh().value.tolist() == [number, 2.5]
+
+
+def test_before_the_first_there_is_none(newest: Newest[Any]):
+    """And that is said."""
+    assert newest.came is None
+    assert newest.age() is None
+    with pytest.raises(StaleStateError, match="nothing has come to /newest yet"):
+        newest.fresh()
+
+
+class _AsItIs:
+    """Bytes that are sent as they are."""
+
+    promise = ""
+
+    def encode(self, value: bytes, _dialect: Any) -> tuple[bytes]:
+        """See Codec."""
+        return (value,)
+
+
+_AS_IT_IS: Any = _AsItIs()
