@@ -6,16 +6,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.companions import in_turn, lanes, together
+from rtf.robot_testing.companions import lanes
+from rtf.robot_testing.courses import work
+from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.joints_case import JointsTest
 from rtf.testing import Parameter
 from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from rtf.robot.interfaces import Pid
     from rtf.robot_testing import Trace
+    from rtf.robot_testing.courses import Course
 
 #: A joint is at rest that has not moved by so much (deg) for so long (s): longer where it should not be, for a
 #: controller may still be gathering the torque that it lacks.
@@ -105,17 +106,22 @@ class JointLimits(JointsTest):
         """Let all lanes go at once; each joint is judged when it is home again."""
         part = self.robot_part
         self._spans: dict[int, tuple[float, float]] = {}
-        courses = [
-            in_turn(together(self._course(joint) for joint in members) for members in lane)
-            for lane in lanes(part.names, self.chosen)
-        ]
-        with self.guarded(), part.recorded() as trace:
-            for _ in together(courses):
-                part.wait(_PACE, pace=_PACE)
+        with part.recorded() as trace:
+            work(part, lanes(part.names, self.chosen), self._course, pace=_PACE)
         self._keep(trace)
 
-    def _course(self, joint: int) -> Iterator[None]:
-        """The way of one joint, to both limits and home again."""
+    def _course(self, joint: int) -> Course[None]:
+        """The way of one joint, to both limits and home again. One that has to be stopped fails, and others go on."""
+        begin, name = self.now(), self.robot_part.names[joint]
+        try:
+            yield from self._way(joint)
+        except GuardError as error:
+            self._spans[joint] = begin, self.now()
+            with self.subresult(name):
+                self.assert_fail(str(error))
+        self.progress(len(self._spans) / len(self.chosen), name)
+
+    def _way(self, joint: int) -> Course[None]:
         part = self.robot_part
         begin = self.now()
         low, high = float(part.low[joint]), float(part.high[joint])
@@ -137,13 +143,12 @@ class JointLimits(JointsTest):
             for side, reached, kept in found:
                 self._judge(joint, side, reached, kept)
             self._judge_return(joint)
-        self.progress(len(self._spans) / len(self.chosen), part.names[joint])
 
     def _stay(self, joint: int) -> _Stay:
         board = self.robot_part.board
         return _Stay(board.encoder(joint), float(board.pid_outputs(PidType.POSITION, joint)[0]))
 
-    def _travel(self, joint: int, target: float, *, beyond: bool = False) -> Iterator[None]:
+    def _travel(self, joint: int, target: float, *, beyond: bool = False) -> Course[None]:
         """Move until the joint is at rest after the time that the way should take, or the time is up."""
         board, speed = self.robot_part.board, self.speeds[joint]
         here = board.encoder(joint)

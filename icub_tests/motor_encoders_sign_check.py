@@ -61,15 +61,9 @@ class MotorEncodersSignCheck(DutyTest):
             )
         ]
 
-    def run(self) -> None:
-        """Test motor by motor."""
-        names = self.robot_part.names
-        for place, (joint, steps) in enumerate(zip(self.chosen, self.steps, strict=True)):
-            self.progress(place / len(self.chosen), names[joint])
-            with self.subresult(names[joint]):
-                self._judge(names[joint], steps, self.drive_both_ways(joint, steps))
-
-    def _judge(self, name: str, steps: Steps, ways: BothWays) -> None:
+    def judge(self, joint: int, found: list[BothWays]) -> None:
+        """See the base."""
+        name, steps, (ways,) = self.robot_part.names[joint], self.steps[self.chosen.index(joint)], found
         moved = [ramp.moved for ramp in ways[:2]]
         self.assert_true(
             any(moved),

@@ -12,16 +12,20 @@ from rtf.testing import Parameter
 from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.duty_case import BothWays
 
 _START = 0.0  # %: a ramp begins with what holds the joint
+_FAR = 0.5  # of the greatest stiction
 
 
 class MotorStiction(DutyTest):
-    """Drives each motor with a slowly growing duty cycle until it has moved, upwards and downwards, several times.
+    """Drives each motor with a slowly growing duty cycle until it has moved, upwards and downwards.
 
     Half the distance between the two duty cycles at which it begins to move is the stiction; in the middle is what
-    gravity needs. A joint under test begins with the duty cycle that holds it; all others are held by controllers.
+    gravity needs. Where the limit of it is near it is measured again. A joint under test begins with the duty cycle
+    that holds it, from its home or where it has room within its limits; all others are held by controllers, but an arm
+    and its hand are tested at the same time.
     """
 
     aliases = ("motorStiction", "MotorStiction")
@@ -32,13 +36,15 @@ class MotorStiction(DutyTest):
         list[float], "by how much the duty cycle grows", unit="%", default=[0.5], low=0.01, high=10.0, key="outputStep"
     )
     output_delay = Parameter(
-        list[float], "time between two steps", unit="s", default=[0.2], low=0.02, key="outputDelay"
+        list[float], "time between two steps", unit="s", default=[0.1], low=0.02, key="outputDelay"
     )
     output_max = Parameter(
         list[float], "greatest duty cycle that is added", unit="%", default=[50.0], low=0.1, high=100.0, key="outputMax"
     )
     threshold = Parameter(list[float], "motion that counts, of the joint", unit="deg", default=[5.0], low=0.5)
-    repeat = Parameter(int, "how often each motor is tested", default=2, low=1)
+    repeat = Parameter(
+        int, "how often each motor is tested at most; once is enough far from the greatest stiction", default=2, low=1
+    )
     # A few per cent is what motors behind gears of 100:1 take; a dry or a bent one takes several times that.
     stiction = Parameter(
         list[float], "greatest stiction", unit="%", default=[10.0], low=0.1, high=100.0, key="maxStiction"
@@ -57,36 +63,35 @@ class MotorStiction(DutyTest):
         self.steps = [Steps(_START, *values) for values in zip(*columns, strict=True)]
         self.most = self.per_joint("maxStiction", self.stiction, self.chosen)
 
-    def run(self) -> None:
-        """Test motor by motor."""
-        names = self.robot_part.names
-        for place, joint in enumerate(self.chosen):
-            self.progress(place / len(self.chosen), names[joint])
-            with self.subresult(names[joint]):
-                self._test(joint, self.steps[place], self.most[place])
+    def enough(self, joint: int, found: list[BothWays]) -> bool:
+        """See the base. One measurement is wrong by a few steps: far from the limit no other can change the verdict."""
+        if not found or len(found) >= self.repeat:
+            return bool(found)
+        most = self._most(joint)
+        return abs(float(_stictions(found).mean()) - most) > _FAR * most
 
-    def _test(self, joint: int, steps: Steps, most: float) -> None:
-        name, found = self.robot_part.names[joint], []
-        for _ in range(self.repeat):
-            ways = self.drive_both_ways(joint, steps)
-            self._require_motion(name, ways, steps)
-            found.append((ways.positive.breakaway, ways.negative.breakaway))
-            if not ways.held:
-                break
-        upwards, downwards = np.array(found).T
+    def judge(self, joint: int, found: list[BothWays]) -> None:
+        """See the base."""
+        name, place = self.robot_part.names[joint], self.chosen.index(joint)
+        for ways in found:
+            self._require_motion(name, ways, self.steps[place])
+        upwards, downwards = np.array([(ways.positive.breakaway, ways.negative.breakaway) for ways in found]).T
         self.measure("set going upwards", float(upwards.mean()), "%")
         self.measure("set going downwards", float(downwards.mean()), "%")
         self.measure("in the middle, against gravity", float((upwards + downwards).mean() / 2), "%")
-        mean, sure = confidence((upwards - downwards) / 2)
-        # A motor that is geared to less of its joint needs more for the same friction.
-        share = abs(float(self.transmission.coupling[joint, joint])) or 1.0
-        measured = self.measure("stiction", mean, "%", high=most / share)
+        mean, sure = confidence(_stictions(found))
+        measured = self.measure("stiction", mean, "%", high=self._most(joint))
         if measured.verdict is MeasurementVerdict.FAILED:
             spread = f" ± {sure:.1f}" if np.isfinite(sure) else ""
             self.report(
                 f"{name} takes {mean:.1f}{spread} % of duty cycle more than what gravity needs before it moves; "
                 f"{likely_causes('weak')}"
             )
+
+    def _most(self, joint: int) -> float:
+        """The greatest stiction (%): a motor that is geared to less of its joint needs more for the same friction."""
+        share = abs(float(self.transmission.coupling[joint, joint])) or 1.0
+        return self.most[self.chosen.index(joint)] / share
 
     def _require_motion(self, name: str, ways: BothWays, steps: Steps) -> None:
         for word, ramp in (("positive", ways.positive), ("negative", ways.negative)):
@@ -95,3 +100,8 @@ class MotorStiction(DutyTest):
                 f"{name} does not move {steps.threshold:g} deg with a {word} duty cycle: {ramp.end.value}, at "
                 f"{ramp.added:g} %; {likely_causes('does not move')}",
             )
+
+
+def _stictions(found: list[BothWays]) -> FloatArray:
+    """Half the distance between the duty cycles at which a motor began to move, of each measurement."""
+    return np.array([(ways.positive.breakaway - ways.negative.breakaway) / 2 for ways in found])

@@ -13,18 +13,27 @@ from rtf.testing import Parameter
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
+    from rtf.robot_testing.courses import Course
 
 
 class PositionControlAccuracy(StepTest):
     """Steps each joint in direct position mode, several times; judges rise, overshoot, settling, error and spread.
 
-    The controller is the robot's, or has gains of the test's own: then they are put back afterwards.
+    Before its step a joint is told for a while to be where it is, which is rest enough. The controller is the robot's,
+    or has gains of the test's own: then they are put back afterwards.
     """
 
     aliases = ("positionControl-accuracy", "positionControlAccuracy", "PositionControl-accuracy")
     tags = ("motion", "control")
     safety = Safety.MOTION
+    rest = 0.1
 
+    sample_time = Parameter(
+        float, "time between two commands", unit="s", default=0.02, low=0.001, high=0.1, key="sampleTime"
+    )
+    step_duration = Parameter(
+        float, "when a cycle ends, counted from the beginning of the rest before the step", unit="s", default=2.0
+    )
     step = Parameter(float, "height of the step; on the robot 5 at most", unit="deg", default=2.0, low=0.1, high=20.0)
     kp = Parameter(list[float], "proportional gain; none: the robot's", default=[], key="Kp")
     ki = Parameter(list[float], "integral gain; none: the robot's", default=[], key="Ki")
@@ -49,11 +58,11 @@ class PositionControlAccuracy(StepTest):
         """See the base."""
         return min(self.step, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
 
-    def begin(self, joint: int, home: float, sign: float) -> tuple[float, float]:
+    def begin(self, joint: int) -> Course[tuple[float, float]]:
         """See the base."""
-        part = self.robot_part
+        part, (home, sign) = self.robot_part, self.starts[joint]
         self.assert_true(
-            part.set_mode(ControlMode.POSITION_DIRECT, [joint]),
+            (yield from part.entering(ControlMode.POSITION_DIRECT, [joint])),
             f"{part.names[joint]} does not enter direct position mode: it stays in "
             f"{part.board.control_modes(joint)[0].word}",
         )

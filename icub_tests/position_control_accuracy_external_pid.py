@@ -9,6 +9,7 @@ import numpy as np
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety
+from rtf.robot_testing.courses import until
 from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.pid import DiscretePid
 from rtf.robot_testing.steps import StepTest
@@ -18,6 +19,7 @@ from rtf.testing import Parameter
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
+    from rtf.robot_testing.courses import Course
     from rtf.robot_testing.steps import Cycle
 
 #: How much slower than the board's loop the loop over the network is to be: it hears and tells every 10 ms.
@@ -50,8 +52,9 @@ class PositionControlAccuracyExternalPid(StepTest):
     safety = Safety.EFFORT
 
     step = Parameter(float, "height of the step; on the robot 5 at most", unit="deg", default=4.0, low=0.1, high=20.0)
+    cycles = Parameter(int, "steps of each joint", default=2, low=1)
     step_duration = Parameter(
-        float, "when a cycle ends, counted from the beginning of the rest before the step", unit="s", default=3.5
+        float, "when a cycle ends, counted from the beginning of the rest before the step", unit="s", default=3.0
     )
     kp = Parameter(
         list[float], "proportional gain, % of duty cycle a deg; none: from the board's", default=[], key="Kp"
@@ -89,7 +92,7 @@ class PositionControlAccuracyExternalPid(StepTest):
             joint: DiscretePid(*one, period=self.sample_time, limit=self.max_value)
             for joint, one in zip(self.chosen, gains, strict=True)
         }
-        self.homes = {joint: start for joint, (start, _) in zip(self.chosen, self.starts, strict=True)}
+        self.homes = {joint: start for joint, (start, _) in self.starts.items()}
 
     def _gains(self, part: Part, joint: int, effect: float) -> tuple[float, float, float]:
         pid = part.board.pid(PidType.POSITION, joint)
@@ -114,14 +117,16 @@ class PositionControlAccuracyExternalPid(StepTest):
         """See the base."""
         return min(self.step, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
 
-    def begin(self, joint: int, home: float, sign: float) -> tuple[float, float]:
+    def begin(self, joint: int) -> Course[tuple[float, float]]:
         """See the base."""
-        part = self.robot_part
+        part, (home, sign) = self.robot_part, self.starts[joint]
         held = self.transmission.holding_duty(part.board.duty_cycles(), joint)
         part.board.set_control_modes([ControlMode.PWM], [joint])
         self.pids[joint].start(held)
         self.drive(joint, home)
-        entered = part.wait_until(lambda: part.board.control_modes(joint)[0] is ControlMode.PWM, _MODE_TIME)
+        entered = yield from until(
+            part.clock, lambda: part.board.control_modes(joint)[0] is ControlMode.PWM, _MODE_TIME
+        )
         self.assert_true(
             entered,
             f"{part.names[joint]} does not enter PWM mode: it stays in {part.board.control_modes(joint)[0].word}",

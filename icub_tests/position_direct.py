@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 #: By the value of cmdMode how the positions are told.
 _FORMS = {0: "single", 1: "all", 2: "group"}
 #: Every so many commands the board is asked what it was told.
-_LOOKS = 5
+_LOOKS = 3
 #: What a command may differ from the one before, deg: beyond, joints are thrown.
 _LARGEST_STEP = 2.0
 #: To find whether commands get lost: how many, how far apart (deg), and how long each is given to arrive (s).
@@ -58,12 +58,12 @@ class PositionDirect(RobotTest):
     zero = Parameter(list[float], "the middle of the sine; none: where they are", unit="deg", default=[])
     frequency = Parameter(float, "of the sine", unit="Hz", default=0.5, low=0.01, high=5.0)
     amplitude = Parameter(float, "of the sine; less where the limits are near", unit="deg", default=3.0, low=0.1)
-    cycles = Parameter(float, "whole swings, besides one to begin and one to end", default=2.0, low=1.0)
+    cycles = Parameter(float, "whole swings, besides one to begin and one to end", default=1.0, low=1.0)
     tolerance = Parameter(
         float, "greatest distance of a joint from what it was told", unit="deg", default=1.5, low=0.001
     )
     sample_time = Parameter(
-        float, "time between two commands", unit="s", default=0.01, low=0.001, high=0.1, key="sampleTime"
+        float, "time between two commands", unit="s", default=0.02, low=0.001, high=0.1, key="sampleTime"
     )
     forms = Parameter(
         list[int], "0: joint by joint, 1: the whole part, 2: the group", default=[0, 1, 2], choices=(0, 1, 2),

@@ -9,11 +9,16 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Safety, likely_causes
+from rtf.robot_testing.courses import pause, singly, work
+from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.part import PACE
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Trace
+    from rtf.robot_testing.courses import Course
 
 
 class PositionStress(JointsTest):
@@ -58,22 +63,34 @@ class PositionStress(JointsTest):
         return np.clip(ends, part.low[chosen], part.high[chosen])
 
     def run(self) -> None:
-        """Joint by joint, so that none meets another."""
-        part = self.robot_part
-        chance = random.Random(self.seed)  # noqa: S311 - moments, not secrets
-        for place, joint in enumerate(self.chosen):
-            self.progress(place / len(self.chosen), part.names[joint])
-            with self.subresult(part.names[joint]), self.guarded():
-                self._stress(place, joint, chance)
+        """Joint by joint, so that none meets another; an arm and its hand at the same time."""
+        self._done = 0
+        work(self.robot_part, singly(self.robot_part.names, self.chosen), self._course, pace=PACE)
 
-    def _stress(self, place: int, joint: int, chance: random.Random) -> None:
-        part, name = self.robot_part, self.robot_part.names[joint]
+    def _course(self, joint: int) -> Course[None]:
+        part, place = self.robot_part, self.chosen.index(joint)
         home = float(part.home[joint])
+        chance = random.Random(self.seed + joint)  # noqa: S311 - moments, not secrets
+        lost: list[str] = []
+        stopped: GuardError | None = None
         with part.recorded() as trace:
-            for _ in range(self.cycles):
-                for end in (self.bottom[place], self.top[place], home):
-                    self._go(joint, float(end), chance.uniform(self.shortest, self.longest))
-            arrival = part.move([home], [joint], speed=[self.speeds[place]], tolerance=self.tolerance / 2)
+            try:
+                for end in (float(self.bottom[place]), float(self.top[place]), home) * self.cycles:
+                    lost += yield from self._go(joint, end, chance.uniform(self.shortest, self.longest))
+                yield from part.moving([home], [joint], speed=[self.speeds[place]], tolerance=self.tolerance / 2)
+            except GuardError as error:
+                stopped = error
+        self._done += 1
+        self.progress(self._done / len(self.chosen), part.names[joint])
+        with self.subresult(part.names[joint]):
+            if stopped is not None:
+                self.assert_fail(str(stopped))
+            for text in lost:
+                self.check(False, text)
+            self._judge(place, joint, trace)
+
+    def _judge(self, place: int, joint: int, trace: Trace) -> None:
+        name, home = self.robot_part.names[joint], float(self.robot_part.home[joint])
         positions, currents = trace.positions[:, joint], trace.currents[:, joint]
         self.record(
             "stress", time=(trace.time - trace.time[0], "s"), position=(positions, "deg"), current=(currents, "A")
@@ -86,22 +103,20 @@ class PositionStress(JointsTest):
         self.measure("range", reach, "deg", low=least)
         if reach < least:
             self.report(f"{name} moves by {reach:.2f} deg only; {likely_causes('does not move')}")
-        away = float(arrival.positions[0]) - home
+        away = float(positions[-1]) - home
         self.measure("away from where it began", away, "deg", low=-self.tolerance, high=self.tolerance)
         if abs(away) > self.tolerance:
             self.report(f"{name} is {away:+.2f} deg from where it began; {likely_causes('weak')}")
 
-    def _go(self, joint: int, end: float, wait: float) -> None:
-        """One command; the board has to say that it is the target, whatever becomes of it."""
+    def _go(self, joint: int, end: float, wait: float) -> Course[list[str]]:
+        """One command; the board has to say that it is the target, whatever becomes of it. What is wrong with that."""
         part = self.robot_part
         part.board.position_move([end], [joint])
-        part.wait(wait)
+        yield from pause(part.clock, wait)
         told = float(part.board.target_positions(joint)[0])
-        if abs(told - end) > _SAME:
-            self.check_fail_if_true(
-                True, f"{part.names[joint]}: the target is {told:.2f} deg, not {end:.2f}; "
-                f"{likely_causes('does not start')}",
-            )  # fmt: skip
+        if abs(told - end) <= _SAME:
+            return []
+        return [f"{part.names[joint]}: the target is {told:.2f} deg, not {end:.2f}; {likely_causes('does not start')}"]
 
     def _judge_modes(self, joint: int, modes: np.ndarray[tuple[int, ...], np.dtype[np.int32]]) -> None:
         """All axes of the part have to be in position mode all the time, not only the one that moves."""

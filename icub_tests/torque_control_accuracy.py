@@ -8,13 +8,15 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Safety, likely_causes
+from rtf.robot_testing.courses import until
 from rtf.robot_testing.steps import StepTest
-from rtf.robot_testing.torque import mean_torques, torque_joints
+from rtf.robot_testing.torque import measuring_torques, torque_joints
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
+    from rtf.robot_testing.courses import Course
     from rtf.robot_testing.steps import Cycle
 
 #: How long the torque that holds a joint is measured, and what a board may take to show its mode, s.
@@ -57,11 +59,10 @@ class TorqueControlAccuracy(StepTest):
         """See the base."""
         return min(self.travel, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
 
-    def begin(self, joint: int, home: float, sign: float) -> tuple[float, float]:
+    def begin(self, joint: int) -> Course[tuple[float, float]]:
         """See the base; the step starts with what holds the joint."""
-        part = self.robot_part
-        self.home = home
-        held = float(mean_torques(part, _HOLDING)[joint])
+        part, (_, sign) = self.robot_part, self.starts[joint]
+        held = float((yield from measuring_torques(part, _HOLDING))[joint])
         low, high = part.board.torque_range(joint)
         self.assert_error_if_false(
             low <= held + sign * self.step <= high,
@@ -70,7 +71,9 @@ class TorqueControlAccuracy(StepTest):
         )
         part.board.set_control_modes([ControlMode.TORQUE], [joint])
         self.drive(joint, held)
-        entered = part.wait_until(lambda: part.board.control_modes(joint)[0] is ControlMode.TORQUE, _MODE_TIME)
+        entered = yield from until(
+            part.clock, lambda: part.board.control_modes(joint)[0] is ControlMode.TORQUE, _MODE_TIME
+        )
         self.assert_true(
             entered,
             f"{part.names[joint]} does not enter torque mode: it stays in {part.board.control_modes(joint)[0].word}; "
@@ -82,7 +85,7 @@ class TorqueControlAccuracy(StepTest):
         """See the base; a joint that has gone far enough is let go of."""
         board = self.robot_part.board
         board.set_reference_torques(reference, joint)
-        return abs(board.encoder(joint) - self.home) <= self.travel
+        return abs(board.encoder(joint) - self.starts[joint][0]) <= self.travel
 
     def measured(self, trace: Trace, joint: int) -> FloatArray:
         """See the base."""

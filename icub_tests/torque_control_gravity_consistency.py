@@ -24,7 +24,7 @@ _PARTS = ("head", "torso", "left_arm", "right_arm", "left_leg", "right_leg")
 #: Each posture is come to from both sides, from so far (deg), so that friction cancels out; and how fast (deg/s).
 _APPROACH, _APPROACH_SPEED = 2.0, 10.0
 #: How long joints come to rest, and for how long they are measured then, s.
-_REST, _MEASURING = 0.4, 0.3
+_REST, _MEASURING = 0.3, 0.2
 #: A gain can be told when the model's torques spread by so much about their mean, Nm, in so many postures.
 _SPREAD, _FEWEST = 0.3, 4
 
@@ -45,7 +45,7 @@ class TorqueControlGravityConsistency(RobotTest):
     model = Parameter(str, "description of the robot (URDF); none: the iCub of the simulator", default="")
     postures = Parameter(int, "positions of each joint", default=5, low=2, high=50)
     swing = Parameter(float, "how far from home to both sides", unit="deg", default=35.0, low=1.0, high=90.0)
-    speed = Parameter(float, "speed of all moves", unit="deg/s", default=25.0, low=0.1)
+    speed = Parameter(float, "speed of all moves", unit="deg/s", default=40.0, low=0.1)
     offset = Parameter(float, "of the line, at most", unit="Nm", default=1.0, low=0.0)
     gain = Parameter(float, "by which its slope may differ from 1", default=0.25, low=0.0)
     error = Parameter(float, "measured minus model in a single posture, at most", unit="Nm", default=1.5, low=0.0)

@@ -144,7 +144,7 @@ class TorqueControlStiffDampCheck(RobotTest):
                 part.wait(_SWING_OUT)
 
     def _pushes(self) -> Iterator[float]:
-        yield from (1.0, -1.0, -1.0, 1.0, 1.0, -1.0)
+        yield from (1.0, -1.0, -1.0, 1.0)
 
     def _ask_to_move(self, part: Part, joint: int) -> None:
         name = part.names[joint]

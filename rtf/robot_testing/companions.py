@@ -12,7 +12,7 @@ import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Sequence
 
 #: The rounds of each lane beside the first one, by what the names of their joints contain.
 _LANES: tuple[tuple[re.Pattern[str], ...], ...] = (
@@ -38,21 +38,3 @@ def lanes(names: Sequence[str], joints: Iterable[int]) -> list[list[list[int]]]:
     first = [[joint] for joint in left] + small
     ordered = [[members for members in lane if members] for lane in (first, *others)]
     return [lane for lane in ordered if lane]
-
-
-def together(courses: Iterable[Iterator[None]]) -> Iterator[None]:
-    """Advance several courses by a step each, again and again until all have ended; a course yields where it waits."""
-    running = list(courses)
-    while running:
-        running = [course for course in running if next(course, _ENDED) is not _ENDED]
-        if running:
-            yield None
-
-
-def in_turn(courses: Iterable[Iterator[None]]) -> Iterator[None]:
-    """One course after the other."""
-    for course in courses:
-        yield from course
-
-
-_ENDED = object()

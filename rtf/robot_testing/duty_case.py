@@ -1,18 +1,24 @@
-"""The test case of motors that are driven by their duty cycles, one after the other, both ways."""
+"""The test case of motors that are driven by their duty cycles, both ways, from where their joints have room."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from rtf.errors import RtfError
 from rtf.robot.errors import RobotError
+from rtf.robot_testing.courses import singly, work
 from rtf.robot_testing.duty_ramp import LIMIT_MARGIN, Ramp, away_from_limits, limp
-from rtf.robot_testing.guard import Limits
+from rtf.robot_testing.guard import GuardError, Limits
 from rtf.robot_testing.joints_case import HOMING, JointsTest
+from rtf.robot_testing.part import PACE
 from rtf.robot_testing.safety import Safety
 from rtf.robot_testing.strays import give_up_strays
 from rtf.robot_testing.transmission import Transmission
 
 if TYPE_CHECKING:
+    from rtf.robot_testing.courses import Course
     from rtf.robot_testing.duty_ramp import LimpMotor
 
 #: How far from its limits a joint is tested, beyond what it is going to move, deg.
@@ -41,14 +47,23 @@ class BothWays(NamedTuple):
     negative: Ramp
     held: bool
 
+    @property
+    def stuck(self) -> float:
+        """The sign of the duty cycle with which it does not move, though it does with the other; 0 in other cases."""
+        return float(self.negative.moved) - float(self.positive.moved)
+
 
 class DutyTest(JointsTest):
-    """A test of motors by their duty cycles. Only the joint of the one that is tested is without its controller."""
+    """A test of motors by their duty cycles. Only joints under test are without their controllers, one in each lane.
+
+    Who derives from it says the ``steps`` of each chosen joint, and judges what came of them.
+    """
 
     safety = Safety.EFFORT
     limits = Limits(speed=3.0)  # a limp joint that begins to turn is faster than one that is controlled
 
     transmission: Transmission
+    steps: list[Steps]
 
     def setup(self) -> None:
         """Hold the part, and see how it is geared."""
@@ -60,43 +75,111 @@ class DutyTest(JointsTest):
             self.assert_error(f"{part.name}: {error}")
         self.hold()
         give_up_strays(part)
+        self._done = 0
+        self._loose = set[int]()  # joints that their controllers do not bring where they are told
 
-    def drive_both_ways(self, joint: int, steps: Steps) -> BothWays:
-        """Bring a joint to its place, drive its motor with both signs from there, and bring it home."""
-        part = self.robot_part
-        place = away_from_limits(part, joint, steps.threshold + ROOM)
-        held = self._bring(joint, place)
-        if not held:
-            self.report(f"{part.names[joint]} does not come to {place:.1f} deg; it is tested from where it hangs")
+    def enough(self, joint: int, found: list[BothWays]) -> bool:  # noqa: ARG002 - for who derives
+        """Whether a motor has been driven both ways often enough to be judged; once, as a rule."""
+        return bool(found)
+
+    def judge(self, joint: int, found: list[BothWays]) -> None:
+        """Judge the ramps of a joint that was driven; in its sub-result."""
+        raise NotImplementedError
+
+    def run(self) -> None:
+        """Test motor by motor."""
+        self._steps_of = dict(zip(self.chosen, self.steps, strict=True))
+        work(self.robot_part, singly(self.robot_part.names, self.chosen), self._course, pace=PACE)
+
+    def _course(self, joint: int) -> Course[None]:
+        part, problem = self.robot_part, None
+        found: list[BothWays] = []
         try:
+            yield from self._drive_often(joint, found)
+        except RtfError as error:
+            problem = error
+        try:
+            yield from self._leave(joint)
+        except GuardError as error:
+            problem = problem or error
+        self._done += 1
+        self.progress(self._done / len(self.chosen), part.names[joint])
+        with self.subresult(part.names[joint]):
+            for ways in found:
+                self._keep(ways)
+            if problem is not None:
+                raise problem
+            self.judge(joint, found)
+
+    def _drive_often(self, joint: int, found: list[BothWays]) -> Course[None]:
+        """Drive a motor as often as it is to be. A joint that is blocked on one side is tried at another place, too.
+
+        A robot may be in its own way, which says nothing of the motor.
+        """
+        name, steps = self.robot_part.names[joint], self._steps_of[joint]
+        place = away_from_limits(self.robot_part, joint, steps.threshold + ROOM)
+        held = yield from self._bring(joint, place)
+        if not held:
+            self._loose.add(joint)
+            self.report(f"{name} does not come to {place:.1f} deg; it is tested from where it hangs")
+        while not self.enough(joint, found):
+            ways = yield from self._drive_both_ways(joint, place, held=held)
+            other = self._elsewhere(joint, place, ways)
+            if other != place and (yield from self._bring(joint, other)):
+                word = "positive" if ways.stuck > 0 else "negative"
+                self.report(
+                    f"{name} does not move with a {word} duty cycle at {place:.1f} deg: tried at {other:.1f} deg"
+                )
+                place, ways = other, (yield from self._drive_both_ways(joint, other, held=held))
+            found.append(ways)
+            if not held or ways.stuck:
+                return
+
+    def _elsewhere(self, joint: int, place: float, ways: BothWays) -> float:
+        """A place further from what may block a joint; the same when nothing does, or there is no room."""
+        if not ways.held or not ways.stuck:
+            return place
+        part, room = self.robot_part, self._steps_of[joint].threshold + ROOM
+        away = -ways.stuck * float(np.sign(self.transmission.factors[joint]))
+        low, high = part.low[joint] + ROOM, part.high[joint] - ROOM
+        other = float(np.clip(place + away * room, low, max(low, high)))
+        return other if (other - place) * away > NEAR else place
+
+    def _drive_both_ways(self, joint: int, place: float, *, held: bool) -> Course[BothWays]:
+        """Drive a motor with both signs, each time from the place of its joint, where that one is."""
+        part = self.robot_part
+        ramps: list[Ramp] = []
+        for sign in (1.0, -1.0):
+            yield from self._bring(joint, place)
             with limp(part, self.transmission, joint, held=held) as motor:
-                positive = self._drive(motor, 1.0, steps, held=held)
-            self._bring(joint, place, held=held)
-            with limp(part, self.transmission, joint, held=held) as motor:
-                negative = self._drive(motor, -1.0, steps, held=held)
-        finally:
-            self._leave(joint, held=held)
-        for name, ramp in (("positive", positive), ("negative", negative)):
-            if len(ramp.rows):
-                time, duty, turned, shown = ramp.rows.T
-                columns = {"duty": (duty, "%"), "motor": (turned, "deg"), "joint": (shown, "deg")}
-                self.record(f"{name} duty cycle", time=(time, "s"), **columns)
+                ramps.append((yield from self._drive(motor, sign, held=held)))
+        positive, negative = ramps
         return BothWays(positive, negative, held)
 
-    def _bring(self, joint: int, place: float, *, held: bool = True) -> bool:
-        if not held or (self.robot_part.guard is not None and self.robot_part.guard.given_up(joint)):
-            return False
-        return self.robot_part.move([place], [joint], speed=HOMING, tolerance=NEAR).reached
-
-    def _leave(self, joint: int, *, held: bool) -> None:
+    def _bring(self, joint: int, place: float) -> Course[bool]:
         part = self.robot_part
-        if not self._bring(joint, part.home[joint], held=held) and part.guard is not None:
+        if joint in self._loose or (part.guard is not None and part.guard.given_up(joint)):
+            return False
+        return (yield from part.moving([place], [joint], speed=HOMING, tolerance=NEAR)).reached
+
+    def _leave(self, joint: int) -> Course[None]:
+        """Bring a joint home, or give it up."""
+        part = self.robot_part
+        if not (yield from self._bring(joint, part.home[joint])) and part.guard is not None:
             part.guard.give_up(joint, "its controller does not hold it")
 
-    def _drive(self, motor: LimpMotor, sign: float, steps: Steps, *, held: bool) -> Ramp:
-        if not motor.rest(held=held):
+    def _drive(self, motor: LimpMotor, sign: float, *, held: bool) -> Course[Ramp]:
+        if not (yield from motor.rest(held=held)):
             self.inconclusive(
                 f"{self.robot_part.names[motor.joint]} does not come to rest without its controller; test it where "
                 "gravity does not move it"
             )
-        return motor.ramp(sign, **steps._asdict(), margin=LIMIT_MARGIN)
+        steps = self._steps_of[motor.joint]
+        return (yield from motor.ramp(sign, **steps._asdict(), margin=LIMIT_MARGIN))
+
+    def _keep(self, ways: BothWays) -> None:
+        for name, ramp in (("positive", ways.positive), ("negative", ways.negative)):
+            if len(ramp.rows):
+                time, duty, turned, shown = ramp.rows.T
+                columns = {"duty": (duty, "%"), "motor": (turned, "deg"), "joint": (shown, "deg")}
+                self.record(f"{name} duty cycle", time=(time, "s"), **columns)

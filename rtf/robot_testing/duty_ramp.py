@@ -1,8 +1,9 @@
 """One motor driven by its duty cycle, slowly more and more, until it moves: what tests of motors do to a robot.
 
 Only the joint of that motor is without its controller meanwhile. It begins with the duty cycle at which the controller
-held it, so that gravity does not take it away; where that does not hold it, it hangs until it has come to rest. What
-moves it then is what was added.
+held it, so that gravity does not take it away. A controller gives something between what lets the joint fall and what
+drives it, by chance at the edge of that: a joint that creeps away is caught by a little more or less. One that cannot
+be held so hangs until it has come to rest. What moves it then is what was added.
 """
 
 from __future__ import annotations
@@ -16,28 +17,34 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import RobotError
-from rtf.robot_testing.part import PACE
+from rtf.robot_testing.courses import pause, until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing.courses import Course
     from rtf.robot_testing.part import Part
     from rtf.robot_testing.transmission import Transmission
 
 #: How long a joint is looked at to see whether it rests, and how long it may take to come to rest, s.
 BASELINE, SETTLING = 0.5, 5.0
 #: How long the integral of a controller has to take over what gravity needs, and its output is averaged, s.
-_HOLDING, _AVERAGED = 0.5, 0.3
+_HOLDING, _AVERAGED = 0.3, 0.2
 #: How long a board may take to change a mode, s.
 _ENTERING = 1.0
 #: Way beyond which the holding duty cycle does not hold, deg; and speeds below which a joint is calm, and rests, deg/s.
 #: The latter is so small that a whole ramp adds no more than a part of what counts.
 _HELD, _CALM, _AT_REST = 1.0, 1.0, 0.2
+#: What is added first against a joint that creeps away, %; half of it when that was too much.
+_CATCH = 1.0
+#: A duty cycle that stays the same is told again so soon, s, lest a lost command keeps the motor from it.
+_AGAIN = 0.1
 #: Motion that counts as the first, deg of the joint: beyond the ticks of coarse encoders and the play of a gearbox.
 FIRST_MOTION = 0.3
 #: How near a limit is touched, deg.
 LIMIT_MARGIN = 1.0
+_ROUNDING = 1e-6  # of a step
 
 
 class End(Enum):
@@ -70,7 +77,10 @@ class Ramp:
 
 
 class LimpMotor:
-    """A motor whose joint is driven by its duty cycle. Made by :func:`limp`; all durations are of the robot's time."""
+    """A motor whose joint is driven by its duty cycle. Made by :func:`limp`; all durations are of the robot's time.
+
+    What takes time is a course, for the motors of other lanes are driven meanwhile.
+    """
 
     def __init__(self, part: Part, transmission: Transmission, joint: int) -> None:
         self.part = part
@@ -78,6 +88,7 @@ class LimpMotor:
         self.holding = 0.0  # %
         self._factor = float(transmission.factors[joint])
         self._transmission = transmission
+        self._told, self._told_at = 0.0, -np.inf
 
     def _where(self) -> tuple[float, float]:
         """Motor and joint (deg of the joint), both positive where a positive duty cycle should turn them."""
@@ -85,59 +96,87 @@ class LimpMotor:
         motor = float(board.motor_encoders(self.joint)[0]) / abs(self._factor)
         return motor, board.encoder(self.joint) * float(np.sign(self._factor))
 
-    def _drive(self, duty: float) -> None:
-        self.part.board.set_reference_duty_cycles([duty], [self.joint])
-        self.part.clock.sleep(PACE)
-        if self.part.guard is not None:
-            self.part.guard.watch()
+    def _drive(self, duty: float) -> Course[None]:
+        now = self.part.clock.now()
+        if duty != self._told or now >= self._told_at + _AGAIN:
+            self.part.board.set_reference_duty_cycles([duty], [self.joint])
+            self._told, self._told_at = duty, now
+        yield None
 
-    def rest(self, *, held: bool) -> bool:
+    def rest(self, *, held: bool) -> Course[bool]:
         """Find a duty cycle at which the joint rests; whether it does. ``held``: its controller holds it until now."""
         if held:
-            self.holding = self._held_by()
-        self._enter()
-        if held and self._comes_to_rest(most=_HELD):
+            self.holding = yield from self._held_by()
+        yield from self._enter()
+        if held and (yield from self._is_caught()):
             return True
         self.holding = 0.0
-        return self._comes_to_rest()
+        return (yield from self._comes_to_rest())
 
-    def _held_by(self) -> float:
+    def _held_by(self) -> Course[float]:
         """The mean duty cycle with which the controller holds the joint, when it has come to rest."""
-        part = self.part
-        part.wait_until(lambda: float(np.abs(part.board.encoder_speeds(self.joint))[0]) < _CALM, SETTLING)
-        part.wait(_HOLDING)
+        part, clock = self.part, self.part.clock
+        yield from until(clock, lambda: float(np.abs(part.board.encoder_speeds(self.joint))[0]) < _CALM, SETTLING)
+        yield from pause(clock, _HOLDING)
         with part.recorded() as trace:
-            part.wait(_AVERAGED)
+            yield from pause(clock, _AVERAGED)
         duties = trace.duty_cycles.mean(axis=0) if len(trace) else part.board.duty_cycles()
         return self._transmission.holding_duty(duties, self.joint)
 
-    def _enter(self) -> None:
+    def _enter(self) -> Course[None]:
         part, joint = self.part, self.joint
         part.board.set_interaction_modes(InteractionMode.STIFF, joint)
         part.board.set_control_modes(ControlMode.PWM, joint)
         end = part.clock.now() + _ENTERING
-        self._drive(self.holding)  # at once, for in the new mode the motor gives nothing until it is told
+        # At once, and until it is in it: in the new mode the motor gives nothing until it is told.
+        yield from self._drive_anew(self.holding)
         while part.board.control_mode(joint) is not ControlMode.PWM:
             if part.clock.now() >= end:
                 raise RobotError(f"{part.names[joint]} does not take the mode in which duty cycles are given")
-            self._drive(self.holding)
+            yield from self._drive_anew(self.holding)
 
-    def _comes_to_rest(self, most: float = np.inf) -> bool:
-        """Give the holding duty cycle until both encoders rest; not when it takes them further than ``most`` deg."""
-        first, end = np.array(self._where()), self.part.clock.now() + SETTLING
-        while self.part.clock.now() < end:
-            before, until = np.array(self._where()), self.part.clock.now() + BASELINE
-            while self.part.clock.now() < until:
-                self._drive(self.holding)
-                if np.abs(np.array(self._where()) - first).max() > most:
-                    return False
+    def _drive_anew(self, duty: float) -> Course[None]:
+        self._told_at = -np.inf
+        return self._drive(duty)
+
+    def _is_caught(self) -> Course[bool]:
+        """Give the holding duty cycle, and change it against a joint that creeps away, until both encoders rest.
+
+        False when the joint gets further than ``_HELD`` deg, or does not come to rest.
+        """
+        clock, change, way = self.part.clock, _CATCH, 0.0
+        first = before = np.array(self._where())
+        end, since = clock.now() + SETTLING, clock.now()
+        while clock.now() < end:
+            yield from self._drive(self.holding)
+            here = np.array(self._where())
+            gone = here - before
+            if np.abs(here - first).max() > _HELD:
+                return False
+            if np.abs(gone).max() >= _AT_REST * BASELINE:
+                away = float(np.sign(gone[np.abs(gone).argmax()]))
+                change /= 2.0 if away == -way else 1.0
+                self.holding, way = self.holding - away * change, away
+                before, since = here, clock.now()
+            elif clock.now() >= since + BASELINE:
+                return True
+        return False
+
+    def _comes_to_rest(self) -> Course[bool]:
+        """Give the holding duty cycle until both encoders rest."""
+        clock = self.part.clock
+        end = clock.now() + SETTLING
+        while clock.now() < end:
+            before, until_then = np.array(self._where()), clock.now() + BASELINE
+            while clock.now() < until_then:
+                yield from self._drive(self.holding)
             if np.abs(np.array(self._where()) - before).max() < _AT_REST * BASELINE:
                 return True
         return False
 
     def ramp(
         self, sign: float, *, start: float, step: float, delay: float, most: float, threshold: float, margin: float
-    ) -> Ramp:
+    ) -> Course[Ramp]:
         """Add ``start`` %, and every ``delay`` s ``step`` % more, until it has moved by ``threshold`` deg.
 
         It ends, too, at ``most`` % and at a distance of ``margin`` deg from a limit that it moves towards.
@@ -149,11 +188,11 @@ class LimpMotor:
         end, added, motor, turned = End.MAXIMUM, 0.0, 0.0, 0.0
         while True:
             since = part.clock.now() - begin
-            added = start + step * int(since / delay)
+            added = start + step * int(since / delay + _ROUNDING)
             if added > most:
                 added = most
                 break
-            self._drive(self.holding + sign * added)
+            yield from self._drive(self.holding + sign * added)
             now = self._where()
             since = part.clock.now() - begin
             motor, turned = now[0] - motor_0, now[1] - joint_0

@@ -29,8 +29,13 @@ _PACE = 0.05  # s
 class GuardError(RobotError, TestFailure):
     """A part does what it may not: the sentence names the joint, the value and the limit. The joint was stopped.
 
-    It is a failure of the test, for it is the robot that is wrong.
+    It is a failure of the test, for it is the robot that is wrong. ``joint`` is its number in the part, -1 where that
+    is not told.
     """
+
+    def __init__(self, text: str, joint: int = -1) -> None:
+        super().__init__(text)
+        self.joint = joint
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +149,7 @@ class MotionGuard:
         joint = found[0]
         self.board.stop(joint)
         raise GuardError(
-            f"{self._names[joint]} ({self.name} joint {joint}) {what.format(values[joint])}; it was stopped"
+            f"{self._names[joint]} ({self.name} joint {joint}) {what.format(values[joint])}; it was stopped", joint
         )
 
     def restore(self) -> None:

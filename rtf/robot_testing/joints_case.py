@@ -10,6 +10,7 @@ from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot_testing.case import RobotTest
 from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.part import TOLERANCE
+from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -76,6 +77,26 @@ class JointsTest(RobotTest):
         self.hold(chosen)
         arrival = part.move(part.home[chosen], chosen, speed=speed, tolerance=tolerance)
         self.require(arrival, "home", part, chosen, part.home[chosen])
+
+    def leave_out(self, error: GuardError) -> None:
+        """Fail the joint that the guard had to stop, leave it without power, and choose it no more.
+
+        Nor those that share motors with it, of which nothing can be said then. Raises the error again where it is of a
+        joint that is not tested.
+        """
+        part, joint = self.robot_part, error.joint
+        if part.guard is None or joint not in self.chosen:
+            raise error
+        part.guard.give_up(joint, "it had to be stopped")
+        with self.subresult(part.names[joint]):
+            self.check(condition=False, text=str(error))
+        sharing = Transmission.read(part.board).sharing(joint)
+        for other in [one for one in self.chosen if one in sharing and one != joint]:
+            with self.subresult(part.names[other]):
+                self.inconclusive(
+                    f"{part.names[other]} shares motors with {part.names[joint]}, which had to be stopped"
+                )
+        self.chosen = [one for one in self.chosen if one not in sharing]
 
     @contextmanager
     def guarded(self) -> Iterator[None]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RefusedError
+from rtf.robot_testing.courses import finish, pause, until
 from rtf.robot_testing.trace import Trace
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from rtf.clock import Clock
     from rtf.robot.client.control_board import RemoteControlBoard
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing.courses import Course
     from rtf.robot_testing.guard import MotionGuard
 
 #: Seconds between two looks at joints that move.
@@ -77,10 +79,18 @@ class Part:
 
     def set_mode(self, mode: ControlMode, joints: Sequence[int] | None = None, *, timeout: float = 1.0) -> bool:
         """Ask for a mode of joints, and wait until all are in it; whether they are."""
+        return finish(self, self.entering(mode, joints, timeout=timeout), pace=PACE)
+
+    def entering(self, mode: ControlMode, joints: Sequence[int] | None = None, *, timeout: float = 1.0) -> Course[bool]:
+        """The same as a course."""
         chosen = list(range(self.axes)) if joints is None else list(joints)
         self.board.set_control_modes([mode] * len(chosen), chosen)
         wanted = ControlMode.IDLE if mode is ControlMode.FORCE_IDLE else mode
-        return self.wait_until(lambda: all(found is wanted for found in self.board.control_modes(chosen)), timeout)
+        return (
+            yield from until(
+                self.clock, lambda: all(found is wanted for found in self.board.control_modes(chosen)), timeout
+            )
+        )
 
     # Moving ------------------------------------------------------------------------------------------------------
 
@@ -97,6 +107,19 @@ class Part:
 
         The time is twice what the distance takes at that speed, and some seconds more, unless it is given.
         """
+        course = self.moving(targets, joints, speed=speed, tolerance=tolerance, timeout=timeout)
+        return finish(self, course, pace=PACE)
+
+    def moving(
+        self,
+        targets: Sequence[float] | FloatArray,
+        joints: Sequence[int] | None = None,
+        *,
+        speed: float | Sequence[float] | FloatArray = 20.0,
+        tolerance: float = TOLERANCE,
+        timeout: float | None = None,
+    ) -> Course[Arrival]:
+        """The same as a course."""
         chosen = list(range(self.axes)) if joints is None else list(joints)
         goal = np.asarray(targets, dtype=np.float64)
         speeds = np.broadcast_to(np.asarray(speed, dtype=np.float64), goal.shape)
@@ -105,8 +128,8 @@ class Part:
             timeout = float(np.max(2 * np.abs(goal - start) / speeds, initial=0.0)) + GRACE
         self.board.set_reference_speeds(speeds, chosen)
         self.board.position_move(goal, chosen)
-        reached = self.wait_until(
-            lambda: bool((np.abs(self.board.encoders(chosen) - goal) <= tolerance).all()), timeout
+        reached = yield from until(
+            self.clock, lambda: bool((np.abs(self.board.encoders(chosen) - goal) <= tolerance).all()), timeout
         )
         return Arrival(reached, self.board.encoders(chosen), self.clock.now() - begin)
 
@@ -117,18 +140,11 @@ class Part:
 
     def wait_until(self, condition: Callable[[], bool], timeout: float, *, pace: float = PACE) -> bool:
         """Wait until a condition holds, looking every ``pace`` seconds of the robot's time; False when it does not."""
-        end = self.clock.now() + timeout
-        while not condition():
-            if self.clock.now() >= end:
-                return False
-            self.clock.sleep(pace)
-            if self.guard is not None:
-                self.guard.watch()
-        return True
+        return finish(self, until(self.clock, condition, timeout), pace=pace)
 
     def wait(self, seconds: float, *, pace: float = PACE) -> None:
         """Let time pass; the guard looks on."""
-        self.wait_until(lambda: False, seconds, pace=pace)
+        finish(self, pause(self.clock, seconds), pace=pace)
 
     @contextmanager
     def recorded(self) -> Iterator[Trace]:

@@ -10,13 +10,15 @@ import numpy as np
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import NotSupportedError
 from rtf.robot_testing.causes import likely_causes
-from rtf.robot_testing.part import TOLERANCE
+from rtf.robot_testing.courses import finish
+from rtf.robot_testing.part import PACE, TOLERANCE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.case import RobotTest
+    from rtf.robot_testing.courses import Course
     from rtf.robot_testing.part import Part
 
 #: The speed of such moves, deg/s.
@@ -33,7 +35,20 @@ def bring(
     tolerance: float = TOLERANCE,
 ) -> None:
     """Move joints in position mode, stiff, to where they are to begin; fail, naming those that do not come there."""
-    late = late_joints(part, joints, targets, speed=speed, tolerance=tolerance)
+    finish(part, bringing(test, part, joints, targets, speed=speed, tolerance=tolerance), pace=PACE)
+
+
+def bringing(
+    test: RobotTest,
+    part: Part,
+    joints: Sequence[int],
+    targets: Sequence[float] | FloatArray,
+    *,
+    speed: float = BRINGING_SPEED,
+    tolerance: float = TOLERANCE,
+) -> Course[None]:
+    """The same as a course."""
+    late = yield from _coming(part, joints, targets, speed=speed, tolerance=tolerance)
     test.assert_fail_if_true(late, f"{'; '.join(late.values())}; {likely_causes('does not move')}")
 
 
@@ -49,10 +64,16 @@ def late_joints(
 
     A move that does not begin is told twice, for whether commands get lost is no matter here.
     """
-    hold(part, joints)
-    arrival = part.move(targets, joints, speed=speed, tolerance=tolerance)
+    return finish(part, _coming(part, joints, targets, speed=speed, tolerance=tolerance), pace=PACE)
+
+
+def _coming(
+    part: Part, joints: Sequence[int], targets: Sequence[float] | FloatArray, *, speed: float, tolerance: float
+) -> Course[dict[int, str]]:
+    yield from holding(part, joints)
+    arrival = yield from part.moving(targets, joints, speed=speed, tolerance=tolerance)
     if not arrival.reached:
-        arrival = part.move(targets, joints, speed=speed, tolerance=tolerance)
+        arrival = yield from part.moving(targets, joints, speed=speed, tolerance=tolerance)
     if arrival.reached:
         return {}
     return {
@@ -64,10 +85,15 @@ def late_joints(
 
 def hold(part: Part, joints: Sequence[int]) -> None:
     """Have joints held where they are: stiff where that can be said, in position mode."""
+    finish(part, holding(part, joints), pace=PACE)
+
+
+def holding(part: Part, joints: Sequence[int]) -> Course[None]:
+    """The same as a course."""
     chosen = list(joints)
     with suppress(NotSupportedError):  # then they are never anything else
         part.board.set_interaction_modes([InteractionMode.STIFF] * len(chosen), chosen)
-    part.set_mode(ControlMode.POSITION, chosen)
+    yield from part.entering(ControlMode.POSITION, chosen)
 
 
 def starting_point(

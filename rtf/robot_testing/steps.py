@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from rtf.errors import RtfError
 from rtf.robot_testing.case import RobotTest
 from rtf.robot_testing.causes import likely_causes
+from rtf.robot_testing.courses import pause, singly, work
 from rtf.robot_testing.guard import GuardError
-from rtf.robot_testing.pacing import paced
-from rtf.robot_testing.positioning import bring, hold, starting_point
+from rtf.robot_testing.positioning import bringing, holding, starting_point
 from rtf.robot_testing.response import largest, spread_of, step_response
 from rtf.testing import Parameter
 from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing.courses import Course
     from rtf.robot_testing.part import Part
     from rtf.robot_testing.trace import Trace
 
-#: Seconds at rest after a joint has come home.
-_REST = 0.5
 #: Between two states of a board at the slowest, s; to compare repetitions.
 _GRID = 0.01
 
@@ -45,13 +45,14 @@ class Cycle(NamedTuple):
 
 
 class StepTest(RobotTest):
-    """Steps of single joints; ``symbol`` is the unit of what is stepped.
+    """Steps of single joints, one at a time in each lane; ``symbol`` is the unit of what is stepped.
 
     The judgements are parameters, so that boards and robots can be compared by their own limits.
     """
 
     symbol: ClassVar[str] = "deg"
     shortest: ClassVar[float] = 0.3  # s that a step has to last to be judged
+    rest: ClassVar[float] = 0.5  # s after a joint has come home
     late_finding: ClassVar[str] = "lag"  # what it points to that an answer is late, and that it is wrong
     wrong_finding: ClassVar[str] = "weak"
 
@@ -90,10 +91,11 @@ class StepTest(RobotTest):
         self.robot_part = part = self.open_part(self.part)
         self.chosen = self.choose(part)
         zeros: list[float | None] = [*self.per_joint("zeros", self.zeros, self.chosen)] if self.zeros else []
-        self.starts = [
-            starting_point(part, joint, zero, self.room(joint))
+        self.starts = {
+            joint: starting_point(part, joint, zero, self.room(joint))
             for joint, zero in zip(self.chosen, zeros or [None] * len(self.chosen), strict=True)
-        ]
+        }
+        self._done = 0
 
     # What a test says ------------------------------------------------------------------------------------------------
 
@@ -105,7 +107,7 @@ class StepTest(RobotTest):
         """How far a joint needs to be able to go (deg)."""
         raise NotImplementedError
 
-    def begin(self, joint: int, home: float, sign: float) -> tuple[float, float]:
+    def begin(self, joint: int) -> Course[tuple[float, float]]:
         """Bring a joint that is at home into the mode; returns where the step starts and where it ends."""
         raise NotImplementedError
 
@@ -121,33 +123,44 @@ class StepTest(RobotTest):
 
     def run(self) -> None:
         """Test joint by joint."""
-        part = self.robot_part
-        for place, joint in enumerate(self.chosen):
-            self.progress(place / len(self.chosen), part.names[joint])
-            with self.subresult(part.names[joint]):
-                home, sign = self.starts[place]
-                try:
-                    cycles = [self._cycle(joint, home, sign) for _ in range(self.cycles)]
-                finally:
-                    self.end(joint)
-                self._record(joint, cycles)
+        work(self.robot_part, singly(self.robot_part.names, self.chosen), self._course, pace=self.sample_time)
+
+    def _course(self, joint: int) -> Course[None]:
+        part, problem = self.robot_part, None
+        cycles: list[Cycle] = []
+        try:
+            while len(cycles) < self.cycles:
+                cycles.append((yield from self._cycle(joint)))
+        except RtfError as error:
+            problem = error
+        try:
+            yield from holding(part, [joint])
+            if problem is None:
+                yield from self._bring(joint)
+        except RtfError as error:
+            problem = problem or error
+        self._done += 1
+        self.progress(self._done / len(self.chosen), part.names[joint])
+        with self.subresult(part.names[joint]):
+            self._record(joint, cycles)
+            if len(cycles) == self.cycles:
                 self.judge(joint, cycles)
-                bring(self, part, [joint], [home], tolerance=self.home_tolerance)
+            if problem is not None:
+                raise problem
 
-    def end(self, joint: int) -> None:
-        """Have a joint held again, whatever has happened."""
-        hold(self.robot_part, [joint])
+    def _bring(self, joint: int) -> Course[None]:
+        home, _ = self.starts[joint]
+        return bringing(self, self.robot_part, [joint], [home], tolerance=self.home_tolerance)
 
-    def _cycle(self, joint: int, home: float, sign: float) -> Cycle:
+    def _cycle(self, joint: int) -> Course[Cycle]:
         part = self.robot_part
-        bring(self, part, [joint], [home], tolerance=self.home_tolerance)
-        part.wait(_REST)
-        mode = None
+        yield from self._bring(joint)
+        yield from pause(part.clock, self.rest)
         try:
             with part.recorded() as trace:
-                start, target = self.begin(joint, home, sign)
+                start, target = yield from self.begin(joint)
                 mode = part.board.control_modes(joint)[0]
-                times, commands, stepped = self._step(joint, start, target)
+                times, commands, stepped = yield from self._step(joint, start, target)
         except GuardError as error:
             self.assert_fail(f"{error}; {likely_causes('runs away')}")
         now = part.board.control_modes(joint)[0]
@@ -165,11 +178,11 @@ class StepTest(RobotTest):
             stamps - stepped, self.measured(trace, joint)[after], np.array(commands)[taken], start, target, beat
         )
 
-    def _step(self, joint: int, start: float, target: float) -> tuple[list[float], list[float], float]:
+    def _step(self, joint: int, start: float, target: float) -> Course[tuple[list[float], list[float], float]]:
         times: list[float] = []
         commands: list[float] = []
-        stepped = math.nan
-        for elapsed in paced(self.robot_part, self.sample_time, self.step_duration):
+        stepped, begin = math.nan, self.now()
+        while (elapsed := self.now() - begin) < self.step_duration - _ROUNDING:
             before = elapsed < self.lead - _ROUNDING
             if not before and math.isnan(stepped):
                 stepped = self.now()
@@ -178,6 +191,7 @@ class StepTest(RobotTest):
             if not self.drive(joint, commands[-1]):
                 self._judge_early_end(joint, self.now() - stepped)
                 break
+            yield None
         return times, commands, stepped
 
     def _judge_early_end(self, joint: int, after: float) -> None:

@@ -8,12 +8,15 @@ import numpy as np
 
 from rtf.bottle import as_int, as_list
 from rtf.robot.errors import NotSupportedError, RefusedError
+from rtf.robot_testing.courses import finish, pause
+from rtf.robot_testing.part import PACE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.case import RobotTest
+    from rtf.robot_testing.courses import Course
     from rtf.robot_testing.part import Part
 
 #: The remote variable that says it: lists of a flag a joint, one for each board.
@@ -50,8 +53,13 @@ def _enabled(part: Part) -> list[bool]:
 
 def mean_torques(part: Part, seconds: float) -> FloatArray:
     """What is measured at the joints of a part (Nm), the mean over so long. ValueError when no state comes."""
+    return finish(part, measuring_torques(part, seconds), pace=PACE)
+
+
+def measuring_torques(part: Part, seconds: float) -> Course[FloatArray]:
+    """The same as a course."""
     with part.recorded() as trace:
-        part.wait(seconds)
+        yield from pause(part.clock, seconds)
     if not len(trace):
         raise ValueError(f"{part.name} published no state in {seconds:g} s")
     means: FloatArray = np.asarray(trace.torques, dtype=np.float64).mean(axis=0)

@@ -61,6 +61,11 @@ class Transmission:
         factors: FloatArray = self.gearbox * np.where(own != 0, own, most)
         return factors
 
+    def sharing(self, joint: int) -> set[int]:
+        """A joint, and those that have a motor in common with it."""
+        turns = self.coupling != 0
+        return {int(other) for other in np.flatnonzero(turns[turns[:, joint]].any(axis=0))} | {joint}
+
     def disagreement(self, joints: ArrayLike, rotors: ArrayLike) -> FloatArray:
         """By how much rotors are elsewhere than the joints say, in deg of the joint of the same number."""
         apart: FloatArray = (np.asarray(rotors, dtype=np.float64) - self.rotors(joints)) / self.factors

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rtf.robot_testing.companions import in_turn, lanes, together
+from robot_outcomes import failed_parts
+from rtf.robot_testing.companions import lanes
 from rtf.simulator.axes import PARTS
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.verdict import Verdict
@@ -18,7 +19,7 @@ SUITE = f"""
 <test name="too-low"> {HEAD} <parameter name="joints">(1)</parameter> <parameter name="upper">(25)</parameter>
   JointLimits </test>
 <test name="runs-away"> {HEAD} <parameter name="inject">"motor_sign neck_yaw delay=3"</parameter>
-  <parameter name="joints">(2)</parameter> JointLimits </test>
+  <parameter name="joints">(1 2 3)</parameter> JointLimits </test>
 <test name="no-such-joint"> {HEAD} <parameter name="joints">(9)</parameter> JointLimits </test>
 <test name="one-value-too-few"> {HEAD} <parameter name="speed">(10 20)</parameter> JointLimits </test>
 """
@@ -66,10 +67,13 @@ def test_limits_that_can_be_reached_are_compared_with_those_that_are_expected(ou
     assert outcome.verdict("too-low") is Verdict.FAILED
 
 
-def test_a_joint_that_runs_away_is_stopped_and_fails(outcome):
-    """What the guard sees is a failure of the robot."""
+def test_a_joint_that_runs_away_is_stopped_and_fails_alone(outcome, measured):
+    """What the guard sees is a failure of the robot at that joint; those beside it and before it are judged."""
     assert outcome.verdict("runs-away") is Verdict.FAILED
-    assert "neck_yaw" in outcome.detail("runs-away")
+    assert failed_parts(outcome, "runs-away") == ["neck_yaw"]
+    assert "it was stopped" in outcome.detail("runs-away")
+    for joint in ("neck_roll", "eyes_tilt"):
+        assert len(measured(outcome, "runs-away", "short of the lower limit", joint)) == 1
 
 
 def test_wrong_parameters_are_errors_that_say_what_there_is(outcome):
@@ -94,19 +98,3 @@ def test_large_joints_move_one_at_a_time():
     first = lanes(names, range(len(names)))[0]
     assert first[:4] == [[0], [1], [2], [3]]
     assert lanes(["a", "b"], [1, 0]) == [[[1], [0]]]
-
-
-def test_courses_go_on_together_and_in_turn():
-    """Together each gets a step in each round; in turn one ends before the next begins."""
-    said = []
-
-    def course(name, steps):
-        for number in range(steps):
-            said.append(f"{name}{number}")
-            yield
-
-    assert len([*together([course("a", 2), course("b", 1)])]) == 2
-    assert said == ["a0", "b0", "a1"]
-    said.clear()
-    assert len([*in_turn([course("a", 2), course("b", 1)])]) == 3
-    assert said == ["a0", "a1", "b0"]

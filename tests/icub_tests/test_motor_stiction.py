@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from robot_outcomes import said
 from rtf.simulator.axes import AXES, INDEX
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.verdict import Verdict
@@ -14,6 +15,11 @@ SUITE = f"""
   <parameter name="outputStep">1</parameter> MotorStiction </test>
 <test name="jammed"> {ELBOW} <parameter name="inject">"jam l_elbow"</parameter>
   <parameter name="outputMax">10</parameter> MotorStiction </test>
+<test name="in-the-way"> {ELBOW} <parameter name="inject">"wrong_lower_limit l_elbow by=-14"</parameter>
+  <parameter name="home">16</parameter> <parameter name="outputMax">10</parameter>
+  <parameter name="repeat">1</parameter> MotorStiction </test>
+<test name="right"> <parameter name="part">right_arm</parameter> <parameter name="joints">(2)</parameter>
+  <parameter name="repeat">4</parameter> <parameter name="maxStiction">4.5</parameter> MotorStiction </test>
 <test name="backwards"> {ELBOW} <parameter name="outputStep">-1</parameter> MotorStiction </test>
 """
 
@@ -49,6 +55,29 @@ def test_what_does_not_move_is_not_driven_beyond_the_maximum(outcome):
         if event.name.endswith("duty cycle"):
             with np.load(outcome.folder / event.path) as data:
                 assert np.ptp(data["duty"]) == pytest.approx(10.0, abs=0.6)
+
+
+def test_a_joint_that_meets_something_is_tested_elsewhere(outcome):
+    """Its mechanical stop is a degree away, which says nothing of its motor: it moves from a place with more room."""
+    assert outcome.verdict("in-the-way") is Verdict.PASSED, outcome.detail("in-the-way")
+    assert "l_elbow does not move with a negative duty cycle at 16.0 deg: tried at 31.0 deg" in said(
+        outcome, "in-the-way"
+    )
+
+
+def test_a_joint_at_the_edge_of_its_friction_is_caught(outcome):
+    """However often it is tested: none of the ramps begins where the joint has fallen to."""
+    assert outcome.verdict("right") is Verdict.PASSED, outcome.detail("right")
+    ramps = [event for event in outcome.of(SeriesRecorded, test="s/right") if "duty cycle" in event.name]
+    assert len(ramps) == 8  # so near to what is allowed each time counts
+    for event in ramps:
+        with np.load(outcome.folder / event.path) as data:
+            assert abs(data["duty"][0]) > 0.1
+
+
+def test_a_motor_far_from_the_limit_is_tested_once(outcome):
+    """Nothing that another measurement could say would change what is said of it."""
+    assert len([*outcome.of(SeriesRecorded, test="s/healthy")]) == 2
 
 
 def test_a_step_has_to_be_positive(outcome):

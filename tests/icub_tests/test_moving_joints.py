@@ -36,6 +36,7 @@ SUITE = "".join(
         entry("open-loop", "OpenLoopConsistency"),
         entry("open-loop-lost", "OpenLoopConsistency", "missed_command torso_roll every=1"),
         entry("open-loop-no-mode", "OpenLoopConsistency", "mode_ignored torso_yaw"),
+        entry("open-loop-strays", "OpenLoopConsistency", "encoder_bias torso_roll bias=60 delay=0.2"),
         entry("stress", "position-stress"),
         entry("stress-jams", "position-stress", "jam torso_pitch", cycles=1),
         entry("stress-never", "position-stress", shortest=2, longest=1),
@@ -119,6 +120,15 @@ def test_the_open_loop_is_driven_both_ways(outcome, measured):
     for when, duty in (("on entering", 0), ("at 1 %", 1), ("at 0 %", 0), ("at -1 %", -1)):
         events = measured(outcome, "open-loop", f"output {when}")
         assert [event.value for event in events] == pytest.approx([duty] * len(NAMES), abs=0.05)
+
+
+def test_a_joint_that_has_to_be_stopped_is_left_out(outcome, measured):
+    """It fails and is named; of what shares its motors nothing is said, and the others are driven to the end."""
+    assert outcome.verdict("open-loop-strays") is Verdict.FAILED
+    assert failed_in(outcome, "open-loop-strays") == {"torso_roll"}
+    assert "beyond its limits; it was stopped" in outcome.detail("open-loop-strays")
+    (kept,) = measured(outcome, "open-loop-strays", "reference kept after leaving")
+    assert kept.subject == "torso_yaw"
 
 
 def test_stress_moves_each_joint_to_and_fro(outcome, measured):

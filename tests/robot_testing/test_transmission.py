@@ -59,3 +59,10 @@ def test_the_holding_duty_of_one_motor_stands_for_all_of_its_joint():
     assert gears.holding_duty([0.0, 10.0, 10.0], 1) == pytest.approx(20.0)
     assert gears.holding_duty([7.0, 10.0, 10.0], 0) == pytest.approx(7.0)
     assert gears.holding_duty([0.0, -10.0, 10.0], 2) == pytest.approx(20.0)
+
+
+def test_joints_of_a_differential_share_their_motors():
+    """A joint beside them does not; one without a coupling shares with nobody."""
+    matrix, members = block_diagonal(TORSO, 3)
+    torso = Transmission(np.ones(3), matrix, members)
+    assert [torso.sharing(joint) for joint in range(3)] == [{0}, {1, 2}, {1, 2}]

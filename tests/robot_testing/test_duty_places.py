@@ -1,0 +1,43 @@
+"""Where motors are tested by their duty cycles: with room for their joints, by the model of the simulated robot."""
+
+import numpy as np
+import pytest
+
+from rtf.robot_testing.duty_case import NEAR, ROOM
+from rtf.robot_testing.duty_ramp import away_from_limits
+from rtf.simulator.axes import AXES, INDEX, PARTS
+from rtf.simulator.contacts import touching
+from rtf.simulator.engine import mujoco
+from rtf.simulator.model import Options, build
+
+THRESHOLD = 5.0  # deg, what the tests have without being told
+
+
+class Limits:
+    """What is to be known of a part."""
+
+    def __init__(self, axes):
+        self.low, self.high, self.home = (
+            np.array([getattr(axis, name) for axis in axes]) for name in ("minimum", "maximum", "home")
+        )
+
+
+@pytest.fixture(scope="module")
+def robot():
+    """The model with its outlines."""
+    return build(Options())
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_no_joint_meets_the_robot_where_its_motor_is_tested(robot, part):
+    """All the others are at home; it goes as far to both sides as ends a ramp, and as it may be from its place."""
+    data, axes = robot.data(), PARTS[part]
+    for joint, axis in enumerate(axes):
+        place = away_from_limits(Limits(axes), joint, THRESHOLD + ROOM)
+        for away in np.linspace(-THRESHOLD - NEAR, THRESHOLD + NEAR, 15):
+            pose = np.radians([one.home for one in AXES])
+            pose[INDEX[axis.name]] = np.radians(place + away)
+            data.qpos[:] = robot.pose(pose)
+            mujoco().mj_forward(robot.model, data)
+            assert touching(robot.model, data) == [], f"{axis.name} at {place + away:.1f} deg"
+            assert axis.minimum < place + away < axis.maximum
