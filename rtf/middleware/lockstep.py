@@ -4,6 +4,9 @@ It knows nothing of what happens in time; ``advance(until)`` does that, and retu
 to happen up to then has happened, and everything that was to be published has been delivered. Its port also publishes
 the time, as YARP's clocks do, for those who live by it without taking part.
 
+Whoever is the last to wait lets time pass in the thread that serves it, which saves it from being handed to another
+thread and back. The server's own thread does so when nobody takes part, and when the time is directed.
+
 Beside what takes part (:mod:`rtf.middleware.time`) it answers those who direct the time: ``pause``, ``continue``,
 ``step SECONDS`` while it is paused, ``reset``, and ``participants``.
 """
@@ -16,6 +19,7 @@ from dataclasses import dataclass
 from threading import get_ident
 from typing import TYPE_CHECKING
 
+from rtf import clock
 from rtf.bottle import Bottle, Vocab, as_float, as_int, as_string
 from rtf.middleware.port import Port
 
@@ -45,14 +49,14 @@ class Participant:
 
 
 class LockstepServer:
-    """Serves time at the port ``name``. ``advance`` is called in one thread, while all participants wait.
+    """Serves time at the port ``name``. ``advance`` is called in one thread at a time, while all participants wait.
 
     It returns a time that is not before the one it was given.
 
     When nobody takes part time stands still, or goes on in steps of ``idle`` seconds. A participant that does not wait
-    for ``patience`` seconds of the machine's time, while others do, is told of by ``complain``. ``reset`` is called in
-    the same thread as ``advance`` when somebody asks for it; without it that is refused. An error in either ends the
-    time: it is kept as ``broken``, and those who wait are told.
+    for ``patience`` seconds of the machine's time, while others do, is told of by ``complain``. ``reset`` is called
+    between two of its calls when somebody asks for it; without it that is refused. An error in either ends the time:
+    it is kept as ``broken``, and those who wait are told.
     """
 
     def __init__(
@@ -74,7 +78,11 @@ class LockstepServer:
         self._reset = reset
         self._patience = patience
         self._complain = complain or network.report
-        self._changed = threading.Condition()
+        lock = threading.RLock()
+        self._changed = threading.Condition(lock)  # for those who ask
+        self._work = threading.Condition(lock)  # for the thread of the server
+        self._passing = False  # time passes now, in some thread
+        self._stands_since = clock.monotonic()  # since when nothing has changed
         self._participants: dict[int, Participant] = {}
         self._next = 1
         self._closed = False
@@ -126,49 +134,93 @@ class LockstepServer:
         """Let time pass again."""
         with self._changed:
             self._paused = False
-            self._changed.notify_all()
+            self._tell_all()
 
     def close(self) -> None:
         """Be done; those who wait are refused."""
         with self._changed:
             self._closed = True
-            self._changed.notify_all()
+            self._tell_all()
+            self._changed.wait_for(lambda: not self._passing)
         self._port.close()
         self._thread.join()
 
-    # Time passes, in a thread of its own -------------------------------------------------------------------------
+    # Time passes ----------------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
+        """In the thread of the server."""
         try:
             while (until := self._wait_for_work()) is not None:
-                reached = round(self._advance(until), _DIGITS) if until > self.now else self.now
-                with self._changed:
-                    self.now = reached
-                    if self._step_until is not None and reached >= self._step_until:
-                        self._step_until = None
-                    self._changed.notify_all()
-        except BaseException as error:  # noqa: BLE001 - whoever waits must hear of it, and nobody else would
-            with self._changed:
-                self.broken = error
-                self._closed = True
-                self._changed.notify_all()
-            self._complain(f"time ends at {self.now:.6g} s: {type(error).__name__}: {error}")
+                self._pass(until)
+        except BaseException as error:  # noqa: BLE001 - as below
+            self._break(error)
 
     def _wait_for_work(self) -> float | None:
-        """Wait until time may pass; returns up to when, or None at the end."""
-        with self._changed:
+        """Wait until time may pass in the thread of the server; returns up to when, or None at the end."""
+        with self._work:
             while not self._closed:
-                if self._reset_wanted:
+                if self._reset_wanted and not self._passing:
                     assert self._reset is not None
                     self._reset()
                     self._reset_wanted = False
                     self._changed.notify_all()
-                until = self._next_moment()
+                until = self._take_turn()
                 if until is not None:
                     return until
-                if not self._changed.wait(self._patience):
+                if not self._work.wait(self._patience_left() or self._patience):
                     self._name_the_late()
             return None
+
+    def _wait_until(self, time: float) -> None:
+        """Wait until it is so late, or the end; let time pass meanwhile whenever it may."""
+        while True:
+            with self._changed:
+                until = None
+                while self.now < time and not self._closed and (until := self._take_turn()) is None:
+                    self._changed.wait()
+            if until is None:
+                return
+            self._pass(until)
+
+    def _take_turn(self) -> float | None:
+        """Up to when time may pass now, in the thread that asks, which then has to do it. With the lock."""
+        if self._passing or self._reset_wanted:
+            return None
+        until = self._next_moment()
+        self._passing = until is not None
+        return until
+
+    def _pass(self, until: float) -> None:
+        """Let time pass in this thread, which has taken its turn."""
+        try:
+            reached = round(self._advance(until), _DIGITS) if until > self.now else self.now
+        except BaseException as error:  # noqa: BLE001 - whoever waits must hear of it, and nobody else would
+            self._break(error)
+            return
+        with self._changed:
+            self._passing = False
+            self._stands_since = clock.monotonic()
+            self.now = reached
+            if self._step_until is not None and reached >= self._step_until:
+                self._step_until = None
+            self._changed.notify_all()
+            if self._reset_wanted or self._paused or not self._participants:
+                self._work.notify()
+
+    def _break(self, error: BaseException) -> None:
+        """Time has ended."""
+        with self._changed:
+            self._passing = False
+            self.broken = error
+            self._closed = True
+            self._tell_all()
+        self._complain(f"time ends at {self.now:.6g} s: {type(error).__name__}: {error}")
+
+    def _tell_all(self) -> None:
+        """Have everybody look what there is to do. With the lock."""
+        self._stands_since = clock.monotonic()
+        self._changed.notify_all()
+        self._work.notify()
 
     def _next_moment(self) -> float | None:
         """Up to when time may pass now."""
@@ -180,7 +232,13 @@ class LockstepServer:
         wanted = [until for until in waiting if until is not None and until > self.now]
         return min(wanted) if len(wanted) == len(waiting) else None
 
+    def _patience_left(self) -> float:
+        """For how long time may still stand (s)."""
+        return max(0.0, self._patience - (clock.monotonic() - self._stands_since))
+
     def _name_the_late(self) -> None:
+        if self._passing or self._patience_left():
+            return
         late = [one.name for one in self._participants.values() if one.until is None]
         if late and len(late) < len(self._participants):
             self._complain(f"time stands still at {self.now:.6g} s: {', '.join(late)} does not wait for it")
@@ -212,8 +270,9 @@ class LockstepServer:
             if not math.isfinite(time):
                 return Bottle([_FAIL, f"{time} is no time"])
             participant.until = time
-            self._changed.notify_all()
-            self._changed.wait_for(lambda: self.now >= time or self._closed)
+            self._stands_since = clock.monotonic()
+        self._wait_until(time)
+        with self._changed:
             participant.until = None
             if self._closed:
                 return Bottle([_FAIL, "the clock was closed" if self.broken is None else f"time ended: {self.broken}"])
@@ -225,7 +284,7 @@ class LockstepServer:
             participant = self._participants.get(number)
             if participant is not None and participant.sender == sender:
                 del self._participants[number]
-            self._changed.notify_all()
+            self._tell_all()
         return Bottle([_OK])
 
     def _now(self, _question: Bottle, _sender: str) -> Bottle:
@@ -248,7 +307,7 @@ class LockstepServer:
             if not 0 < seconds <= _LONGEST_STEP:
                 return Bottle([_FAIL, f"a step is from 0 to {_LONGEST_STEP:g} seconds, not {seconds:g}"])
             until = self._step_until = round(self.now + seconds, _DIGITS)
-            self._changed.notify_all()
+            self._tell_all()
             self._changed.wait_for(lambda: self.now >= until or self._closed or not self._paused)
             return Bottle([_OK, self.now])
 
@@ -257,7 +316,7 @@ class LockstepServer:
             return Bottle([_FAIL, "there is nothing to reset"])
         with self._changed:
             self._reset_wanted = True
-            self._changed.notify_all()
+            self._tell_all()
             self._changed.wait_for(lambda: not self._reset_wanted or self._closed)
             return Bottle([_OK, self.now])
 
@@ -271,7 +330,7 @@ class LockstepServer:
         """A connection is gone, and with it whoever it stood for. In the thread that served it."""
         with self._changed:
             self._participants = {key: one for key, one in self._participants.items() if one.caller != get_ident()}
-            self._changed.notify_all()
+            self._tell_all()
 
 
 class _ClockPort(Port):

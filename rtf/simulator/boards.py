@@ -127,25 +127,38 @@ class Boards(BoardState):
 
     def _supervise(self) -> None:
         self.law.clip_integral(self._max_integral)
-        currents = np.abs(self.motor_currents())
-        broken = self.mode == ControlMode.HARDWARE_FAULT
-        self._overload = np.where(currents > self.max_current, self._overload + 1, 0)
-        self.temperature += SLOW * TIMESTEP / _THERMAL_TIME * (AMBIENT + self.heat * currents**2 - self.temperature)
-        if (self._overload >= _OVERLOAD_TICKS).any():
-            for axis in np.flatnonzero((self._overload >= _OVERLOAD_TICKS) & ~broken).tolist():
+        currents = self.motor_currents()
+        np.abs(currents, out=currents)
+        overload = self._overload
+        overload += 1.0
+        overload *= currents > self.max_current
+        currents *= currents
+        currents *= self.heat
+        currents += AMBIENT
+        currents -= self.temperature
+        currents *= SLOW * TIMESTEP / _THERMAL_TIME
+        self.temperature += currents
+        # To count is quicker than to ask for any.
+        if np.count_nonzero(overload >= _OVERLOAD_TICKS):
+            for axis in self._sound(overload >= _OVERLOAD_TICKS):
                 self.fault(axis, OVERCURRENT, f"over-current: more than {self.max_current[axis]:g} A")
-        if (self.temperature > self.temperature_limit).any():
-            for axis in np.flatnonzero((self.temperature > self.temperature_limit) & ~broken).tolist():
+        if np.count_nonzero(self.temperature > self.temperature_limit):
+            for axis in self._sound(self.temperature > self.temperature_limit):
                 self.fault(axis, OVERHEATED, f"too hot: more than {self.temperature_limit[axis]:g} degrees")
-        if (self._deadline < self.now).any():
+        if np.count_nonzero(self._deadline < self.now):
             for axis in np.flatnonzero(self._deadline < self.now).tolist():
                 self._forget(axis)
-        if self.pid_error_limits.any():
+        if np.count_nonzero(self.pid_error_limits):
             self._check_errors()
         while self._planned and self._planned[0][0] <= self.tick:
             _, axis, mode = self._planned.pop(0)
             if self.mode[axis] == _BEFORE[mode]:  # else a fault came between
                 self._enter(axis, mode)
+
+    def _sound(self, chosen: NDArray[np.bool_]) -> list[int]:
+        """Those of the chosen axes that are not in fault already."""
+        found: list[int] = np.flatnonzero(chosen & (self.mode != ControlMode.HARDWARE_FAULT)).tolist()
+        return found
 
     def _check_errors(self) -> None:
         limits = self.pid_error_limits

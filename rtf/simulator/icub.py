@@ -119,6 +119,8 @@ class SimulatedIcub:
     def _settle(self) -> None:
         if self.clock.participants:
             self.outlets.settle()
+        else:
+            self.outlets.flush()
 
     def close(self) -> None:
         """Stop the time and close all ports."""

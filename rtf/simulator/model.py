@@ -16,7 +16,8 @@ between axis and hinge (:mod:`rtf.simulator.hands`). Whoever goes by the arrays 
 Faults of mechanical parts are made at run time in the arrays of the model:
 
 ===================  ==================================================================================================
-a jam, stiction      ``model.dof_frictionloss[IcubModel.dofs[i]]``, Nm at the hinge
+a jam, stiction      ``model.dof_frictionloss[IcubModel.dofs[i]]``, Nm at the hinge; in a simulation, which has a dry
+                     friction of its own (:mod:`rtf.simulator.friction`), what is added to that
 viscous friction     ``model.dof_damping[IcubModel.dofs[i]]``
 a weak or cut drive  ``model.actuator_gainprm[i, 0]``, 1 when healthy, 0 when cut, -1 when it turns the wrong way. Not
                      the gear: that scales the angle, too
@@ -77,6 +78,7 @@ class IcubModel:
     home: NDArray[np.float64]  # qpos of the pose in which nothing touches
     home_axes: NDArray[np.float64]  # the same as axes (rad)
     dofs: tuple[NDArray[np.intp], ...]  # of each axis: its hinge; for version and vergence both eyes' pans
+    friction: NDArray[np.float64]  # (nv,), dry, Nm at each hinge, as built
     jacobian: NDArray[np.float64]  # (53, nv), in every pose: speeds of the axes = jacobian @ data.qvel
     ft_sensors: tuple[FtSensor, ...]
     imu: ImuSensor
@@ -233,6 +235,7 @@ def _compiled(spec: Any) -> IcubModel:
         home=_pose(model, home),
         home_axes=home,
         dofs=tuple(_dofs(model, axis.name) for axis in AXES),
+        friction=model.dof_frictionloss.copy(),
         jacobian=jacobian,
         ft_sensors=sensors.ft_sensors(model),
         imu=sensors.imu_sensor(model),

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     Disturbance: TypeAlias = Callable[[list[float], float], list[float]]
 
 
+#: Messages that wake a reader once. It deals with them while the next ones are computed.
+_TOGETHER = 8
+
+
 class SimulatedOutlet:
     """One port. ``disturbances`` lose, repeat and delay its messages; each may be put in and taken out at any step."""
 
@@ -57,6 +61,11 @@ class SimulatedOutlet:
         if not self.port.closed:
             self.port.write(value, envelope=envelope)
 
+    def flush(self) -> None:
+        """Send what is kept to be sent together, without waiting for anybody."""
+        if isinstance(self.port, PostingPort):
+            self.port.flush()
+
     def settle(self, timeout: float | None = PATIENCE) -> bool:
         """See Outlet."""
         return self.port.settle(timeout) if isinstance(self.port, PostingPort) else self.port.wait(timeout)
@@ -79,7 +88,7 @@ class SimulatedOutlets:
         """See Outlets."""
         port: PostingPort | BufferedPort[Any]
         if self._lockstep:
-            port = PostingPort(name, codec, network=self._network)
+            port = PostingPort(name, codec, network=self._network, together=_TOGETHER)
         else:
             port = BufferedPort(name, codec, network=self._network, inputs=False)
         outlet = self.by_name[port.name] = SimulatedOutlet(port, self._simulation)
@@ -87,6 +96,12 @@ class SimulatedOutlets:
 
     def settle(self) -> None:
         """Wait until everybody has got everything."""
+        self.flush()  # all readers work at the same time
         for outlet in self.by_name.values():
             if outlet.outputs:
                 outlet.settle()
+
+    def flush(self) -> None:
+        """Send all that is kept to be sent together, without waiting for anybody."""
+        for outlet in self.by_name.values():
+            outlet.flush()

@@ -139,7 +139,7 @@ class References:
         self._begin(axes, now, duration, velocities)
         self._refresh(axes, now)
 
-    def done(self, axes: NDArray[np.intp], now: int) -> NDArray[np.bool_]:
+    def done(self, axes: NDArray[np.intp] | int, now: int) -> NDArray[np.bool_]:
         """Which axes have come to the end of their trajectories."""
         ended: NDArray[np.bool_] = (now - self._from[axes]) * self._step >= self._duration[axes]
         return ended

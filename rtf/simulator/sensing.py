@@ -81,6 +81,7 @@ class SimulatedForceTorque(_Sensor, IAnalogSensor):
     def __init__(self, sensor: FtSensor, simulation: Simulation) -> None:
         super().__init__(sensor.name, simulation)
         self.sensor = sensor
+        self._forces = simulation.data.sensordata[sensor.force.start : sensor.torque.stop]  # a view; the other way
         self._zero = np.zeros(6)
         self._reading = SensorReading(self._zero, 0.0)
 
@@ -95,7 +96,7 @@ class SimulatedForceTorque(_Sensor, IAnalogSensor):
         if self._measured_at != tick:
             self._measured_at = tick
             values = _FT_NOISE * simulation.noise(6)
-            values += self.sensor.read(simulation.data.sensordata)
+            values -= self._forces
             values -= self._zero
             self._reading = self._told(SensorCategory.FORCE_TORQUE, values)
         return self._reading
@@ -144,6 +145,7 @@ class SimulatedImu(_Sensor, IMultipleAnalogSensors):
     def __init__(self, simulation: Simulation) -> None:
         super().__init__(simulation.robot.imu.name, simulation)
         self.imu = simulation.robot.imu
+        self._found: FloatArray = simulation.data.sensordata
         self._info = (SensorInfo(self.imu.name, self.imu.frame),)
         self._readings: dict[SensorCategory, SensorReading] = {}
 
@@ -173,21 +175,24 @@ class SimulatedImu(_Sensor, IMultipleAnalogSensors):
 
     def _true(self) -> FloatArray:
         """What all of them measure, in the order of ``_IMU_PLACES``."""
-        found, imu = self.simulation.data.sensordata, self.imu
-        return np.concatenate(
-            [
-                np.degrees(found[imu.gyroscope]),
-                found[imu.accelerometer],
-                found[imu.magnetometer],
-                roll_pitch_yaw(found[imu.orientation]),
-            ]
-        )
+        found, imu = self._found, self.imu
+        true = np.empty(_IMU_DEVIATION.size)
+        true[_GYROSCOPE] = found[imu.gyroscope]
+        true[_GYROSCOPE] *= _DEGREES
+        true[_ACCELEROMETER] = found[imu.accelerometer]
+        true[_MAGNETOMETER] = found[imu.magnetometer]
+        true[_ORIENTATION] = roll_pitch_yaw(found[imu.orientation])
+        return true
 
 
-def roll_pitch_yaw(quaternion: FloatArray) -> FloatArray:
+_DEGREES = 180.0 / math.pi
+_GYROSCOPE, _ACCELEROMETER, _MAGNETOMETER, _ORIENTATION = (place for _, place in _IMU_PLACES)
+
+
+def roll_pitch_yaw(quaternion: FloatArray) -> tuple[float, float, float]:
     """The rotation w, x, y, z as roll, pitch and yaw in deg: about fixed axes x, y and z in this order."""
     w, x, y, z = quaternion.tolist()
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return np.degrees([roll, pitch, yaw])
+    return roll * _DEGREES, pitch * _DEGREES, yaw * _DEGREES

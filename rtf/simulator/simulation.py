@@ -16,6 +16,7 @@ import numpy as np
 from rtf import clock
 from rtf.simulator.boards import Boards
 from rtf.simulator.engine import mujoco
+from rtf.simulator.friction import DryFriction
 from rtf.simulator.gate import Gate
 from rtf.simulator.model import TIMESTEP
 
@@ -33,7 +34,7 @@ _DRAWN = 4096
 
 
 class Simulation:
-    """A robot in its world. ``advance`` lets time pass, in one thread; commands come through ``gate`` from any.
+    """A robot in its world. ``advance`` lets time pass, in one thread at a time; others command through ``gate``.
 
     ``factor`` is how many times faster than the machine's clock time may pass at most; None: as fast as it can.
     ``seed`` is where all that is random begins: two simulations with the same seed that are told the same at the same
@@ -46,13 +47,16 @@ class Simulation:
         self.factor = factor
         self.random = np.random.default_rng(seed)
         self.data: Any = robot.data()
+        self.friction = DryFriction(robot, self.data)
         self.boards = Boards(robot, self.data)
+        self.friction.reset()
         self.gate = Gate()
         self.on_reset: list[Callable[[], None]] = []
         self.settle: list[Callable[[], None]] = []
         self._noise = np.empty(0)
         self._noise_used = 0
         self._step1, self._step2 = mujoco().mj_step1, mujoco().mj_step2
+        self._without_sensors = int(mujoco().mjtDisableBit.mjDSBL_SENSOR)
         self._queue: list[tuple[int, int, Callable[[], None], bool]] = []
         self._order = itertools.count()
         self._publishers: dict[int, list[Publisher]] = {}  # by their periods
@@ -144,20 +148,34 @@ class Simulation:
                 self._halfway = self._halfway and looks
 
     def _compute(self, end: int) -> None:
-        """Step up to a moment before which nothing happens. Flat: here nearly all the time is spent."""
-        boards, gate = self.boards, self.gate
-        first, second, step = self._step1, self._step2, boards.step
+        """Step up to a moment before which nothing happens. Flat: here nearly all the time is spent.
+
+        The sensors are computed in the last step, and in one before somebody is let through the gate.
+        """
+        boards, gate, options = self.boards, self.gate, self.robot.model.opt
+        first, second, step, rub = self._step1, self._step2, boards.step, self.friction.step
         model, data = self.robot.model, self.data
         halfway, self._halfway = self._halfway, False
-        for _ in range(end - boards.tick):
-            if halfway:
-                halfway = False
-            else:
-                first(model, data)
-            step()
-            second(model, data)
-            if gate.wanted:
-                gate.pass_on()
+        seeing = options.disableflags
+        blind = seeing | self._without_sensors
+        options.disableflags = blind
+        try:
+            for left in range(end - boards.tick - 1, -1, -1):
+                wanted = gate.wanted
+                if wanted or not left:
+                    options.disableflags = seeing
+                if halfway:
+                    halfway = False
+                else:
+                    first(model, data)
+                step()
+                rub()
+                second(model, data)
+                if wanted:
+                    gate.pass_on()
+                    options.disableflags = blind
+        finally:
+            options.disableflags = seeing
 
     def _pace(self, factor: float) -> None:
         """Wait until the machine's clock has come as far; others may command meanwhile."""
@@ -183,6 +201,7 @@ class Simulation:
                 clean()
             self.robot.reset(self.data)
             self.boards.reset()
+            self.friction.reset()
             self.random = np.random.default_rng(self.seed)
             self._noise = np.empty(0)
         finally:

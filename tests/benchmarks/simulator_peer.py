@@ -4,7 +4,7 @@ It says where the name server is in one line of JSON, and ends when its standard
 
 =============== =====================================================================================================
 ``record``      from now on remember what the boards drive the motors with
-``raw``         do the steps since then again, with the physics alone; microseconds a step, and of the processor
+``raw``         do the steps since then again, with the engine alone; microseconds a step, and of the processor
 ``processor``   seconds of the processor that this process had
 ``pictures N``  make so many pictures with each camera; the seconds that it took
 ``echo …``      the same again
@@ -13,6 +13,7 @@ It says where the name server is in one line of JSON, and ends when its standard
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import subprocess
@@ -47,15 +48,19 @@ _MOST = 10_000
 
 
 class Replay:
-    """The motion that a simulation makes, done again without boards, ports and Python."""
+    """The motion that a simulation makes, done again without boards, ports and Python, with the engine's own friction.
+
+    Without any it would be another motion.
+    """
 
     def __init__(self, simulation: Simulation) -> None:
-        self._model, self._data = simulation.robot.model, simulation.data
+        self._model, self._data = copy.copy(simulation.robot.model), simulation.data
+        self._model.dof_frictionloss[:] = simulation.robot.friction
         self._boards = simulation.boards
         self._whole = int(mujoco().mjtState.mjSTATE_INTEGRATION)
         self._begin = np.empty(mujoco().mj_stateSize(self._model, self._whole))
         self._torques: list[Any] = []
-        self._shadow = simulation.robot.data()
+        self._shadow = mujoco().MjData(self._model)
 
     def record(self) -> None:
         """Remember the steps from now on."""

@@ -55,6 +55,31 @@ def test_it_does_not_wait_until_it_settles(network: Network):
         assert port.settle(), "with nothing to wait for it settles at once"
 
 
+def test_messages_are_kept_until_there_are_enough_of_them(network: Network):
+    """Then they leave, or when they are told to, or when it settles; in order, and as they were when written."""
+    with ExitStack() as opened:
+        reader = opened.enter_context(closing(Reader("/reader", network)))
+        keeps = opened.enter_context(closing(PostingPort("/keeps", network=network, together=3)))
+        other = opened.enter_context(closing(PostingPort("/other", network=network)))
+        for port in (keeps, other):
+            port.add_output(reader.port.name)
+        message = Bottle([0])
+        keeps.write(message)
+        message[0] = 7
+        keeps.write(Bottle([1]))
+        other.write(Bottle([100]))
+        other.settle()
+        assert reader.heard == [100]
+        keeps.flush()
+        eventually(lambda: reader.heard == [100, 0, 1], "what was kept does not come")
+        for number in range(2, 5):
+            keeps.write(Bottle([number]))
+        eventually(lambda: reader.heard == [100, *range(5)], "there were enough, and they do not come")
+        keeps.write(Bottle([5]))
+        keeps.settle()
+        assert reader.heard == [100, *range(6)]
+
+
 def test_a_reader_that_is_too_slow_is_cut_off(network: Network, said: list[str]):
     """After its patience the port goes on without it, says so, and the others have missed nothing."""
     with ExitStack() as opened:

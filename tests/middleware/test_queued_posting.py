@@ -26,15 +26,16 @@ COUNT = 3 * MOST
 ENVELOPES = st.text(st.characters(min_codepoint=32, exclude_categories=["Cs"]), min_size=1, max_size=60)
 
 
+@pytest.mark.parametrize("together", [1, 5])
 @pytest.mark.parametrize("carrier", ["tcp", "text_ack", "unix_stream+ack", "local"])
-def test_when_it_has_settled_everybody_has_got_everything(network: Network, carrier: str):
-    """In order and with their envelopes, also when more are sent than may be on their way."""
+def test_when_it_has_settled_everybody_has_got_everything(network: Network, carrier: str, together: int):
+    """In order and with their envelopes, also when more are sent than may be on their way, or are kept together."""
     came: list[tuple[str, Bottle]] = []
 
     def take(delivery: Delivery) -> None:
         came.append((delivery.envelope, delivery.read()))
 
-    with Port("/reader", take, network=network), PostingPort("/writer", network=network) as writer:
+    with Port("/reader", take, network=network), PostingPort("/writer", network=network, together=together) as writer:
         writer.add_output("/reader", carrier)
         for number in range(COUNT):
             assert writer.write(Bottle([number]), envelope=f"{number} 0.5") == 1

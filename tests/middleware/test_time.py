@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from rtf import clock
 from rtf.bottle import Bottle
 from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.errors import PortClosedError
+from rtf.middleware.errors import MiddlewareError, PortClosedError
 from rtf.middleware.lockstep import LockstepServer
 from rtf.middleware.port import Port
 from rtf.middleware.rpc import RpcClient
@@ -97,6 +98,78 @@ class TestLockstep:
         for step, moments in seen.items():
             start = moments[0] - step
             assert moments == pytest.approx([start + step * count for count in range(1, 21)])
+
+    def test_time_passes_in_one_thread_at_a_time(self, network: Network):
+        """Whoever lets it pass, and whoever directs it meanwhile: what happens in time is told of it in order."""
+        told: list[float] = []
+        busy = threading.Lock()
+
+        def advance(until: float) -> float:
+            assert busy.acquire(blocking=False), "time passes twice"
+            told.append(until)
+            busy.release()
+            return until
+
+        def reset() -> None:
+            assert busy.acquire(blocking=False), "it is reset while time passes"
+            busy.release()
+
+        def live(step: float) -> None:
+            for _ in range(60):
+                time.sleep(step)
+            time.leave()
+
+        server = LockstepServer("/clock/rpc", advance, network=network, reset=reset)
+        with closing(server), RpcClient("/director", "/clock/rpc", network=network) as director:
+            time = LockstepClock("/clock/rpc", "tester", network=network)
+            threads = [threading.Thread(target=live, args=(step,)) for step in (0.003, 0.005, 0.007)]
+            for thread in threads:
+                thread.start()
+            time.leave()
+            for word in 10 * ("pause", "reset", "continue", "now"):
+                assert director.call(Bottle([word])) is not None
+            for thread in threads:
+                thread.join(20.0)
+            assert not any(thread.is_alive() for thread in threads)
+            assert server.broken is None
+        assert told == sorted(set(told))
+        assert told[-1] >= 60 * 0.007
+
+    def test_it_is_closed_when_time_passes_no_more(self, network: Network):
+        """Whoever has closed the server may take away what happens in time."""
+        begun, may_go, ended = threading.Event(), threading.Event(), threading.Event()
+
+        def advance(until: float) -> float:
+            begun.set()
+            assert may_go.wait(20.0)
+            ended.set()
+            return until
+
+        server = LockstepServer("/clock/rpc", advance, network=network)
+        time = LockstepClock("/clock/rpc", "tester", network=network)
+        seen: list[str] = []
+
+        def sleep() -> None:
+            with pytest.raises(MiddlewareError):
+                time.sleep(1.0)
+            seen.append("refused")
+
+        def close() -> None:
+            server.close()
+            assert ended.is_set()
+            seen.append("closed")
+
+        sleeper, closer = threading.Thread(target=sleep), threading.Thread(target=close)
+        sleeper.start()
+        time.leave()
+        assert begun.wait(20.0)
+        closer.start()
+        eventually(lambda: server._closed, "it is not closed")
+        may_go.set()
+        closer.join(20.0)
+        sleeper.join(20.0)
+        time.close()
+        assert sorted(seen) == ["closed", "refused"]
 
     def test_participant_that_vanishes_is_dropped(self, world: World, network: Network):
         """Its connection is its membership."""

@@ -193,6 +193,31 @@ class TestGate:
                 other.join(10.0)
             runner.join(10.0)
 
+    def test_who_gets_through_finds_the_sensors_of_the_step(self):
+        """Though the loop leaves them out where nobody looks."""
+
+        def forces(simulation: Simulation) -> list[float]:
+            return np.concatenate([sensor.read(simulation.data.sensordata) for sensor in sensors]).tolist()
+
+        looked_at, stepped = Simulation(build()), Simulation(build())
+        sensors = stepped.robot.ft_sensors
+        for simulation in (looked_at, stepped):
+            simulation.boards.move(np.array([INDEX["r_elbow"]]), np.array([90.0]))
+        expected = {}
+        for _ in range(200):
+            stepped.advance(stepped.now + 0.001)
+            expected[stepped.boards.tick] = forces(stepped)
+        seen = {}
+        loop = threading.Thread(target=looked_at.advance, args=(0.2,))
+        loop.start()
+        while loop.is_alive():
+            with looked_at.gate:
+                seen[looked_at.boards.tick] = forces(looked_at)
+        seen.pop(0, None)  # before the first step
+        assert len(seen) > 2
+        assert seen == {tick: expected[tick] for tick in seen}
+        assert looked_at.data.qpos.tolist() == stepped.data.qpos.tolist()
+
     def test_it_may_be_entered_twice_by_one_thread(self):
         """The loop that takes a picture holds it already."""
         gate = Gate()

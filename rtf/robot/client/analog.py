@@ -43,7 +43,7 @@ class AnalogClient(Device, IAnalogSensor):
         timeout = parameters.positive(configuration, "timeout", TIMEOUT)
         carrier = parameters.carrier(configuration, "udp")
         with ExitStack() as opened:
-            stream = Newest(local, VECTOR, timeout=timeout, network=self.network)
+            stream = Newest(local, VECTOR, timeout=timeout, network=self.network, lazily=True)
             opened.callback(stream.close)
             asker = Asker(f"{local}/rpc:o", f"{source}/rpc:i", patience=RPC_TIMEOUT, network=self.network)
             opened.callback(asker.close)

@@ -51,7 +51,7 @@ class AnalogSensorsClient(Device, IMultipleAnalogSensors):
         carrier = parameters.carrier(configuration, "tcp")
         external = parameters.flag(configuration, "externalConnection")
         with ExitStack() as opened:
-            stream = Newest(f"{local}/measures:i", SENSOR_MESSAGE, timeout=timeout, network=self.network)
+            stream = Newest(f"{local}/measures:i", SENSOR_MESSAGE, timeout=timeout, network=self.network, lazily=True)
             opened.callback(stream.close)
             self._infos = None if external else self._ask(f"{local}/rpc:i", f"{source}/rpc:o", opened)
             if not external:

@@ -42,7 +42,7 @@ class InertialClient(Device, IMultipleAnalogSensors):
         timeout = parameters.positive(configuration, "timeout", TIMEOUT)
         carrier = parameters.carrier(configuration, "tcp")
         with ExitStack() as opened:
-            stream = Newest(local, VECTOR, timeout=timeout, network=self.network)
+            stream = Newest(local, VECTOR, timeout=timeout, network=self.network, lazily=True)
             opened.callback(stream.close)
             stream.connect(source, carrier)
             self._stream, self._opened = stream, opened.pop_all()

@@ -1,11 +1,19 @@
-"""The receiving end of a stream: the newest object that came, and how old it is by the robot's clock."""
+"""The receiving end of a stream: the newest object that came, and how old it is by the robot's clock.
+
+A robot says a thousand things a second, of which its client wants to know few. What comes is therefore only kept, and
+read when somebody asks for it.
+"""
 
 from __future__ import annotations
 
+import threading
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 from rtf import clock
+from rtf.errors import RtfError
 from rtf.middleware import remote
+from rtf.middleware.codecs import RAW
+from rtf.middleware.delivery import Delivery
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.names import Contact
 from rtf.middleware.port import Port
@@ -13,8 +21,8 @@ from rtf.middleware.types import Stamp
 from rtf.robot.errors import DeviceError, StaleStateError
 
 if TYPE_CHECKING:
+    from rtf.bottle import Dialect
     from rtf.middleware.codecs import Codec
-    from rtf.middleware.delivery import Delivery
     from rtf.middleware.network import Network
 
 T = TypeVar("T")
@@ -28,18 +36,33 @@ class Came(NamedTuple, Generic[T]):
     at: float
 
 
+class _Unread(NamedTuple):
+    """A message that nobody has asked for yet; ``at`` is when it came, if that does not stand in its envelope."""
+
+    data: bytes
+    sender: str
+    dialect: Dialect
+    envelope: str
+    at: float | None
+
+
 class Newest(Generic[T]):
     """A port that keeps the newest object of a stream. What is no such object costs its sender the connection.
 
-    ``timeout`` is the age, in s of the robot's clock, from which on an object is too old to be acted upon.
-    Raises DeviceError when the port cannot be opened.
+    ``timeout`` is the age, in s of the robot's clock, from which on an object is too old to be acted upon. ``lazily``:
+    messages as long as the last that made sense are read when somebody asks for them, all others as they come; it is
+    for short ones. Raises DeviceError when the port cannot be opened.
     """
 
-    def __init__(self, name: str, codec: Codec[T], *, timeout: float, network: Network) -> None:
+    def __init__(self, name: str, codec: Codec[T], *, timeout: float, network: Network, lazily: bool = False) -> None:
         self.timeout = timeout
         self._codec = codec
         self._network = network
+        self._lazily = lazily
+        self._usual = -1  # the length of the last message that made sense
         self._came: Came[T] | None = None
+        self._unread: _Unread | None = None
+        self._reading = threading.Lock()
         try:
             self._port = Port(name, self._receive, network=network, outputs=False, promise=codec.promise)
         except MiddlewareError as error:
@@ -59,23 +82,52 @@ class Newest(Generic[T]):
 
     def _receive(self, delivery: Delivery) -> None:
         """In the thread of the connection."""
-        value = delivery.read(self._codec)
-        stamp = Stamp.parse(delivery.envelope)
-        self._came = Came(value, stamp, _moment(stamp))
+        at = _arrival()
+        # What is text, or handed over by another port of this process, is not read from bytes.
+        if self._lazily and type(delivery) is Delivery and not delivery._text:  # noqa: SLF001
+            data = delivery.read(RAW)
+            if len(data) == self._usual:
+                unread = _Unread(data, delivery.sender, delivery.dialect, delivery.envelope, at)
+                with self._reading:
+                    self._unread = unread
+                return
+            came = _came(delivery.read(self._codec), delivery.envelope, at)
+            self._usual = len(data)
+        else:
+            came = _came(delivery.read(self._codec), delivery.envelope, at)
+        with self._reading:
+            self._came, self._unread = came, None
+
+    def _read(self) -> Came[T] | None:
+        """Read what came last, if nobody has yet. In the thread of whoever asks for it.
+
+        When it is no such object its sender is hung up on, and what came before is the newest.
+        """
+        with self._reading:
+            unread = self._unread
+            if unread is not None:
+                again = Delivery(unread.sender, "", unread.data, unread.dialect, wants_reply=False, text=False)
+                try:
+                    self._came = _came(again.read(self._codec), unread.envelope, unread.at)
+                except RtfError as error:
+                    self._port.remove_input(unread.sender)
+                    self._network.report(f"{self.name}: {unread.sender} was cut off: {error}")
+                self._unread = None
+            return self._came
 
     @property
     def came(self) -> Came[T] | None:
         """What came last."""
-        return self._came
+        return self._came if self._unread is None else self._read()
 
     def age(self) -> float | None:
         """How old it is (s); None before the first."""
-        came = self._came
+        came = self.came
         return None if came is None else clock.current().now() - came.at
 
     def fresh(self) -> Came[T]:
         """What came last. Raises StaleStateError if it is too old, and before the first."""
-        came = self._came
+        came = self.came
         if came is None:
             raise StaleStateError(f"nothing has come to {self.name} yet")
         age = clock.current().now() - came.at
@@ -90,14 +142,19 @@ class Newest(Generic[T]):
         self._port.close()
 
 
-def _moment(stamp: Stamp | None) -> float:
-    """When a message with this stamp came, by the robot's clock.
+def _arrival() -> float | None:
+    """When a message that arrives now came, by the robot's clock; None where only its stamp can say.
 
     A simulator's clock is that of the stamps, and asking it here would make this thread one that its time waits for; a
     message without a stamp counts as old there. A real robot's stamps are another machine's time, so there the arrival
     counts.
     """
     time = clock.current()
-    if isinstance(time, clock.SystemClock):
-        return time.now()
-    return float("-inf") if stamp is None else stamp.time
+    return time.now() if isinstance(time, clock.SystemClock) else None
+
+
+def _came(value: T, envelope: str, at: float | None) -> Came[T]:
+    stamp = Stamp.parse(envelope)
+    if at is None:
+        at = float("-inf") if stamp is None else stamp.time
+    return Came(value, stamp, at)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from rtf.middleware.delivery import Delivery
     from rtf.middleware.network import Network
+    from rtf.robot.client.newest import Came
     from rtf.robot.interfaces import AxisSelection, FloatArray
 
 #: Seconds that opening waits for the first state. A board that publishes at all does so ten times in them.
@@ -39,9 +40,9 @@ Observer: TypeAlias = "Callable[[float, ExtendedState], None]"
 class StateReader(Newest[ExtendedState]):
     """The port to which a board sends its state, which nobody changes any more once it has come.
 
-    ``lost`` is called in the thread of a reader, before the error is raised, when no state came for too long. The state
-    is kept in the thread of the connection, before the message is acknowledged. ``diagnostic`` reports messages that
-    come later after each other than ``timeout``.
+    ``lost`` is called in the thread of a reader, before the error is raised, when no state came for too long. A message
+    is kept in the thread of the connection, before it is acknowledged, and read when it is asked for or observed.
+    ``diagnostic`` reports messages that come later after each other than ``timeout``.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class StateReader(Newest[ExtendedState]):
         self._first = threading.Event()
         self._observers: tuple[Observer, ...] = ()
         self._changing = threading.Lock()
-        super().__init__(name, EXTENDED_STATE, timeout=timeout, network=network)
+        super().__init__(name, EXTENDED_STATE, timeout=timeout, network=network, lazily=True)
 
     def reconnect(self) -> None:
         """Have the board send here, and to nobody who had this name before. Raises MiddlewareError, DeviceError."""
@@ -78,13 +79,21 @@ class StateReader(Newest[ExtendedState]):
         self._first.wait(min(self.timeout, _MOST_WAITING))
 
     def _receive(self, delivery: Delivery) -> None:
-        before = self._came
+        before = self.came if self._diagnostic else None
         super()._receive(delivery)
-        self._first.set()
-        came = self._came
-        if came is not None:
-            self._show(came.at if came.stamp is None else came.stamp.time, came.value)
-        if self._diagnostic and before is not None and came is not None and came.at - before.at > self.timeout:
+        if not self._first.is_set():
+            self._first.set()
+        if self._observers:
+            came = self.came
+            if came is not None:
+                self._show(came.at if came.stamp is None else came.stamp.time, came.value)
+        if before is not None:
+            self._diagnose(before)
+
+    def _diagnose(self, before: Came[ExtendedState]) -> None:
+        """Say that a state came late after the one before."""
+        came = self.came
+        if came is not None and came.at - before.at > self.timeout:
             self._network.report(f"{self.name}: no state came for {came.at - before.at:.3f} s")
 
     # Observing ---------------------------------------------------------------------------------------------------
@@ -120,7 +129,7 @@ class StateReader(Newest[ExtendedState]):
         Raises StaleStateError when nothing came within the time-out, NotSupportedError for what the board says is not
         valid, RefusedError for an axis that it does not have. Flat, as controllers call it a thousand times a second.
         """
-        came = self._came
+        came = self._came if self._unread is None else self._read()
         if came is None:
             raise self._none()
         age = clock.current().now() - came.at
@@ -141,7 +150,7 @@ class StateReader(Newest[ExtendedState]):
     def times(self, axes: AxisSelection = None) -> FloatArray:
         """When what is read was true, by the robot's clock; the same for all axes. Errors as for ``read``."""
         positions = self.read(Field.JOINT_POSITIONS, axes)
-        came = self._came
+        came = self.came
         if came is None or came.stamp is None:
             raise NotSupportedError(f"{self.source.name} sends its states without the time")
         return np.full(positions.shape, came.stamp.time)

@@ -31,6 +31,7 @@ class Questions:
         self._device = device
         self._report = report
         self._count = itertools.count()
+        self._has: set[type[Any]] = set()  # interfaces of the device, as far as they were asked for
 
     def answer(self, question: Bottle) -> Bottle:
         """The answer to a question, whatever it is."""
@@ -45,17 +46,18 @@ class Questions:
             return Bottle.adopt([FAIL])
 
     def _answer(self, question: Bottle) -> list[Value]:
-        verb = _word(question[0])
+        words = question.elements()
+        verb = _word(words[0])
         if verb == "get":
-            return self._get(question)
+            return self._get(words)
         if verb == "set":
-            self._set(question)
+            self._set(words)
             return [OK]
-        return [OK if self._command(verb, question) else FAIL]
+        return [OK if self._command(verb, words) else FAIL]
 
     # Getting -----------------------------------------------------------------------------------------------------
 
-    def _get(self, question: Bottle) -> list[Value]:
+    def _get(self, question: list[Value]) -> list[Value]:
         first = _word(question[1])
         if first == vocabulary.PROTOCOL_VERSION.text:
             return [vocabulary.PROTOCOL_VERSION, *vocabulary.PROTOCOL, OK]
@@ -65,7 +67,7 @@ class Questions:
             stamp = [vocabulary.STAMP, next(self._count), clock.current().now()]
         topic, arguments = _topic(first, question)
         if topic is None or not topic.get:
-            raise RefusedError(f"{question.to_text()[:60]!r} is no question")
+            raise RefusedError(f"{_shown(question)} is no question")
         data = self._data(topic, arguments)
         return [*_echo(family.echo, topic, question), *data, *stamp, OK]
 
@@ -90,12 +92,12 @@ class Questions:
 
     # Setting -----------------------------------------------------------------------------------------------------
 
-    def _set(self, question: Bottle) -> None:
+    def _set(self, question: list[Value]) -> None:
         topic, arguments = _topic(_word(question[1]), question)
         if topic is None and _word(question[1]) == "icmd":
             topic = TOPICS["icmd", "cmod"]  # old clients say what mode it is instead, for one joint
         if topic is None or not topic.set:
-            raise RefusedError(f"{question.to_text()[:60]!r} is nothing that can be set")
+            raise RefusedError(f"{_shown(question)} is nothing that can be set")
         self._put(topic, arguments)
 
     def _put(self, topic: Topic, arguments: Sequence[Value]) -> None:
@@ -119,10 +121,10 @@ class Questions:
 
     # Commands ----------------------------------------------------------------------------------------------------
 
-    def _command(self, verb: str, question: Bottle) -> bool:
+    def _command(self, verb: str, question: list[Value]) -> bool:
         topic = COMMANDS.get(verb)
         if topic is None:
-            raise RefusedError(f"{question.to_text()[:60]!r} is no command")
+            raise RefusedError(f"{_shown(question)} is no command")
         if topic.get:
             return bool(self._method(topic, topic.get)(_joint(question[1:])))
         self._put(topic, question[1:])
@@ -131,8 +133,11 @@ class Questions:
     # The device --------------------------------------------------------------------------------------------------
 
     def _method(self, topic: Topic, name: str) -> Callable[..., Any]:  # each row of the table knows what it gives
-        if not isinstance(self._device, topic.interface):
-            raise NotSupportedError(f"the device has no {topic.interface.__name__}")
+        interface = topic.interface
+        if interface not in self._has:
+            if not isinstance(self._device, interface):
+                raise NotSupportedError(f"the device has no {interface.__name__}")
+            self._has.add(interface)
         return getattr(self._device, name)  # type: ignore[no-any-return]
 
     def _axes(self) -> int:
@@ -143,10 +148,16 @@ class Questions:
 
 def _word(value: Value) -> str:
     """The text of a word; vocabs are often typed as strings, of which four letters count."""
+    if type(value) is Vocab:  # as programs send them
+        return value.text
     return as_vocab(value).text if isinstance(value, _WORDS) else ""
 
 
-def _topic(first: str, question: Bottle) -> tuple[Topic | None, Bottle]:
+def _shown(question: list[Value]) -> str:
+    return repr(Bottle.adopt(question).to_text()[:60])
+
+
+def _topic(first: str, question: list[Value]) -> tuple[Topic | None, list[Value]]:
     """The row that a question belongs to, and its arguments."""
     if first not in FAMILIES or not first:
         return TOPICS.get((first,)), question[2:]
@@ -175,7 +186,7 @@ def _selection(shape: Shape, arguments: Sequence[Value]) -> tuple[int | list[int
     return [whole(joint) for joint in joints], arguments[2:]
 
 
-def _echo(echo: Echo, topic: Topic, question: Bottle) -> list[Value]:
+def _echo(echo: Echo, topic: Topic, question: list[Value]) -> list[Value]:
     if echo is Echo.TOPIC:
         return [IS, question[1]]
     if echo is Echo.METHOD:

@@ -12,9 +12,10 @@ from rtf.robot.server.outlets import BackgroundOutlets
 from rtf.robot.server.stamping import Stamping
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from rtf.middleware.network import Network
+    from rtf.middleware.outputs import Output
     from rtf.robot.server.outlets import Outlets
 
 _POSITIONS = Field.JOINT_POSITIONS
@@ -71,9 +72,7 @@ class StateStreams:
         if to_positions and state.valid[_POSITIONS]:
             self._positions.write(state.joint_positions.copy(), envelope=envelope)
         if to_extended:
-            # Readers of this process may be handed the object itself, and keep it.
-            shared = any(output.carrier == "local" for output in to_extended)
-            self._extended.write(state.copy() if shared else state, envelope=envelope)
+            self._extended.write(state.copy() if _is_shared(to_extended) else state, envelope=envelope)
 
     def settle(self) -> None:
         """Wait until what was published has been sent, as far as the ports know."""
@@ -84,3 +83,11 @@ class StateStreams:
         """Close the ports."""
         self._positions.close()
         self._extended.close()
+
+
+def _is_shared(outputs: Sequence[Output]) -> bool:
+    """Whether there are readers of this process: they may be handed the object itself, and keep it."""
+    for output in outputs:  # noqa: SIM110 - a generator costs as much as the message
+        if output.carrier == "local":
+            return True
+    return False

@@ -55,7 +55,8 @@ class PartBase(Device):
         return values[self.own].copy() if joints is None else values[self._places(joints, what)]
 
     def _axis(self, joint: int, what: str = "joint") -> int:
-        return int(self._places(joint, what)[0])
+        place: int = selected(self.size, joint, what)[0] + self.own.start
+        return place
 
     def _write(self, values: Values, joints: AxisSelection, into: FloatArray, what: str = "joint") -> None:
         """Put values in for the chosen ones."""

@@ -21,8 +21,7 @@ class SimulatedPart(PartMotion, PartMotors, PartSettings, IStateSource, Calibrat
         """See IStateSource: what all parts have in common is computed once a moment."""
         boards, own = self.boards, self.own
         state.floats[...] = boards.snapshot()[:, own]
-        state.control_modes[...] = boards.mode[own]
-        state.interaction_modes[...] = boards.interaction[own]
+        state.modes[...] = boards.modes[:, own]
         state.temperatures[...] = boards.temperature[own]
         state.valid[...] = True
         return boards.now

@@ -65,7 +65,10 @@ class PartMotion(
 
     def motion_done(self, joints: AxisSelection = None) -> bool:
         """See IPositionControl."""
-        return bool(self.boards.references.done(self._places(joints), self.boards.tick).all())
+        done, now = self.boards.references.done, self.boards.tick
+        if type(joints) is int:  # as it is asked again and again
+            return bool(done(self._axis(joints), now))
+        return bool(done(self._places(joints), now).all())
 
     def target_positions(self, joints: AxisSelection = None) -> FloatArray:
         """See IPositionControl."""

@@ -1,0 +1,90 @@
+"""Dry friction of all hinges, at a third of what the engine's own takes.
+
+The engine holds a joint by a constraint, one more equation in every step, which makes its solver take as long as all
+else together; and what is held so creeps. Here a joint sits on a stiff spring whose other end slides as soon as the
+spring would pull harder than the friction (the elasto-plastic element of Prandtl, also known as Dahl's friction of a
+sharp edge)::
+
+    spring = stiffness (anchor - position) - drive, at most the friction to either side
+    torque = spring - damping speed, at most the friction to either side
+
+What the drive of the joint does is taken up without a way: else encoders that count ticks would make a controlled joint
+tremble between two of them. What is kept of the anchor is ``stiffness anchor``, and it slides so that the first line
+holds.
+
+So a joint at rest bears any load up to the friction, without creeping; a moving one loses the friction times its way.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy import add, maximum, minimum, multiply, subtract
+
+from rtf.simulator.engine import mujoco
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+    from rtf.simulator.model import IcubModel
+
+#: What a joint that sticks swings with (Hz), and how that is damped, of critical. In steps of a millisecond that is
+#: stable down to a fifth of the inertia that it is meant for.
+STICKING = 60.0
+_DAMPING = 0.2
+
+
+class DryFriction:
+    """The friction of a robot at home. It takes it over from the model, in whose ``dof_frictionloss`` faults add more.
+
+    ``step`` is called in every step, between its two halves.
+    """
+
+    def __init__(self, robot: IcubModel, data: Any) -> None:
+        self.torque = robot.friction  # Nm at each hinge
+        robot.model.dof_frictionloss[:] = 0.0
+        robot.reset(data)
+        self._least = -self.torque
+        self._position: FloatArray = data.qpos  # all joints are hinges, so there is one for each degree of freedom
+        self._speed: FloatArray = data.qvel
+        self._passive: FloatArray = data.qfrc_passive
+        self._ctrl: FloatArray = data.ctrl
+        self._to_hinges = np.ascontiguousarray(robot.jacobian.T)  # torques of drives to those at the hinges
+        swing = 2 * math.pi * STICKING
+        inertia = _inertia(robot, data)
+        self._stiffness = inertia * swing**2
+        self._damping = 2 * _DAMPING * inertia * swing
+        self._anchor = np.empty_like(self.torque)  # Nm
+        self._scratch = np.empty_like(self.torque)
+        self._exerted = np.empty_like(self.torque)
+        self.reset()
+
+    def reset(self) -> None:
+        """Be relaxed where the joints are, with what the drives do now."""
+        self._anchor[:] = self._stiffness * self._position + self._to_hinges @ self._ctrl
+
+    def step(self) -> None:
+        """Add what the friction does to what the engine knows of springs and dampers. Flat: it is called so often."""
+        spring, scratch, anchor, most, least = self._exerted, self._scratch, self._anchor, self.torque, self._least
+        multiply(self._position, self._stiffness, out=scratch)
+        np.dot(self._to_hinges, self._ctrl, out=spring)
+        add(scratch, spring, out=scratch)
+        subtract(anchor, scratch, out=spring)
+        minimum(spring, most, out=spring)
+        maximum(spring, least, out=spring)
+        add(scratch, spring, out=anchor)
+        multiply(self._speed, self._damping, out=scratch)
+        subtract(spring, scratch, out=spring)
+        minimum(spring, most, out=spring)
+        maximum(spring, least, out=spring)
+        add(self._passive, spring, out=self._passive)
+
+
+def _inertia(robot: IcubModel, data: Any) -> FloatArray:
+    """The inertia that each hinge shows when all others are free (kg m²); ``data`` must have been forwarded."""
+    unit = np.eye(robot.model.nv)
+    solved = np.empty_like(unit)
+    mujoco().mj_solveM(robot.model, data, solved, unit)
+    inertia: FloatArray = 1.0 / np.diag(solved)
+    return inertia

@@ -1,0 +1,175 @@
+"""The dry friction of the joints: what sticks stays, what moves is braked, and nothing is pushed."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from functools import cache
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from rtf.simulator.axes import INDEX
+from rtf.simulator.engine import mujoco
+from rtf.simulator.friction import DryFriction
+from rtf.simulator.model import Options, build
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.simulator.model import IcubModel
+
+pytestmark = pytest.mark.skipif(
+    not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
+)
+
+ELBOW, FINGER = INDEX["l_elbow"], INDEX["l_index_proximal"]
+
+
+@cache
+def built() -> IcubModel:
+    """A robot with friction alone to brake it, to be copied."""
+    return build(Options(damping=False, collision="none"))
+
+
+class Joint:
+    """One joint of a robot that is free from gravity; ``engine``: with the engine's friction instead of ours."""
+
+    def __init__(self, axis: int, *, engine: bool = False) -> None:
+        robot = dataclasses.replace(built(), model=copy.copy(built().model))
+        robot.model.opt.gravity[:] = 0.0
+        self.model, self.data = robot.model, robot.data()
+        self.axis, self.dof = axis, int(robot.dofs[axis][0])
+        self.ratio = float(robot.jacobian[axis, self.dof])
+        self.most = float(robot.friction[self.dof])
+        friction = None if engine else DryFriction(robot, self.data)
+        self._rub: Callable[[], None] = (lambda: None) if friction is None else friction.step
+        self.data.qpos[self.dof] = np.radians(45.0)  # away from its limits
+        mujoco().mj_forward(self.model, self.data)
+        if friction is not None:
+            friction.reset()
+
+    def run(self, seconds: float, torque: float = 0.0, drive: Callable[[int], float] = lambda _: 0.0) -> None:
+        """Let time pass with a torque at the hinge from outside, and one of the drive, which may change each step."""
+        for number in range(round(seconds / self.model.opt.timestep)):
+            mujoco().mj_step1(self.model, self.data)
+            self.data.qfrc_applied[self.dof] = torque
+            self.data.ctrl[self.axis] = drive(number) / self.ratio
+            self._rub()
+            mujoco().mj_step2(self.model, self.data)
+
+    @property
+    def at(self) -> float:
+        """Where it is (deg)."""
+        return float(np.degrees(self.data.qpos[self.dof]))
+
+    @property
+    def speed(self) -> float:
+        """How fast it is (deg/s)."""
+        return float(np.degrees(self.data.qvel[self.dof]))
+
+    def throw(self, speed: float) -> None:
+        """Let it have a speed (deg/s)."""
+        self.data.qvel[self.dof] = np.radians(speed)
+
+
+@pytest.mark.parametrize("axis", [ELBOW, FINGER])
+@pytest.mark.parametrize("share", [-0.95, 0.5, 0.95])
+def test_what_is_pushed_by_less_than_the_friction_stays(axis: int, share: float):
+    """It gives way by less than a tenth of a degree, once, and does not creep."""
+    joint = Joint(axis)
+    begin = joint.at
+    joint.run(1.0, share * joint.most)
+    there = joint.at
+    assert 0 < abs(there - begin) < 0.1
+    joint.run(5.0, share * joint.most)
+    assert joint.at == pytest.approx(there, abs=1e-6)
+
+
+@pytest.mark.parametrize("axis", [ELBOW, FINGER])
+@pytest.mark.parametrize("drive", [lambda number: (-0.9, 0.9)[number % 2], lambda number: 0.99 * number / 1000])
+def test_what_is_driven_by_less_than_the_friction_does_not_move_at_all(axis: int, drive: Callable[[int], float]):
+    """However the drive changes its mind: nothing trembles, and no encoder counts."""
+    joint = Joint(axis)
+    begin = joint.at
+    joint.run(1.0, drive=lambda number: drive(number) * joint.most)
+    assert joint.at == pytest.approx(begin, abs=1e-6)
+    assert joint.speed == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("engine", [False, True])
+@pytest.mark.parametrize("axis", [ELBOW, FINGER])
+def test_a_drive_that_grows_moves_it_beyond_the_friction(axis: int, engine: bool):
+    """Not before, and soon after, as with the engine's own."""
+    joint = Joint(axis, engine=engine)
+    begin = joint.at
+    joint.run(1.0, drive=lambda number: 0.98 * joint.most * number / 1000)
+    assert joint.at == pytest.approx(begin, abs=1e-3)
+    joint.run(0.5, drive=lambda number: (0.98 + number / 1000) * joint.most)
+    assert joint.at > begin + 0.1
+
+
+@pytest.mark.parametrize("axis", [ELBOW, FINGER])
+@pytest.mark.parametrize("share", [1.1, 2.0, -3.0])
+def test_what_is_pushed_by_more_moves_as_with_the_engines_own(axis: int, share: float):
+    """The friction is taken from the torque, to either side; how it begins to slide may differ."""
+    gained = []
+    for joint in (Joint(axis), Joint(axis, engine=True)):
+        joint.run(0.02, share * joint.most)
+        before = joint.speed
+        joint.run(0.05, share * joint.most)
+        gained.append(joint.speed - before)
+    assert abs(gained[1]) > 1.0
+    assert gained[0] == pytest.approx(gained[1], rel=0.05)
+
+
+@pytest.mark.parametrize("axis", [ELBOW, FINGER])
+def test_what_is_thrown_comes_to_rest_as_with_the_engines_own(axis: int):
+    """After the same way, for the same energy is taken; and then it stays."""
+    ours, theirs = Joint(axis), Joint(axis, engine=True)
+    ways = []
+    for joint in (ours, theirs):
+        begin = joint.at
+        joint.throw(60.0)
+        joint.run(0.5)
+        ways.append(joint.at - begin)
+        assert joint.speed == pytest.approx(0.0, abs=0.05)
+    assert ways[1] > 1.0
+    assert ways[0] == pytest.approx(ways[1], rel=0.03)
+
+
+@pytest.mark.parametrize("axis", [ELBOW, FINGER])
+def test_what_is_stopped_is_not_pushed_on(axis: int):
+    """Whoever stops a quick joint does not feel the friction press it against the stop."""
+    joint = Joint(axis)
+    joint.throw(150.0)
+    joint.run(0.02)
+    joint.data.qvel[:] = 0.0
+    there = joint.at
+    joint.run(0.5)
+    assert there - 0.03 < joint.at < there + 0.001
+
+
+def test_without_friction_nothing_is_added():
+    """A robot that was built without has none."""
+    robot = build(Options(friction=False, collision="none"))
+    data = robot.data()
+    friction = DryFriction(robot, data)
+    data.qvel[:] = 1.0
+    mujoco().mj_step1(robot.model, data)
+    before: Any = data.qfrc_passive.copy()
+    friction.step()
+    assert np.array_equal(data.qfrc_passive, before)
+
+
+def test_what_faults_add_is_added():
+    """A jam is the engine's, on top of the friction."""
+    joint = Joint(ELBOW)
+    joint.model.dof_frictionloss[joint.dof] += 5.0
+    begin = joint.at
+    joint.run(0.5, 4.0)
+    assert joint.at == pytest.approx(begin, abs=0.01)
+    joint.run(0.5, 10.0)
+    assert joint.at > begin + 1.0
