@@ -19,6 +19,7 @@ from rtf.robot.control_modes import (
     ControlMode,
     InteractionMode,
     answer,
+    mode_word,
 )
 from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot_testing import Limits, Safety, likely_causes
@@ -180,11 +181,11 @@ class ControlModes(JointsTest):
         first = int(there[0]) if len(there) else len(modes)
         asked = f"asked for {request.word} in {before.word} it"
         if not len(modes) or modes[-1] != expected:
-            now = _word(int(modes[-1])) if len(modes) else "unknown"
+            now = mode_word(int(modes[-1])) if len(modes) else "unknown"
             why = f" ({refused})" if refused else ""
             self.wrong[joint].append(f"{asked} is in {now}, not {expected.word}{why}")
         elif (modes[:first] != before).any() or (modes[first:] != expected).any():
-            passed = ", ".join(_word(mode) for mode in dict.fromkeys(modes.tolist()))
+            passed = ", ".join(mode_word(mode) for mode in dict.fromkeys(modes.tolist()))
             self.wrong[joint].append(f"{asked} goes through {passed} to {expected.word}")
         elif expected is not before:
             self.slowest[joint] = max(self.slowest[joint], float(trace.time[first]) - begin)
@@ -312,13 +313,6 @@ class ControlModes(JointsTest):
             more = f"; and {len(wrong) - _TOLD} more" if len(wrong) > _TOLD else ""
             self.assert_fail(f"{name}: {'; '.join(wrong[:_TOLD])}{more}; {likely_causes('mode')}")
         self.assert_error_if_true(left, f"{name}: {len(left)} requests could not be tried")
-
-
-def _word(mode: int) -> str:
-    try:
-        return ControlMode(mode).word
-    except ValueError:
-        return str(mode)
 
 
 #: Seconds between two looks at modes; how long a new mode is watched; how long a joint that should not move.

@@ -81,7 +81,7 @@ class PositionDirect(RobotTest):
         """Open the part, and find a sine for each joint that keeps within its limits and its speed."""
         super().setup()
         self.robot_part = part = self.open_part(self.part)
-        self.chosen = part.select(self.joints)
+        self.chosen = self.select(part, self.joints)
         middle = [*self.per_joint("zero", self.zero, self.chosen)] if self.zero else [None] * len(self.chosen)
         amplitudes = [min(self.amplitude, 0.45 * float(part.high[j] - part.low[j])) for j in self.chosen]
         self.middle = np.array([

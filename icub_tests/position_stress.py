@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtf.robot.control_modes import ControlMode
+from rtf.robot.control_modes import ControlMode, mode_word
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.courses import pause, singly, work
 from rtf.robot_testing.guard import GuardError
@@ -124,17 +124,10 @@ class PositionStress(JointsTest):
         for other, name in enumerate(part.names):
             wrong = modes[:, other] != ControlMode.POSITION
             if wrong.any():
-                word = _word(int(modes[int(np.flatnonzero(wrong)[0]), other]))
+                word = mode_word(int(modes[int(np.flatnonzero(wrong)[0]), other]))
                 code, text = part.board.last_joint_fault(other)
                 why = f" (fault {code}: {text})" if code else ""
                 self.check(False, f"{name} went into {word} while {part.names[joint]} moved{why}")
-
-
-def _word(mode: int) -> str:
-    try:
-        return ControlMode(mode).word
-    except ValueError:
-        return str(mode)
 
 
 #: How near a target is that is read back, deg.

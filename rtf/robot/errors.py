@@ -25,6 +25,10 @@ class NoAnswerError(RobotError, ConnectionError):
     """The device at the other end of the network does not answer, or answers what makes no sense."""
 
 
+class UnreachableError(NoAnswerError):
+    """The device at the other end of the network is gone, and could not be connected to again."""
+
+
 class DeviceError(RobotError, RuntimeError):
     """A device cannot be opened, or an action of it failed."""
 

@@ -10,7 +10,7 @@ from rtf import clock
 from rtf.middleware.network import default_network
 from rtf.middleware.time import LockstepClock, clock_from_environment
 from rtf.robot.client.control_board import connect
-from rtf.robot.errors import RobotError
+from rtf.robot.errors import RefusedError, RobotError
 from rtf.robot_testing.guard import Limits, MotionGuard
 from rtf.robot_testing.part import TOLERANCE, Part
 from rtf.robot_testing.safety import Safety
@@ -96,7 +96,8 @@ class RobotTest(TestCase):
             try:
                 self._parts[name] = self._open(name)
             except RobotError as error:
-                self.assert_error(f"/{self.robot_name}/{name} cannot be worked with: {error}")
+                where = f" (part: {self.parameter_source('part')})" if name == getattr(self, "part", None) else ""
+                self.assert_error(f"/{self.robot_name}/{name} cannot be worked with: {error}{where}")
         return self._parts[name]
 
     def _open(self, name: str) -> Part:
@@ -135,8 +136,18 @@ class RobotTest(TestCase):
         if len(values) == 1:
             return [float(values[0])] * len(joints)
         if len(values) != len(joints):
-            self.assert_error(f"{name} has {len(values)} values; give one, or one for each of the {len(joints)} joints")
+            self.assert_error(
+                f"{name} has {len(values)} values; give one, or one for each of the {len(joints)} joints "
+                f"({self.parameter_source(name)})"
+            )
         return [float(value) for value in values]
+
+    def select(self, part: Part, wanted: Sequence[int]) -> list[int]:
+        """The joints that the parameter ``joints`` says, or all. Ends as an error for one that is not there."""
+        try:
+            return part.select(wanted)
+        except RefusedError as error:
+            self.assert_error(f"joints: {error} ({self.parameter_source('joints')})")
 
     def require(
         self, arrival: Arrival, goal: str, part: Part, joints: Sequence[int], targets: Sequence[float] | FloatArray

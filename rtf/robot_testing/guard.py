@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.robot.control_modes import ControlMode, InteractionMode
-from rtf.robot.errors import NotSupportedError, RobotError
+from rtf.robot.errors import NotSupportedError, RobotError, UnreachableError
 from rtf.robot.interfaces import PidType
 from rtf.testing.outcome import TestFailure
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 PARKING_SPEED, PARKING_TIME = 20.0, 20.0
 _ARRIVED = 2.0  # deg
 _PACE = 0.05  # s
+_WARMING = 1.0  # s between two looks at temperatures
 
 
 class GuardError(RobotError, TestFailure):
@@ -45,6 +46,7 @@ class Limits:
     beyond: float = 5.0  # deg outside of its position limits
     speed: float = 1.5  # times its greatest speed
     current: float | None = 1.0  # times its greatest current
+    torque: float | None = 1.5  # times what its motor can exert: more than that comes from outside
     temperature: float | None = 1.0  # times its limit
 
 
@@ -106,13 +108,17 @@ class MotionGuard:
         self._names = board.axis_names()
         self._low = np.array([low for low, _ in self.snapshot.limits]) - self.limits.beyond
         self._high = np.array([high for _, high in self.snapshot.limits]) + self.limits.beyond
-        self._fastest = self._greatest_speeds()
+        self._fastest = self._ask(lambda joint: board.velocity_limits(joint)[1])
         self._currents = np.array(self.snapshot.max_currents)
+        self._torques = self._ask(lambda joint: max(map(abs, board.torque_range(joint))) or np.inf)
+        self._hottest = self._ask(board.temperature_limit)
+        self._felt = -np.inf  # when temperatures were last asked for, s of the robot's clock
         self._given_up: set[int] = set()
 
-    def _greatest_speeds(self) -> FloatArray | None:
+    def _ask(self, question: Callable[[int], float]) -> FloatArray | None:
+        """What the board says of each joint; None where it has no such thing."""
         try:
-            return np.array([self.board.velocity_limits(joint)[1] for joint in range(self.board.axes())])
+            return np.array([question(joint) for joint in range(self.board.axes())])
         except NotSupportedError:
             return None
 
@@ -141,6 +147,19 @@ class MotionGuard:
         if self.limits.current is not None and self._currents.size:
             currents = np.abs(board.currents())
             self._judge(currents > self.limits.current * self._currents, currents, "draws {:.2f} A, too much")
+        if self.limits.torque is not None and self._torques is not None:
+            torques = np.abs(board.torques())
+            self._judge(torques > self.limits.torque * self._torques, torques, "bears {:.1f} Nm, too much")
+        self._watch_temperatures()
+
+    def _watch_temperatures(self) -> None:
+        """They come slowly, and have to be asked for."""
+        now = self._clock.now()
+        if self.limits.temperature is None or self._hottest is None or now < self._felt + _WARMING:
+            return
+        self._felt = now
+        temperatures = self.board.temperatures()
+        self._judge(temperatures > self.limits.temperature * self._hottest, temperatures, "has {:.0f} degC, too hot")
 
     def _judge(self, wrong: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], values: FloatArray, what: str) -> None:
         found = [int(joint) for joint in np.flatnonzero(wrong) if joint not in self._given_up]
@@ -161,6 +180,9 @@ class MotionGuard:
         for step in (self._restore_settings, self._leave_faults, self._park, self._restore_modes):
             try:
                 step()
+            except UnreachableError as error:
+                problems.append(str(error))
+                break  # the others would wait as long for the same
             except RobotError as error:
                 problems.append(str(error))
         if problems:

@@ -6,7 +6,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from rtf.robot.control_modes import ControlMode, InteractionMode
-from rtf.robot.errors import NotSupportedError, RefusedError
+from rtf.robot.errors import NotSupportedError
 from rtf.robot_testing.case import RobotTest
 from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.part import TOLERANCE
@@ -38,10 +38,7 @@ class JointsTest(RobotTest):
         """Open the part and choose its joints."""
         super().setup()
         self.robot_part = part = self.open_part(self.part)
-        try:
-            self.chosen = part.select(self.wanted_joints())
-        except RefusedError as error:
-            self.assert_error(f"joints: {error}")
+        self.chosen = self.select(part, self.wanted_joints())
         if self.home:
             part.home[self.chosen] = self.per_joint("home", self.home, self.chosen)
 

@@ -101,7 +101,7 @@ class StepTest(RobotTest):
 
     def choose(self, part: Part) -> list[int]:
         """The joints that are stepped."""
-        return part.select(self.joints)
+        return self.select(part, self.joints)
 
     def room(self, joint: int) -> float:
         """How far a joint needs to be able to go (deg)."""

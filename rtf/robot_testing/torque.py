@@ -29,7 +29,7 @@ def torque_joints(test: RobotTest, part: Part, wanted: Sequence[int]) -> list[in
     Skips the test when there are none, and ends it as an error when one that is wanted has none.
     """
     enabled = _enabled(part)
-    chosen = part.select(wanted)
+    chosen = test.select(part, wanted)
     without = [part.names[joint] for joint in chosen if not enabled[joint]]
     if wanted:
         test.assert_error_if_true(without, f"no torque control: {', '.join(without)}; choose other joints")

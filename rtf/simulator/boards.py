@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rtf.robot.control_modes import POWERLESS, VELOCITY_MODES, Answer, ControlMode, InteractionMode, answer
+from rtf.robot.control_modes import (
+    POWERLESS,
+    VELOCITY_MODES,
+    Answer,
+    ControlMode,
+    InteractionMode,
+    answer,
+    mode_word,
+)
 from rtf.robot.errors import RefusedError
 from rtf.simulator.axes import AXES
 from rtf.simulator.board_state import AMBIENT, BoardState
@@ -195,7 +203,7 @@ class Boards(BoardState):
                 return
         result, after = answer(state, wanted)
         if result is Answer.REFUSED:
-            raise RefusedError(f"{AXES[axis].name}: {_word(wanted)} is no mode that may be asked for")
+            raise RefusedError(f"{AXES[axis].name}: {mode_word(wanted)} is no mode that may be asked for")
         if result is Answer.TAKEN and after is not state:
             self._enter(axis, after)
 
@@ -416,10 +424,3 @@ _BEFORE = {
     ControlMode.CALIBRATION_DONE: ControlMode.CALIBRATING,
     ControlMode.POSITION: ControlMode.CALIBRATION_DONE,
 }
-
-
-def _word(mode: int) -> str:
-    try:
-        return ControlMode(mode).word
-    except ValueError:
-        return str(mode)

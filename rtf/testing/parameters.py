@@ -268,6 +268,11 @@ class Declared:
         """The declarations in the order of writing, for documentation."""
         return [*cls.declarations().values()]
 
+    def parameter_source(self, key: str) -> str:
+        """Where a value came from, by the parameter's key: a place in a file, ``param`` of a place, or ``--set``."""
+        sources: dict[str, str] = self.__dict__.get("_parameter_sources", {})
+        return sources.get(key, "default")
+
     def parameter_values(self) -> dict[str, Any]:
         """The current value of every parameter by name."""
         return {
@@ -357,6 +362,8 @@ class _Filling:
             self._check_length(name, parameter)
         if self._problems:
             raise ParameterError(type(self._target).__name__, self._problems)
+        sources = {key: self._sources[name] for key, name in self._by_key.items()}
+        self._target.__dict__["_parameter_sources"] = sources
         return self._rows()
 
     def _name_of(self, given: Given) -> str:

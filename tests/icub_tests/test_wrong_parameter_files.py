@@ -117,6 +117,7 @@ def test_what_is_wrong_for_this_robot_is_known_before_it_moves(bench: Bench, kin
     (row,) = [row for row in resolved.parameters if row["name"] == key]
     line = 1 + (key != "part")
     assert row["source"] == f"{bench.folder / kind}.ini:{line}"
+    assert row["source"] in bench.said(kind)
     assert not bench.ran.of(PhaseStarted, test=f"s/{kind}", phase=Phase.RUN)
 
 

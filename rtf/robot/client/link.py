@@ -16,7 +16,8 @@ from rtf.robot.client.questions import GETTING
 from rtf.robot.client.rpc import BoardRpc
 from rtf.robot.client.state import StateReader
 from rtf.robot.client.streaming import CommandStream
-from rtf.robot.errors import DeviceError, NoAnswerError
+from rtf.robot.errors import DeviceError, NoAnswerError, UnreachableError
+from rtf.robot.extended_state import MAX_AXES
 from rtf.robot.vocabulary import Shape
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
 #: Seconds between attempts to have the state sent again, so that who reads a state in a loop is not held up each time.
 _BETWEEN = 1.0
-_MOST_AXES = 4096
 
 
 class ControlBoardLink:
@@ -97,7 +97,7 @@ class ControlBoardLink:
         axes = self.rpc.get_at_once(GETTING["axes"][Shape.NONE])
         count = as_int(axes[0]) if len(axes) == 1 else 0
         board = self.settings.remote
-        if not 1 <= count <= _MOST_AXES:
+        if not 1 <= count <= MAX_AXES:
             raise NoAnswerError(f"{board} does not say how many joints it has but {axes}")
         if self.axes and count != self.axes:
             raise NoAnswerError(f"{board} has {count} joints now, it had {self.axes}; open it again")
@@ -147,7 +147,7 @@ class ControlBoardLink:
         except RtfError as error:
             self.rpc.disconnect()  # nothing goes to what may be another board
             self.stream.disconnect()
-            raise NoAnswerError(f"{self.settings.remote} cannot be reached again: {error}") from error
+            raise UnreachableError(f"{self.settings.remote} cannot be reached again: {error}") from error
 
     def _answers(self) -> bool:
         try:
