@@ -50,10 +50,13 @@ export class PartsPart {
   }
 }
 
+/** Seconds that are worth telling: joints that are tested at the same time are judged one after the other, in no time. */
+const SHOWN = 0.01;
+
 function partItem(record, test) {
   const { subject, verdict, reason, duration } = record;
   return h("li", {}, h("a", { href: linkTo(test.id, subject), title: reason ? visible(reason) : null, data: { tone: toneOf(verdict) } },
-    sign(verdict), free(subject), h("span", { class: "dim number", text: duration ? formatSeconds(duration) : "" })));
+    sign(verdict), free(subject), h("span", { class: "dim number", text: duration >= SHOWN ? formatSeconds(duration) : "" })));
 }
 
 export class MeasurementsPart {
