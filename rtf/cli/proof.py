@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.arguments import Parser
+from rtf.cli.network.options import make_parser
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -16,13 +16,11 @@ if TYPE_CHECKING:
     from rtf.robot_testing.proof import Case, Finding
 
 _EXAMPLES = """\
-examples:
-  rtf proof                          everything, on all cores; hours of robot time in minutes
-  rtf proof --fast                   the subset that the project's own tests run
-  rtf proof --test JointLimits       one test
-  rtf proof --resume                 go on with a proof that was interrupted
-  rtf proof --output docs/proof.md   write the matrix there
-"""
+rtf proof                          everything, on all cores; hours of robot time in minutes
+rtf proof --fast                   the subset that the project's own tests run
+rtf proof --test JointLimits       one test
+rtf proof --resume                 go on with a proof that was interrupted
+rtf proof --output docs/proof.md   write the matrix there"""
 
 
 def proof(words: Sequence[str]) -> ExitCode:
@@ -51,11 +49,11 @@ def proof(words: Sequence[str]) -> ExitCode:
 
 
 def _parse(words: Sequence[str]) -> argparse.Namespace:
-    parser = Parser(
-        prog="rtf proof",
-        description="Run every robot test on every fault of the simulated robot that it claims to find, on faults "
-        "that it must not mind, and on the healthy robot.",
-        epilog=_EXAMPLES,
+    parser = make_parser(
+        "proof",
+        "Run every robot test on every fault of the simulated robot that it claims to find, on faults that it must\n"
+        "not mind, and on the healthy robot.",
+        _EXAMPLES,
     )
     parser.add_argument("--test", metavar="NAME", action="append", default=[], help="only the claims of this test")
     parser.add_argument("--fault", metavar="KIND", action="append", default=[], help="only cases with this fault")

@@ -1,0 +1,40 @@
+"""The fast part of the proof, by the command itself: healthy robots, and faults that are soon found."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.robot_testing.proof import cases_of, read_claims
+from rtf.testing.plugins import shipped_folder
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+CLAIMS = [read_claims(file) for file in sorted((shipped_folder("test") / "claims").glob("*.toml"))]
+TESTS = [claims.test for claims in CLAIMS if [*cases_of(claims, fast=True)]]
+#: So that several processes can share the work; a simulator starts for each.
+SHARES = 4
+
+
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize("share", range(SHARES))
+def test_what_the_tests_claim_holds(share: int, tmp_path: Path):
+    """What is claimed to be found is found and named, and the healthy robot passes."""
+    tests = [word for name in TESTS[share::SHARES] for word in ("--test", name)]
+    words = [sys.executable, "-m", "rtf.cli.tools", "proof", "--fast", "-j", "1", *tests]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=390, check=False)
+    assert done.returncode == 0, done.stdout[-5000:] + done.stderr
+    assert "PROOF PASSED" in done.stdout
+
+
+def test_every_test_of_the_robot_takes_part():
+    """Others look at computers, files and this process, which no fault of a robot changes."""
+    others = {"cluster_tests", "models_consistency", "skin_wrapper_test", "system_status"}
+    assert {claims.file.stem for claims in CLAIMS} == {
+        file.stem for file in shipped_folder("test").glob("*.py")
+    } - others
+    assert len(TESTS) == len(CLAIMS)
