@@ -69,6 +69,15 @@ class Delivery:
                 return value
             raise
 
+    @property
+    def size(self) -> int | None:
+        """How many bytes it is long; None when the object itself was handed over."""
+        return len(self._data)
+
+    def kept(self) -> Delivery:
+        """The same message, to be read at any time and by any thread; there is no replying to it any more."""
+        return Delivery(self.sender, self.envelope, bytes(self._data), self.dialect, False, self._text)
+
     def reply(self, value: object, codec: Codec[object] | None = None) -> None:
         """Give the reply; without ``wants_reply`` nobody hears it. The last one counts."""
         if not self.wants_reply:
@@ -100,6 +109,15 @@ class HandedOver(Delivery):
         if message.codec is codec:
             return message.value
         return codec.decode(b"".join(message.blocks), message.dialect)
+
+    @property
+    def size(self) -> int | None:
+        """See Delivery."""
+        return None
+
+    def kept(self) -> Delivery:
+        """See Delivery."""
+        return self
 
     def reply(self, value: object, codec: Codec[object] | None = None) -> None:
         """See Delivery."""

@@ -170,8 +170,7 @@ class SimulatorService:
             raise RefusedError(f"factor: it is {SLOWEST:g} or more, not {factor:g}; to stop the time there is pause")
         simulation = self.robot.simulation
         with simulation.gate:
-            simulation.factor = None if factor == math.inf else factor
-            simulation._paced = None  # noqa: SLF001 - what is paced begins anew, or it would catch up with the past
+            simulation.pace(None if factor == math.inf else factor)
         return Bottle([_OK])
 
     def _quit(self, _question: Bottle) -> Bottle:

@@ -192,6 +192,14 @@ class Simulation:
             finally:
                 self.gate.enter()
 
+    def pace(self, factor: float | None) -> None:
+        """From now on let time pass at most so many times as fast as the machine's clock; None: as fast as it can.
+
+        Called with the gate held.
+        """
+        self.factor = factor
+        self._paced = None  # what is paced begins anew, or it would catch up with the past
+
     def reset(self) -> None:
         """Put the robot back to its home, at rest and healthy, as if it had just been started; time goes on."""
         self.gate.enter()

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 from rtf import clock
 from rtf.errors import RtfError
 from rtf.middleware import remote
-from rtf.middleware.codecs import RAW
-from rtf.middleware.delivery import Delivery
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.names import Contact
 from rtf.middleware.port import Port
@@ -21,8 +19,8 @@ from rtf.middleware.types import Stamp
 from rtf.robot.errors import DeviceError, StaleStateError
 
 if TYPE_CHECKING:
-    from rtf.bottle import Dialect
     from rtf.middleware.codecs import Codec
+    from rtf.middleware.delivery import Delivery
     from rtf.middleware.network import Network
 
 T = TypeVar("T")
@@ -34,16 +32,6 @@ class Came(NamedTuple, Generic[T]):
     value: T
     stamp: Stamp | None
     at: float
-
-
-class _Unread(NamedTuple):
-    """A message that nobody has asked for yet; ``at`` is when it came, if that does not stand in its envelope."""
-
-    data: bytes
-    sender: str
-    dialect: Dialect
-    envelope: str
-    at: float | None
 
 
 class Newest(Generic[T]):
@@ -59,9 +47,9 @@ class Newest(Generic[T]):
         self._codec = codec
         self._network = network
         self._lazily = lazily
-        self._usual = -1  # the length of the last message that made sense
+        self._usual: int | None = None  # the length of the last message that made sense
         self._came: Came[T] | None = None
-        self._unread: _Unread | None = None
+        self._unread: tuple[Delivery, float | None] | None = None  # and when it came, see _arrival
         self._reading = threading.Lock()
         try:
             self._port = Port(name, self._receive, network=network, outputs=False, promise=codec.promise)
@@ -83,18 +71,14 @@ class Newest(Generic[T]):
     def _receive(self, delivery: Delivery) -> None:
         """In the thread of the connection."""
         at = _arrival()
-        # What is text, or handed over by another port of this process, is not read from bytes.
-        if self._lazily and type(delivery) is Delivery and not delivery._text:  # noqa: SLF001
-            data = delivery.read(RAW)
-            if len(data) == self._usual:
-                unread = _Unread(data, delivery.sender, delivery.dialect, delivery.envelope, at)
-                with self._reading:
-                    self._unread = unread
-                return
-            came = _came(delivery.read(self._codec), delivery.envelope, at)
-            self._usual = len(data)
-        else:
-            came = _came(delivery.read(self._codec), delivery.envelope, at)
+        size = delivery.size
+        if self._lazily and size is not None and size == self._usual:
+            unread = delivery.kept(), at
+            with self._reading:
+                self._unread = unread
+            return
+        came = _came(delivery.read(self._codec), delivery.envelope, at)
+        self._usual = size
         with self._reading:
             self._came, self._unread = came, None
 
@@ -104,14 +88,13 @@ class Newest(Generic[T]):
         When it is no such object its sender is hung up on, and what came before is the newest.
         """
         with self._reading:
-            unread = self._unread
-            if unread is not None:
-                again = Delivery(unread.sender, "", unread.data, unread.dialect, wants_reply=False, text=False)
+            if self._unread is not None:
+                delivery, at = self._unread
                 try:
-                    self._came = _came(again.read(self._codec), unread.envelope, unread.at)
+                    self._came = _came(delivery.read(self._codec), delivery.envelope, at)
                 except RtfError as error:
-                    self._port.remove_input(unread.sender)
-                    self._network.report(f"{self.name}: {unread.sender} was cut off: {error}")
+                    self._port.remove_input(delivery.sender)
+                    self._network.report(f"{self.name}: {delivery.sender} was cut off: {error}")
                 self._unread = None
             return self._came
 
