@@ -261,7 +261,15 @@ class Declared:
         found = find_parameters(param, environment, roots=_roots(folder))
         lost = [str(item) for item in found.diagnostics if item.kind is DiagnosticKind.UNBALANCED]
         self.parameter_warnings = tuple(text for text in map(str, found.diagnostics) if text not in lost)
-        return _Filling(self, declared, lost).fill([*_layers(found, parameters, overrides, place)])
+        rows = _Filling(self, declared, lost).fill([*_layers(found, parameters, overrides, place)])
+        self.check_parameters(folder)
+        return rows
+
+    def check_parameters(self, folder: str) -> None:
+        """Refuse values that cannot work together, before anything starts; called when all are filled.
+
+        For authors: raise what says which parameter it is, and the mend. ``folder`` is the suite's.
+        """
 
     @classmethod
     def parameter_table(cls) -> list[Parameter[Any]]:
