@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.robot.control_modes import ControlMode, InteractionMode
-from rtf.robot.errors import NotSupportedError, RobotError, UnreachableError
+from rtf.robot.errors import NotSupportedError, RefusedError, RobotError, UnreachableError
 from rtf.robot.interfaces import PidType
 from rtf.testing.outcome import TestFailure
 
@@ -110,15 +110,25 @@ class MotionGuard:
         self._high = np.array([high for _, high in self.snapshot.limits]) + self.limits.beyond
         self._fastest = self._ask(lambda joint: board.velocity_limits(joint)[1])
         self._currents = np.array(self.snapshot.max_currents)
-        self._torques = self._ask(lambda joint: max(map(abs, board.torque_range(joint))) or np.inf)
+        self._torques = self._ask(lambda joint: max(map(abs, board.torque_range(joint))))
         self._hottest = self._ask(board.temperature_limit)
         self._felt = -np.inf  # when temperatures were last asked for, s of the robot's clock
         self._given_up: set[int] = set()
 
     def _ask(self, question: Callable[[int], float]) -> FloatArray | None:
-        """What the board says of each joint; None where it has no such thing."""
+        """What the board says is the most of each joint; None where it has no such thing.
+
+        Boards say 0, or refuse to say, for joints that have no such limit.
+        """
+
+        def most(joint: int) -> float:
+            try:
+                return question(joint) or np.inf
+            except RefusedError:
+                return np.inf
+
         try:
-            return np.array([question(joint) for joint in range(self.board.axes())])
+            return np.array([most(joint) for joint in range(self.board.axes())])
         except NotSupportedError:
             return None
 
@@ -158,7 +168,11 @@ class MotionGuard:
         if self.limits.temperature is None or self._hottest is None or now < self._felt + _WARMING:
             return
         self._felt = now
-        temperatures = self.board.temperatures()
+        try:
+            temperatures = self.board.temperatures()
+        except (NotSupportedError, RefusedError):
+            self._hottest = None  # it has limits, and nothing that measures
+            return
         self._judge(temperatures > self.limits.temperature * self._hottest, temperatures, "has {:.0f} degC, too hot")
 
     def _judge(self, wrong: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], values: FloatArray, what: str) -> None:

@@ -14,7 +14,7 @@ from rtf.middleware.network import Network
 from rtf.robot.client.control_board import RemoteControlBoard, connect
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.errors import RobotError
+from rtf.robot.errors import RefusedError, RobotError
 from rtf.robot.interfaces import PidType
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PostingOutlets
@@ -135,6 +135,22 @@ def test_what_is_not_limited_is_not_watched(bench: Bench):
         bench.time.sleep(1.5)
         bench.measure(field, 1, 1000.0)
         guard.watch()
+
+
+def test_limits_that_a_board_does_not_have_are_none(bench: Bench):
+    """It says 0, or refuses to say: neither may stop a joint."""
+    bench.device.set_temperature_limit(1, 0.0)
+    bench.device.torque_range = refuse  # type: ignore[method-assign]
+    guard = bench.guard()
+    for field in ("torques", "temperatures"):
+        bench.time.sleep(1.5)
+        bench.measure(field, 1, 1000.0)
+        guard.watch()
+
+
+def refuse(joint: int) -> tuple[float, float]:
+    """A board that knows nothing of torques."""
+    raise RefusedError(f"joint {joint} has no torque control")
 
 
 def test_joint_that_was_given_up_is_not_watched(bench: Bench):
