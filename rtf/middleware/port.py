@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
 
 from rtf import clock
@@ -81,6 +81,8 @@ class Port:
         self._rendezvous = Rendezvous(name)
         self._lock = threading.Lock()
         self._writing = threading.Lock()
+        self._dialled = threading.Condition(self._lock)
+        self._dialling: set[str] = set()  # peers that are being connected to
         self._inputs: dict[Input, None] = {}
         self._outputs: tuple[Output, ...] = ()
         self._groups: dict[str, Group] = {}
@@ -162,9 +164,26 @@ class Port:
         if found is None:
             raise NameNotFoundError(f"Do not know how to connect to {contact.name}")
         found = found.by(carrier or contact.carrier or found.carrier or "tcp")
-        self.remove_output(found.name)
-        self._take_in(self._connect(found))
+        with self._one_at_a_time(found.name):
+            self.remove_output(found.name)
+            self._take_in(self._connect(found))
         return found
+
+    @contextlib.contextmanager
+    def _one_at_a_time(self, peer: str) -> Iterator[None]:
+        """Let nobody else connect to the same port meanwhile.
+
+        It keeps the connection that came last; of two that crossed this end would keep the other.
+        """
+        with self._dialled:
+            self._dialled.wait_for(lambda: peer not in self._dialling)
+            self._dialling.add(peer)
+        try:
+            yield
+        finally:
+            with self._dialled:
+                self._dialling.discard(peer)
+                self._dialled.notify_all()
 
     def adopt(self, output: Output) -> None:
         """Send through a connection that somebody else has made. Raises ConnectError where it may not.

@@ -72,7 +72,7 @@ class StepTest(RobotTest):
     delay = Parameter(float, "until a tenth is reached, at most", unit="s", default=0.1, low=0.001)
     rise_time = Parameter(float, "from a tenth to nine tenths, at most", unit="s", default=0.5, low=0.001)
     overshoot = Parameter(float, "beyond the target, at most", unit="%", default=20.0, low=0.0)
-    band = Parameter(float, "how near to the target is settled", unit="deg", default=0.2, low=0.001)
+    band = Parameter(float, "how near to the target is settled", unit="deg", default=0.25, low=0.001)
     settling_time = Parameter(float, "until it stays in the band, at most", unit="s", default=1.0, low=0.001)
     steady_error = Parameter(float, "at the end, at most", unit="deg", default=0.25, low=0.0)
     ripple = Parameter(float, "deviation at the end, at most", unit="deg", default=0.05, low=0.0)

@@ -28,6 +28,23 @@ def in_thread(work: object, *arguments: object) -> threading.Thread:
     return thread
 
 
+class TestConnecting:
+    """Two may want the same connection."""
+
+    def test_two_who_connect_at_the_same_time_leave_one_connection(self, network: Network):
+        """Both ends keep the same one of the two, whoever was quicker: what is written arrives."""
+        for number in range(150):
+            names = f"/reader{number}", f"/writer{number}"
+            with Port(names[0], network=network) as reader, Port(names[1], network=network) as writer:
+                threads = [in_thread(writer.add_output, names[0]) for _ in range(2)]
+                for thread in threads:
+                    thread.join(10)
+                assert len(writer.outputs) == 1
+                written = in_thread(writer.write, Bottle([number]))
+                assert reader.read(timeout=5) == Bottle([number])
+                written.join(5)
+
+
 class TestReading:
     """A plain port: senders wait until their message is read."""
 
