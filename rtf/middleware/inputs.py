@@ -1,4 +1,10 @@
-"""A connection that a port receives from: its thread, from the first byte of the handshake to the end."""
+"""A connection that a port receives from, from the first byte of the handshake to the end.
+
+It has a thread of its own, which waits for messages, has the port deal with them, and answers. Where that takes no
+time, because the port only keeps what comes (see :class:`~rtf.middleware.port.Port`), the thread ends after the first
+message and the connection is *gathered*: one thread reads all of them. A dozen streams would else be a dozen threads
+that get into each other's way. What is more than a small message of data gives a connection its own thread back.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +14,18 @@ from typing import TYPE_CHECKING
 
 from rtf.errors import RtfError
 from rtf.middleware.carriers import registry
+from rtf.middleware.carriers.base import GatheredLink
 from rtf.middleware.errors import ProtocolError
 from rtf.middleware.naming import authentication
 from rtf.middleware.qos import Connection
-from rtf.middleware.stream import Stream, StreamClosedError
+from rtf.middleware.stream import CHUNK, Stream, StreamClosedError
+from rtf.middleware.watching import Watcher
 
 if TYPE_CHECKING:
     import socket as sockets
+    from collections.abc import Callable
 
-    from rtf.middleware.carriers.base import InputLink
+    from rtf.middleware.carriers.base import InputLink, Message
     from rtf.middleware.port import Port
 
 #: Seconds that a caller may take to say what it wants. People type handshakes by hand, so it is long.
@@ -24,10 +33,14 @@ _PATIENCE = 60.0
 _HEADER = 8
 #: Commands after which nothing more is received.
 _LAST = frozenset("qr")
+#: Reads all connections that are gathered.
+_GATHERER = Watcher("rtf-gatherer")
 
 
 class Input(Connection):
     """One caller of a port. Until its handshake is done it has no ``link``."""
+
+    instead = "one thread reads all streams that are only kept"
 
     def __init__(self, port: Port, connection: sockets.socket) -> None:
         self.port = port
@@ -37,8 +50,11 @@ class Input(Connection):
         #: What the caller is taken to speak; found out as soon as it says something that is only possible in one.
         self.dialect = port.network.dialect
         self._turned = False  # the stream is an output's now
+        self._gathered = False
+        self._changing = threading.Lock()  # between being gathered and not
+        self._ended = threading.Event()
         self._stream = Stream(connection)
-        self._thread = threading.Thread(target=self._run, name=f"rtf-input {port.name}", daemon=True)
+        self._thread = self._new_thread(self._serve)
 
     @property
     def sender(self) -> str:
@@ -67,41 +83,59 @@ class Input(Connection):
 
     @property
     def is_here(self) -> bool:
-        """Whether this is its thread."""
-        return self._thread is threading.current_thread()
+        """Whether this is the thread that deals with it."""
+        return _GATHERER.is_here if self._gathered else self._thread is threading.current_thread()
 
     def start(self) -> None:
         """Begin to listen to the caller."""
         self._thread.start()
 
     def close(self) -> None:
-        """Hang up. The thread ends when it notices, which is at once unless it is in a callback."""
-        self._closing = True
-        if self.link is not None:
-            self.link.close()
+        """Hang up. Its thread notices, which is at once unless it is in a callback, and ends it."""
+        with self._changing:
+            self._closing = True
+            if not self._gathered and self.link is not None:
+                self.link.close()
         self._stream.wake()
 
     def join(self, timeout: float) -> None:
-        """Wait for the thread to end; not when this is the thread."""
-        if not self.is_here:
+        """Wait for its end; not in the thread that deals with it."""
+        if not self.is_here and self._ended.wait(timeout) and self._thread is not threading.current_thread():
             self._thread.join(timeout)
 
-    def _run(self) -> None:
-        self.thread = threading.get_native_id()
+    # In a thread of its own ------------------------------------------------------------------------------------------
+
+    def _new_thread(self, work: Callable[[], bool]) -> threading.Thread:
+        def run() -> None:
+            self.thread = threading.get_native_id()
+            self._do(work)
+
+        return threading.Thread(target=run, name=f"rtf-input {self.port.name}", daemon=True)
+
+    def _do(self, work: Callable[[], bool]) -> None:
+        """Do some of its work, and end it unless that says that it goes on."""
+        goes_on = False
         try:
             with contextlib.suppress(StreamClosedError):
-                self._serve()
+                goes_on = work()
         except RtfError as error:
             self.port.complain(self, error)
         finally:
-            if not self._turned:
-                if self.link is not None:
-                    self.link.close()
-                    self.link.release()
-                self._stream.close()
-            self.port.left(self)
+            if not goes_on:
+                self._end()
 
-    def _serve(self) -> None:
+    def _end(self) -> None:
+        if self._gathered:
+            _GATHERER.remove(self._stream.socket)
+        if not self._turned:
+            if self.link is not None:
+                self.link.close()
+                self.link.release()
+            self._stream.close()
+        self.port.left(self)
+        self._ended.set()
+
+    def _serve(self) -> bool:
         stream = self._stream
         stream.limit_waiting(_PATIENCE)
         if self.port.network.key:
@@ -113,25 +147,78 @@ class Input(Connection):
             raise ProtocolError(f"{header!r} begins no carrier that is known here")
         self.link = link = carrier.accept(stream, self.port)
         if self._closing:  # whoever said so found no link to close
-            return
+            return False
         stream.limit_waiting(None)
         self.port.joined(self)
+        return self._receive_all(link, link.receive())
+
+    def _receive_all(self, link: InputLink, message: Message) -> bool:
+        """Deal with messages, this one first; returns whether the connection goes on elsewhere."""
         receive, answer, dispatch = link.receive, link.answer, self.port.dispatch
+        gathers = self.port.keeps and isinstance(link, GatheredLink)
         while True:
-            key, text, data = receive()
+            key, text, data = message
             if key in _LAST and (key == "q" or text in ("", "r")):  # and not a word that happens to begin so
                 answer()
                 if key == "r":
                     self._turn_round(link)
-                return
+                return False
             answer(*dispatch(self, key, text, data))
-            del data  # whoever keeps it now makes it theirs
+            del message, data  # whoever keeps it now makes it theirs
+            if gathers and key == "D" and 0 < link.missing() <= CHUNK:  # type: ignore[attr-defined]  # see gathers
+                return self._be_gathered()
+            message = receive()
 
     def _turn_round(self, link: InputLink) -> None:
         from rtf.middleware.reversing import turned_round
 
         self.port.adopt(turned_round(link, self._stream))
         self._turned = True
+
+    def _be_gathered(self) -> bool:
+        """Leave this thread; False when the connection has been closed."""
+        with self._changing:
+            if self._closing:
+                return False
+            self._gathered = True
+            self.thread = 0
+            _GATHERER.add(self._stream.socket, self._ready)
+            return True
+
+    # In the thread that reads all that are gathered -----------------------------------------------------------------
+
+    def _ready(self) -> None:
+        """Something has come, or the end."""
+        if self._gathered and not self._ended.is_set():
+            self._do(self._gather)
+
+    def _gather(self) -> bool:
+        """Deal with all messages that are there as a whole."""
+        link, dispatch = self.link, self.port.dispatch
+        assert isinstance(link, GatheredLink)
+        link.fill()
+        dealt = 0
+        while not (missing := link.missing()):
+            message = link.receive()
+            key, text, data = message
+            if key != "D":
+                link.acknowledge(dealt)
+                return self._take_thread(message)
+            dispatch(self, key, text, data)
+            dealt += 1
+        link.acknowledge(dealt)
+        return missing <= CHUNK or self._take_thread(None)
+
+    def _take_thread(self, message: Message | None) -> bool:
+        """Have a thread of its own go on, with a message that has been received already, or with the next one."""
+        link = self.link
+        assert link is not None
+        with self._changing:
+            _GATHERER.remove(self._stream.socket)
+            self._gathered = False
+            self._thread = self._new_thread(lambda: self._receive_all(link, message or link.receive()))
+            self._thread.start()
+        return True
 
 
 _UNKNOWN = (

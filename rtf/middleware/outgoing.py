@@ -18,7 +18,7 @@ class Outgoing:
     ``envelope`` is the text beside it. The object must not change until all have got it.
     """
 
-    __slots__ = ("_blocks", "_size", "_text", "codec", "dialect", "envelope", "key", "value")
+    __slots__ = ("_blocks", "_frozen", "_size", "_text", "codec", "dialect", "envelope", "key", "value")
 
     def __init__(self, key: str, value: object, codec: Codec[Any], dialect: Dialect, envelope: str = "") -> None:
         self.key = key
@@ -28,6 +28,7 @@ class Outgoing:
         self.envelope = envelope
         self._blocks: Sequence[Buffer] | None = None
         self._size = 0
+        self._frozen = False
         self._text: str | None = None
 
     @property
@@ -40,7 +41,8 @@ class Outgoing:
         return blocks
 
     def freeze(self) -> None:
-        """Make its bytes now, in memory of their own: what the object is later has no effect on them."""
+        """Make its bytes now, in memory of their own: what the object is later has no effect on them and the text."""
+        self._frozen = True
         self._blocks = (b"".join(self.codec.encode(self.value, self.dialect)),)
         self._size = len(self._blocks[0])
 
@@ -55,5 +57,6 @@ class Outgoing:
     def text(self) -> str:
         """Its text form, on one line."""
         if self._text is None:
-            self._text = self.codec.to_text(self.value)
+            value = self.codec.decode(self.blocks[0], self.dialect) if self._frozen else self.value
+            self._text = self.codec.to_text(value)
         return self._text

@@ -1,12 +1,14 @@
 """The port: a name in the network, inputs that arrive at it, outputs that leave it.
 
-Each input has a thread of its own, in which its messages are delivered, one after the other; outputs are written to in
-the thread of whoever writes. What a delivery means is the business of the kinds of ports that are built on this one.
+Each input has a thread of its own, as a rule, in which its messages are delivered, one after the other; outputs are
+written to in the thread of whoever writes. What a delivery means is the business of the kinds of ports that are built
+on this one.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import socket
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -44,6 +46,8 @@ T = TypeVar("T")
 #: Callers that a port has at a time; further ones are refused, so that a flood costs bounded threads and memory.
 MAX_INPUTS = 1024
 _CLOSING = 5.0
+#: Datagrams leave from the number of the handshake, which somebody else may have for datagrams; the next is another.
+_ATTEMPTS = 5
 
 
 class Port:
@@ -51,8 +55,9 @@ class Port:
 
     Without ``receive`` messages wait, and their senders with them, until somebody calls ``read`` or ``request``.
     ``network`` is the network it is part of; without one that of the process. ``inputs`` and ``outputs`` say which
-    directions are allowed, ``rpc`` that it answers questions or asks them. Raises AddressError, and ConnectError when
-    the name server or the address cannot be had.
+    directions are allowed, ``rpc`` that it answers questions or asks them. ``keeps``: ``receive`` never waits, as it
+    only keeps what it is given, and may be called in a thread that reads other connections, too. Raises AddressError,
+    and ConnectError when the name server or the address cannot be had.
     """
 
     def __init__(
@@ -64,6 +69,7 @@ class Port:
         inputs: bool = True,
         outputs: bool = True,
         rpc: bool = False,
+        keeps: bool = False,
         promise: str = "",
     ) -> None:
         from rtf.middleware.network import default_network
@@ -72,6 +78,7 @@ class Port:
         self.allows_inputs = inputs
         self.allows_outputs = outputs
         self.rpc = rpc
+        self.keeps = keeps
         self.promise = promise
         self.properties = Property()
         self.interrupted = False
@@ -214,13 +221,17 @@ class Port:
 
     def _connect(self, target: Contact) -> Output:
         carrier = registry.by_name(target.carrier)
-        stream = self.network.reach(target)
-        try:
-            link = carrier.connect(stream, self, target)
-            stream.limit_waiting(None)
-        except (MiddlewareError, OSError) as error:
-            stream.close()
-            raise ConnectError(f"Cannot connect to {target.name}: {error}") from None
+        for left in reversed(range(_ATTEMPTS)):
+            stream = self.network.reach(target)
+            try:
+                link = carrier.connect(stream, self, target)
+                stream.limit_waiting(None)
+                break
+            except (MiddlewareError, OSError) as error:
+                stream.close()
+                taken = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
+                if not (taken and left):
+                    raise ConnectError(f"Cannot connect to {target.name}: {error}") from None
         return Output(link, target)
 
     def multicast_group(self, interface: str) -> Group:

@@ -9,8 +9,6 @@ one piece when there are enough of them, or when it settles.
 
 from __future__ import annotations
 
-import contextlib
-import socket
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rtf.middleware.codecs import codec_of
@@ -30,9 +28,6 @@ T = TypeVar("T")
 PATIENCE = 5.0
 #: Messages that are on their way to a reader before it is waited for.
 MOST = 16
-#: Has the kernel keep what is sent until it is taken away again; only where there is such a thing.
-_CORK: int | None = getattr(socket, "TCP_CORK", None)
-_INTERNET = (socket.AF_INET, socket.AF_INET6)
 
 
 class PostingPort(Port):
@@ -90,15 +85,9 @@ class PostingPort(Port):
         self._posted += len(messages)
         sent = 0
         for output in self._outputs:
-            link = output.link
             try:
                 with output.lock:
-                    if len(messages) == 1:
-                        if not link.queues:
-                            link.finish()
-                        link.send(messages[0])
-                    else:
-                        _send_together(output, messages)
+                    output.link.send_all(messages)
             except MiddlewareError as error:
                 self._lost(output, error)
             else:
@@ -130,30 +119,3 @@ class PostingPort(Port):
     def connected(self, output: Output) -> None:
         """See Port: a wait for it is bounded."""
         output.link.limit_waiting(self._patience)
-
-
-def _send_together(output: Output, messages: Sequence[Outgoing]) -> None:
-    """Send several messages, in one piece if the connection can."""
-    link = output.link
-    if not link.queues:
-        for message in messages:
-            link.finish()
-            link.send(message)
-        return
-    connection = output.socket
-    corked = _cork(connection, 1)
-    try:
-        for message in messages:
-            link.send(message)
-    finally:
-        if corked:
-            _cork(connection, 0)
-
-
-def _cork(connection: socket.socket | None, on: int) -> bool:
-    """Have the kernel keep what is sent, or send what it has kept; False if it cannot."""
-    if _CORK is None or connection is None or connection.family not in _INTERNET:
-        return False
-    with contextlib.suppress(OSError):  # who has hung up is found out by the send
-        connection.setsockopt(socket.IPPROTO_TCP, _CORK, on)
-    return True

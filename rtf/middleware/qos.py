@@ -190,8 +190,9 @@ def set_process(wishes: Property, complain: Callable[[str], None]) -> bool:
 class Connection(ABC):
     """One end of a connection, as administration sees it."""
 
-    #: The kernel's number of the thread that handles it; 0 where that is whoever writes.
+    #: The kernel's number of the thread that handles it; 0 where it has none of its own, and ``instead`` says why.
     thread = 0
+    instead = "it is sent in the writer's"
 
     @property
     @abstractmethod
@@ -221,7 +222,7 @@ class Connection(ABC):
             if wanted.policy is not None or wanted.priority is not None:
                 set_thread_priority(self.thread, wanted.policy, wanted.priority)
         elif wanted.policy or wanted.priority:
-            raise QosError(f"the connection with {self.peer} has no thread of its own: it is sent in the writer's")
+            raise QosError(f"the connection with {self.peer} has no thread of its own: {self.instead}")
 
     def configure(self, wishes: Property, complain: Callable[[str], None]) -> bool:
         """Set what a message of administration asks for; whether everything could be done."""

@@ -76,7 +76,8 @@ class RpcClient(Port):
         After an error (WaitTimeoutError, a connection that broke) the connection is closed: an answer that comes late
         must not be taken for that to the next question.
         """
-        self._check_open()
+        if self._closed:
+            self._check_open()
         outputs = self._outputs
         if not outputs:
             raise ConnectError(f"{self.name} is not connected to a server")

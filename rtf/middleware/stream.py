@@ -109,6 +109,24 @@ class Stream:
             raise StreamClosedError(_LEFT)
         self.end = end + count
 
+    def fill(self) -> None:
+        """Take in what has come, without waiting; the buffer grows as long as more comes than it has room for."""
+        start, end = self.start, self.end
+        if start == end:
+            self.start = self.end = end = 0
+        elif end == len(self.memory):
+            self._make_room(min(2 * end, CHUNK) if start == 0 and end < CHUNK else end - start + 1)
+            end = self.end
+        try:
+            count = self._receive_into(self.view[end:], 0, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            raise _not_received(error) from None
+        if count == 0:
+            raise StreamClosedError(_LEFT)
+        self.end = end + count
+
     def more_towards(self, size: int) -> None:
         """Wait for more of something that is said to have ``size`` bytes from here on.
 
@@ -237,6 +255,15 @@ class Stream:
         except OSError as error:
             raise _not_sent(error) from None
 
+    def send_at_once(self, data: bytes) -> None:
+        """Send one short piece without waiting. Raises WaitTimeoutError when the peer has not taken what was before."""
+        try:
+            sent = self._send(data, socket.MSG_DONTWAIT)
+        except OSError as error:
+            raise _not_sent(error) from None
+        if sent < len(data):
+            raise WaitTimeoutError(_FULL)
+
     def close(self) -> None:
         """Close the connection and wake whoever waits in it."""
         with contextlib.suppress(OSError):
@@ -275,6 +302,7 @@ def _count_references() -> tuple[int, int]:
 
 _unshared, _spare_unshared = _count_references()
 _LEFT = "the peer closed the connection"
+_FULL = "the peer does not take what is sent to it"
 
 
 def _not_received(error: OSError) -> MiddlewareError:
@@ -285,7 +313,7 @@ def _not_received(error: OSError) -> MiddlewareError:
 
 def _not_sent(error: OSError) -> MiddlewareError:
     if isinstance(error, BlockingIOError):
-        return WaitTimeoutError("the peer does not take what is sent to it")
+        return WaitTimeoutError(_FULL)
     return StreamClosedError(f"the peer is gone: {error.strerror or error}")
 
 

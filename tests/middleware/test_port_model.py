@@ -207,7 +207,12 @@ class Ports(RuleBasedStateMachine):
             self.writes[writer] = call
         if self.reading is not None and self.model.queue:
             self.end_reading()
-        elif first and writer in self.model.busy:
+        elif first:
+            self.await_message()
+
+    def await_message(self) -> None:
+        """See that what a writer of a plain port waits with is there, so that what is written later comes later."""
+        if self.model.busy:
             eventually(lambda: self.reader._rendezvous._waiting is not None, "the message does not come")
 
     # What the reader does
@@ -293,6 +298,7 @@ class Ports(RuleBasedStateMachine):
         assert got == self.model.read()
         for writer in before - self.model.busy:
             assert self.writes.pop(writer).result() == 1
+        self.await_message()
 
     def end_reading(self) -> None:
         """The read that waited comes back."""

@@ -17,6 +17,7 @@ from rtf.middleware.errors import ProtocolError
 from rtf.middleware.port import Port
 from rtf.middleware.posting import MOST, PostingPort
 from rtf.middleware.stream import Stream
+from rtf.middleware.types.plain import BYTES
 
 if TYPE_CHECKING:
     from rtf.middleware.delivery import Delivery
@@ -41,6 +42,41 @@ def test_when_it_has_settled_everybody_has_got_everything(network: Network, carr
             assert writer.write(Bottle([number]), envelope=f"{number} 0.5") == 1
         writer.settle()
         assert came == [(f"{number} 0.5", Bottle([number])) for number in range(COUNT)]
+
+
+@pytest.mark.parametrize("carrier", ["tcp", "text_ack", "local"])
+def test_what_is_kept_is_told_as_it_was(network: Network, carrier: str):
+    """Whoever gets bytes or text; in this process it is the object itself."""
+    came: list[Bottle] = []
+
+    def take(delivery: Delivery) -> None:
+        came.append(Bottle([*delivery.read()]))
+
+    with Port("/reader", take, network=network), PostingPort("/writer", network=network, together=3) as writer:
+        writer.add_output("/reader", carrier)
+        message = Bottle([0])
+        for number in range(3):
+            message[0] = number
+            writer.write(message)
+        writer.settle()
+    assert came == [Bottle([2 if carrier == "local" else number]) for number in range(3)]
+
+
+@pytest.mark.parametrize("size", [10, 50_000, 300_000])
+def test_messages_of_any_size_are_sent_together(network: Network, size: int):
+    """Small ones are joined, large ones are not copied."""
+    came: list[bytes] = []
+
+    def take(delivery: Delivery) -> None:
+        came.append(delivery.read(BYTES))
+
+    sent = [bytes([number]) * size for number in range(4)]
+    with Port("/reader", take, network=network), PostingPort("/writer", network=network, together=4) as writer:
+        writer.add_output("/reader", "tcp")
+        for one in sent:
+            writer.write(one)
+        writer.settle()
+    assert came == sent
 
 
 def test_it_does_not_wait_for_a_reader_that_works(network: Network):

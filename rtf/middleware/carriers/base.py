@@ -15,6 +15,7 @@ from rtf.middleware.codecs import other_dialect
 
 if TYPE_CHECKING:
     import socket as sockets
+    from collections.abc import Sequence
 
     from rtf.bottle import Dialect
     from rtf.middleware.codecs import Codec
@@ -57,17 +58,40 @@ class InputLink(ABC):
         """Give back what could not be while a thread was waiting in it. Called once, by that thread, at its end."""
 
 
+class GatheredLink(InputLink):
+    """A receiving end that can also be read without waiting, so that one thread may read many."""
+
+    @abstractmethod
+    def fill(self) -> None:
+        """Take in what has come, if anything has. Raises StreamClosedError at the end of the connection."""
+
+    @abstractmethod
+    def missing(self) -> int:
+        """How many bytes of the next message are still to come, as far as can be said; 0: ``receive`` will not wait."""
+
+    @abstractmethod
+    def acknowledge(self, count: int) -> None:
+        """Be done with so many messages that have no reply, at once. Raises WaitTimeoutError rather than wait."""
+
+
 class OutputLink(ABC):
     """The sending end."""
 
     carrier: Carrier
     endpoint: sockets.socket | None = None
-    #: Whether a message may be sent before the one before it has been dealt with; ``finish`` then waits for all.
-    queues = False
 
     @abstractmethod
     def send(self, message: Outgoing) -> None:
         """Send one message. It may not have arrived yet."""
+
+    def send_all(self, messages: Sequence[Outgoing]) -> None:
+        """Send several that want no reply, which ``finish`` then waits for; each when the one before is dealt with.
+
+        Carriers that can send several before the first has been dealt with, do.
+        """
+        for message in messages:
+            self.finish()
+            self.send(message)
 
     @abstractmethod
     def receive_reply(self, codec: Codec[Any], dialect: Dialect) -> object | None:

@@ -12,6 +12,7 @@ import os
 import select
 import socket
 import struct
+import threading
 import zlib
 from abc import abstractmethod
 from typing import TYPE_CHECKING
@@ -131,6 +132,7 @@ class DatagramInput(InputLink):
         self._poll.register(receiving, select.POLLIN)
         self._poll.register(self._bell, select.POLLIN)
         self._closed = False
+        self._ending = threading.Lock()  # the number of a bell that is gone is soon somebody else's
 
     def receive(self) -> Message:
         """See the base."""
@@ -139,7 +141,9 @@ class DatagramInput(InputLink):
             if self._closed:
                 raise StreamClosedError(f"{self.sender} stopped sending")
             try:
-                size = self.endpoint.recv_into(self._buffer)
+                size = self.endpoint.recv_into(self._buffer, 0, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                continue  # what had come was damaged
             except OSError as error:
                 raise StreamClosedError(f"cannot receive from {self.sender}: {error.strerror}") from None
             message = self.assembler.feed(self._buffer[:size])
@@ -154,13 +158,16 @@ class DatagramInput(InputLink):
     def close(self) -> None:
         """See the base."""
         self._closed = True
-        with contextlib.suppress(OSError):  # it has been released a moment ago
-            os.eventfd_write(self._bell, 1)
+        with self._ending:
+            if self._bell >= 0:
+                os.eventfd_write(self._bell, 1)
 
     def release(self) -> None:
         """See the base."""
         self.endpoint.close()
-        os.close(self._bell)
+        with self._ending:
+            bell, self._bell = self._bell, -1
+            os.close(bell)
 
 
 class DatagramOutput(OutputLink):

@@ -6,12 +6,14 @@ import struct
 from typing import TYPE_CHECKING
 
 from rtf.middleware import wire
-from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Buffer, Carrier, GatheredLink, InputLink, Message, OutputLink
 from rtf.middleware.carriers.streamed import StreamInput, StreamOutput
 from rtf.middleware.errors import ProtocolError
 from rtf.middleware.stream import CHUNK, JOINED
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rtf.middleware.names import Contact
     from rtf.middleware.outgoing import Outgoing
     from rtf.middleware.port import Port
@@ -32,7 +34,7 @@ _KEYS = {wire.command(letter): letter for letter in "dDaq"}
 _read_usual = _USUAL.unpack_from
 
 
-class TcpInput(StreamInput):
+class TcpInput(StreamInput, GatheredLink):
     """The receiving end of tcp and fast_tcp."""
 
     reuses = CHUNK
@@ -97,11 +99,35 @@ class TcpInput(StreamInput):
         else:
             self._stream.send(*reply, _ACK)
 
+    def fill(self) -> None:
+        """See the base."""
+        self._stream.fill()
+
+    def missing(self) -> int:
+        """See the base."""
+        stream = self._stream
+        start = stream.start
+        have = stream.end - start
+        if have >= _USUAL_SIZE:
+            head, first, size, _ = _read_usual(stream.memory, start)
+            if head == _USUAL_HEAD and first >= 0 and size >= 0:
+                return max(0, _BLOCKS_AT + first + size - have)  # type: ignore[no-any-return]
+        if have < _INDEX_SIZE:
+            return _INDEX_SIZE - have
+        blocks, rest = wire.index_rest(stream.view, start)
+        front = _INDEX_SIZE + rest
+        if have < front:
+            return front - have
+        return max(0, front + wire.message_size(stream.view, start + _INDEX_SIZE, blocks) - have)
+
+    def acknowledge(self, count: int) -> None:
+        """See the base."""
+        if self._acknowledged and count:
+            self._stream.send_at_once(_ACK * count)
+
 
 class TcpOutput(StreamOutput):
     """The sending end of tcp and fast_tcp. ``_due`` is how many acknowledgements are still to come."""
-
-    queues = True
 
     def __init__(self, carrier: Carrier, stream: Stream) -> None:
         super().__init__(carrier, stream, _NO_REPLY)
@@ -115,6 +141,19 @@ class TcpOutput(StreamOutput):
             self._stream.send_bytes(_front(message.key, message.envelope, len(block)) + block)
         else:
             self._stream.send(_front(message.key, message.envelope, message.size), *blocks)
+
+    def send_all(self, messages: Sequence[Outgoing]) -> None:
+        """See the base; small ones leave in one piece, so that their reader is woken once."""
+        pieces: list[Buffer] = []
+        for message in messages:
+            pieces.append(_front(message.key, message.envelope, message.size))
+            pieces += message.blocks
+        if sum(map(len, pieces)) <= CHUNK:
+            self._due += self._acknowledged * len(messages)
+            self._stream.send_bytes(_join(pieces))
+        else:
+            for message in messages:
+                self.send(message)
 
     def finish(self) -> None:
         """See the base."""

@@ -1,0 +1,107 @@
+"""One thread that waits on many sockets, for what is dealt with quickly: callers, and messages that are only kept."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import threading
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import socket
+    from collections.abc import Callable
+
+
+class Watcher:
+    """Calls what belongs to each socket when there is something to read. Its thread lives as long as there is one.
+
+    What is called must not wait, and must bear to be called when there is nothing after all.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._changed = threading.Condition()
+        self._poll: select.epoll | None = None
+        self._bell = -1
+        self._numbers: dict[socket.socket, int] = {}
+        self._ready: dict[int, Callable[[], None]] = {}
+        self._thread: threading.Thread | None = None
+
+    def add(self, watched: socket.socket, ready: Callable[[], None]) -> None:
+        """Call ``ready`` in the thread of the watcher, from now on, whenever the socket has something to read."""
+        with self._changed:
+            poll = self._poll = self._poll or self._open()
+            number = watched.fileno()
+            self._numbers[watched] = number
+            known = number in self._ready
+            self._ready[number] = ready
+            if known:  # somebody has closed a socket behind our back, and this one got its number
+                with contextlib.suppress(FileNotFoundError):
+                    poll.unregister(number)
+            poll.register(number, select.EPOLLIN)
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, args=(poll,), name=self._name, daemon=True)
+                self._thread.start()
+            self._changed.notify_all()
+
+    def remove(self, watched: socket.socket) -> None:
+        """Stop waiting on a socket, which is still open. Others than the watcher's thread wait for its last call."""
+        with self._changed:
+            number = self._numbers.pop(watched, -1)
+            if number < 0 or number in self._numbers.values():
+                return
+            del self._ready[number]
+            assert self._poll is not None
+            with contextlib.suppress(OSError):  # closed behind our back, which has done it
+                self._poll.unregister(number)
+            thread = self._thread
+            if self._ready or thread is None:
+                return
+            os.eventfd_write(self._bell, 1)
+            if thread is threading.current_thread():
+                return
+            self._changed.wait_for(lambda: self._thread is not thread or self._ready)
+            ended = self._thread is not thread
+        if ended:
+            thread.join()
+
+    @property
+    def is_here(self) -> bool:
+        """Whether this is its thread."""
+        return self._thread is threading.current_thread()
+
+    def _open(self) -> select.epoll:
+        poll = select.epoll()
+        self._bell = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
+        poll.register(self._bell, select.EPOLLIN)
+        return poll
+
+    def _run(self, poll: select.epoll) -> None:
+        """Flat: it is between a message and who waits for it."""
+        wait, find, bell = poll.poll, self._ready.get, self._bell
+        while True:
+            for number, _ in wait():
+                ready = find(number)
+                if ready is not None:
+                    try:
+                        ready()
+                    except Exception as error:  # noqa: BLE001 - told as any thread's are; the other sockets go on
+                        told = type(error), error, error.__traceback__, threading.current_thread()
+                        threading.excepthook(threading.ExceptHookArgs(told))
+                elif number == bell and self._is_done(bell):
+                    return
+
+    def _is_done(self, bell: int) -> bool:
+        """Whether nothing is left to wait for; then the thread has ended."""
+        with self._changed:
+            with contextlib.suppress(BlockingIOError):
+                os.eventfd_read(bell)
+            if self._ready:
+                return False
+            assert self._poll is not None
+            self._poll.close()
+            os.close(bell)
+            self._thread = self._poll = None
+            self._changed.notify_all()
+            return True
