@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from rtf.middleware.carriers.base import Buffer
     from rtf.robot.interfaces import FloatArray
 
+#: Under a name of this module, as those of an enumeration are slow to find.
+_YARP3 = Dialect.YARP3
 #: A board with more axes is none.
 MAX_AXES = 4096
 #: Seconds by which the times of the joints may differ; beyond, the state is none of one moment.
@@ -134,7 +136,7 @@ class ExtendedState:
 
     def write(self, dialect: Dialect) -> bytes:
         """The bytes of its message. In one thread at a time."""
-        if dialect != Dialect.YARP3:
+        if dialect != _YARP3:
             return self._write_converted(dialect)
         told = self.valid.tobytes()
         if told != self._told:

@@ -18,7 +18,7 @@ from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import CalibrationParameters, JointType, MotorTorqueParameters, Pid, PidType
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Sequence
 
     from rtf.bottle import Value
 
@@ -39,14 +39,16 @@ class Kind:
     width: int = 1
 
 
-def read_all(kinds: Iterable[Kind], elements: Sequence[Value]) -> list[Any]:
+def read_all(kinds: Sequence[Kind], elements: Sequence[Value]) -> list[Any]:
     """The values in the elements. Raises BottleError when there are too few or too many, or others."""
-    kinds = tuple(kinds)
-    if len(elements) != sum(kind.width for kind in kinds):
+    found: list[Any] = []
+    wanted = 0
+    for kind in kinds:
+        wanted += kind.width
+    if len(elements) != wanted:
         raise BottleError(
             f"{len(elements)} values came, {', '.join(kind.cpp for kind in kinds) or 'none'} were expected"
         )
-    found = []
     at = 0
     for kind in kinds:
         found.append(kind.take(elements[at : at + kind.width]))
@@ -56,7 +58,7 @@ def read_all(kinds: Iterable[Kind], elements: Sequence[Value]) -> list[Any]:
 
 def write_all(kinds: Sequence[Kind], values: Sequence[Any]) -> tuple[object, ...]:
     """What a record holds for the values, which are as many as the kinds."""
-    return tuple(kind.put(value) for kind, value in zip(kinds, values, strict=True))
+    return tuple([kind.put(value) for kind, value in zip(kinds, values, strict=True)])
 
 
 # Single values --------------------------------------------------------------------------------------------------------

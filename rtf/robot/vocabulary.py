@@ -12,6 +12,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rtf.bottle import Vocab
+from rtf.bottle.tags import vocabs
 from rtf.middleware.codecs import BOTTLE
 from rtf.middleware.types.pair import PairCodec
 from rtf.middleware.types.vector import VECTOR
@@ -49,8 +50,15 @@ if TYPE_CHECKING:
 
 #: The version of the protocol, as ``[get] [prot]`` is answered.
 PROTOCOL = (1, 9, 0)
-GET, SET, IS, OK, FAIL, NAK, STAMP = (Vocab(word) for word in ("get", "set", "is", "ok", "fail", "nak", "tsta"))
-PROTOCOL_VERSION = Vocab("prot")
+
+
+def word(text: str) -> Vocab:
+    """A word as that object into which it is read from messages, so that it is found by identity, which is quick."""
+    return vocabs[Vocab(text).value]
+
+
+GET, SET, IS, OK, FAIL, NAK, STAMP = map(word, ("get", "set", "is", "ok", "fail", "nak", "tsta"))
+PROTOCOL_VERSION = word("prot")
 
 
 class Shape(Enum):
@@ -67,6 +75,9 @@ class Shape(Enum):
     GROUP = "k, a list of k axes, a list of k values"
     EACH = "no axis; what get(j) gives for all of them, in lists"
     NAMED = "a name, then the values of it"
+
+    # Each question looks by its shape for how it is put; an enumeration's own hash is that of its name, and slow.
+    __hash__ = object.__hash__
 
 
 #: The shapes of methods that take any choice of axes.

@@ -10,6 +10,7 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rtf.bottle import Bottle, Value, Vocab, as_int
+from rtf.bottle.values import INT32_MAX, INT32_MIN
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import CalibrationParameters, JointType, MotorTorqueParameters, Pid, PidType
@@ -32,6 +33,8 @@ class Kind(NamedTuple):
 
 def number(value: Value | None) -> float:
     """A finite number. Raises RefusedError."""
+    if type(value) is float and math.isfinite(value):  # as nearly always
+        return value
     if isinstance(value, int | float) and math.isfinite(value):
         return float(value)
     raise RefusedError(f"a finite number is needed, not {_shown(value)}")
@@ -39,9 +42,15 @@ def number(value: Value | None) -> float:
 
 def whole(value: Value | None) -> int:
     """A whole number of 32 bits, such as that of a joint. Raises RefusedError."""
+    if type(value) is int and INT32_MIN <= value <= INT32_MAX:  # as nearly always
+        return value
     if isinstance(value, int | float) and math.isfinite(value) and value == as_int(value, 32):
         return int(value)
     raise RefusedError(f"a whole number is needed, not {_shown(value)}")
+
+
+def _truth(value: Value) -> bool:
+    return value != 0 if type(value) is int else bool(whole(value))
 
 
 def inner(value: Value | None, count: int | None = None) -> Bottle:
@@ -69,7 +78,10 @@ def _enumerated(kind: type[IntEnum], value: Value) -> IntEnum:
 
 
 def _alone(write: Callable[[Any], Value], read: Callable[[Value], Any]) -> Kind:
-    return Kind(lambda value: [write(value)], lambda values: (read(_exactly(values, 1)[0]),))
+    def read_alone(values: Sequence[Value]) -> tuple[Any, ...]:
+        return (read(values[0] if len(values) == 1 else _exactly(values, 1)[0]),)
+
+    return Kind(lambda value: [write(value)], read_alone)
 
 
 def _word(kind: type[IntEnum]) -> Kind:
@@ -122,7 +134,7 @@ ANYTHING = Kind(lambda _: [], lambda _: ())
 FLOAT = _alone(float, number)
 INT = _alone(int, whole)
 #: 0 or 1.
-FLAG = _alone(int, lambda value: bool(whole(value)))
+FLAG = _alone(int, _truth)
 TEXT = _alone(str, _key)
 MODE = _word(ControlMode)
 INTERACTION_MODE = _word(InteractionMode)

@@ -14,29 +14,33 @@ class Gate:
 
     A plain lock would starve them: who releases it and takes it again at once always wins. ``with gate:`` is for
     commands, which must be quick; the loop takes it with ``enter`` and calls ``pass_on`` after each step if ``wanted``.
+    Who finds it free waits for nobody, and is not counted.
     """
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
-        self._counting = threading.Lock()
-        self._served = threading.Condition(self._counting)
-        self.wanted = 0
-        self._gone = 0  # how many have been through
+        self._served = threading.Condition(threading.Lock())
+        self.wanted = 0  # how many wait
+        self._gone = 0  # how many have waited, and had it
 
     def __enter__(self) -> Self:
-        with self._counting:
+        if not self._lock.acquire(blocking=False):
+            self._wait()
+        return self
+
+    def _wait(self) -> None:
+        with self._served:
             self.wanted += 1
         self._lock.acquire()
-        return self
+        with self._served:
+            self.wanted -= 1
+            self._gone += 1
+            self._served.notify_all()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._lock.release()
-        with self._served:
-            self.wanted -= 1
-            self._gone += 1
-            self._served.notify_all()
 
     def enter(self) -> None:
         """Take it, for the loop."""
@@ -47,11 +51,11 @@ class Gate:
         self._lock.release()
 
     def pass_on(self) -> None:
-        """Let as many through as wait now, and take it again. For the loop, which holds it once.
+        """Let as many have it as wait now, and take it again after them. For the loop, which holds it once.
 
         Those who come meanwhile wait for the next time, or commands without end would stop the loop.
         """
-        with self._counting:
+        with self._served:
             until = self._gone + self.wanted
         self._lock.release()
         with self._served:

@@ -22,12 +22,14 @@ from rtf.robot.interfaces import (
     SensorReading,
     SensorStatus,
 )
+from rtf.robot.measurements import IMeasurementsSource, not_well
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from rtf.bottle import Property
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot.sensor_message import Measurements
     from rtf.simulator.sensors import FtSensor
     from rtf.simulator.simulation import Simulation
 
@@ -41,25 +43,48 @@ _IMU_NOISE = {
 }
 _FT_NOISE = np.array([FORCE_NOISE] * 3 + [TORQUE_NOISE] * 3)
 _IMU_DEVIATION = np.repeat([*_IMU_NOISE.values()], 3)
-#: What each of its sensors shows of the numbers of an inertial unit.
-_IMU_PLACES = [(category, slice(3 * place, 3 * place + 3)) for place, category in enumerate(_IMU_NOISE)]
+#: What each of its sensors, the first categories of all, shows of the numbers of an inertial unit.
+_IMU_PLACES = [(category, slice(3 * category, 3 * category + 3)) for category in _IMU_NOISE]
+# Under names of this module, as those of an enumeration are slow to find.
+_WELL, _FORCE_TORQUE, _CATEGORIES = SensorStatus.OK, SensorCategory.FORCE_TORQUE, len(SensorCategory)
+#: Measurements whose noise is drawn at once, which costs a tenth.
+_DRAWN = 256
 
 
 class _Sensor(Device):
-    """What the sensors have in common. They live as long as the simulation."""
+    """What the sensors have in common. They live as long as the simulation.
 
-    def __init__(self, name: str, simulation: Simulation) -> None:
+    ``deviation`` are the standard deviations of the numbers that one measures.
+    """
+
+    def __init__(self, name: str, simulation: Simulation, deviation: FloatArray) -> None:
         super().__init__(name)
         self.simulation = simulation
+        self._boards = simulation.boards
+        self._deviation = deviation
+        self._zero = np.zeros(deviation.size)
+        self._noise: Iterator[FloatArray] = iter(())
         #: Each is given what is about to be told, by name of the sensor, and the time, and changes it in place.
         self.faults: list[Callable[[str, SensorCategory, FloatArray, float], None]] = []
         self.status = SensorStatus.OK
         self._measured_at = -1
-        simulation.on_reset.append(self._forget)
+        simulation.on_reset.append(self._begin_anew)
 
-    def _forget(self) -> None:
-        """What was measured is not true any more."""
+    def _begin_anew(self) -> None:
+        """What was measured is not true any more, nor is the noise that is drawn."""
         self._measured_at = -1
+        self._noise = iter(())
+
+    def _next_noise(self) -> FloatArray:
+        """That of one measurement, less what was made zero; it is not to be changed."""
+        row = next(self._noise, None)
+        if row is None:
+            size = self._deviation.size
+            rows = self._deviation * self.simulation.noise(_DRAWN * size).reshape(_DRAWN, size)
+            rows -= self._zero
+            self._noise = iter(rows)
+            row = next(self._noise)
+        return row
 
     def open(self, configuration: Property) -> None:
         """See Device."""
@@ -67,22 +92,14 @@ class _Sensor(Device):
     def close(self) -> None:
         """See Device."""
 
-    def _told(self, category: SensorCategory, values: FloatArray) -> SensorReading:
-        """A reading of these values, as the sensor tells it."""
-        now = self.simulation.now
-        for fault in self.faults:
-            fault(self.name, category, values, now)
-        return SensorReading(values, now)
-
 
 class SimulatedForceTorque(_Sensor, IAnalogSensor):
     """One force-torque sensor: three forces (N) and three torques (Nm), less what was made zero."""
 
     def __init__(self, sensor: FtSensor, simulation: Simulation) -> None:
-        super().__init__(sensor.name, simulation)
+        super().__init__(sensor.name, simulation, _FT_NOISE)
         self.sensor = sensor
         self._forces = simulation.data.sensordata[sensor.force.start : sensor.torque.stop]  # a view; the other way
-        self._zero = np.zeros(6)
         self._reading = SensorReading(self._zero, 0.0)
 
     def channels(self) -> int:
@@ -91,19 +108,18 @@ class SimulatedForceTorque(_Sensor, IAnalogSensor):
 
     def read(self) -> SensorReading:
         """See IAnalogSensor."""
-        simulation = self.simulation
-        tick = simulation.boards.tick
-        if self._measured_at != tick:
-            self._measured_at = tick
-            values = _FT_NOISE * simulation.noise(6)
-            values -= self._forces
-            values -= self._zero
-            self._reading = self._told(SensorCategory.FORCE_TORQUE, values)
+        boards = self._boards
+        if self._measured_at != boards.tick:
+            self._measured_at = boards.tick
+            values = self._next_noise() - self._forces
+            now = boards.now
+            for fault in self.faults:
+                fault(self.name, _FORCE_TORQUE, values, now)
+            self._reading = SensorReading(values, now)
         return self._reading
 
     def calibrate(self, channel: int | None = None, value: float | None = None) -> None:
         """See IAnalogSensor."""
-        self._forget()
         zero = self.sensor.read(self.simulation.data.sensordata) - (value or 0.0)
         if channel is None:
             self._zero = zero
@@ -111,15 +127,23 @@ class SimulatedForceTorque(_Sensor, IAnalogSensor):
             self._zero[channel] = zero[channel]
         else:
             raise RefusedError(f"{self.name} has {self._zero.size} channels, counted from 0, and no {channel}")
+        self._begin_anew()
 
 
-class SimulatedForceTorques(_Sensor, IMultipleAnalogSensors):
+class SimulatedForceTorques(Device, IMultipleAnalogSensors, IMeasurementsSource):
     """All force-torque sensors of the robot in one device."""
 
     def __init__(self, sensors: Sequence[SimulatedForceTorque], simulation: Simulation) -> None:
-        super().__init__("force-torque sensors", simulation)
+        super().__init__("force-torque sensors")
+        self.simulation = simulation
         self._sensors = tuple(sensors)
         self._infos = tuple(SensorInfo(one.name, one.sensor.frame) for one in self._sensors)
+
+    def open(self, configuration: Property) -> None:
+        """See Device."""
+
+    def close(self) -> None:
+        """See Device."""
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
         """See IMultipleAnalogSensors."""
@@ -133,21 +157,33 @@ class SimulatedForceTorques(_Sensor, IMultipleAnalogSensors):
         """See IMultipleAnalogSensors."""
         return self._sensor(category, index).read()
 
+    def read_all(self) -> Measurements:
+        """See IMeasurementsSource."""
+        found: Measurements = [[]] * _CATEGORIES
+        readings = found[_FORCE_TORQUE] = []
+        for one in self._sensors:
+            if one.status != _WELL:
+                raise not_well(one.name, _FORCE_TORQUE, one.status)
+            readings.append(one.read())
+        return found
+
     def _sensor(self, category: SensorCategory, index: int) -> SimulatedForceTorque:
         if category is not SensorCategory.FORCE_TORQUE or not 0 <= index < len(self._sensors):
             raise RefusedError(f"{self.name}: there is no {SensorCategory(category).name} {index}")
         return self._sensors[index]
 
 
-class SimulatedImu(_Sensor, IMultipleAnalogSensors):
+class SimulatedImu(_Sensor, IMultipleAnalogSensors, IMeasurementsSource):
     """The inertial unit of the head."""
 
     def __init__(self, simulation: Simulation) -> None:
-        super().__init__(simulation.robot.imu.name, simulation)
-        self.imu = simulation.robot.imu
-        self._found: FloatArray = simulation.data.sensordata
-        self._info = (SensorInfo(self.imu.name, self.imu.frame),)
-        self._readings: dict[SensorCategory, SensorReading] = {}
+        self.imu = imu = simulation.robot.imu
+        super().__init__(imu.name, simulation, _IMU_DEVIATION)
+        found: FloatArray = simulation.data.sensordata
+        self._vectors = found[imu.gyroscope.start : imu.magnetometer.stop]  # of all but the orientation
+        self._quaternion = found[imu.orientation]
+        self._info = (SensorInfo(imu.name, imu.frame),)
+        self._readings: Measurements = []
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
         """See IMultipleAnalogSensors."""
@@ -161,32 +197,41 @@ class SimulatedImu(_Sensor, IMultipleAnalogSensors):
     def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
         """See IMultipleAnalogSensors."""
         self._check(category, index)
-        tick = self.simulation.boards.tick
-        if self._measured_at != tick:
-            self._measured_at = tick
-            values = self._true()
-            values += _IMU_DEVIATION * self.simulation.noise(values.size)
-            self._readings = {category: self._told(category, values[place]) for category, place in _IMU_PLACES}
-        return self._readings[category]
+        self._measure()
+        return self._readings[category][0]
+
+    def read_all(self) -> Measurements:
+        """See IMeasurementsSource."""
+        if self.status != _WELL:
+            raise not_well(self.name, SensorCategory.GYROSCOPE, self.status)
+        self._measure()
+        return self._readings
+
+    def _measure(self) -> None:
+        boards = self._boards
+        if self._measured_at == boards.tick:
+            return
+        self._measured_at = boards.tick
+        values = np.empty(_IMU_DEVIATION.size)
+        np.multiply(self._vectors, _IMU_SCALES, values[: _IMU_SCALES.size])
+        values[-3], values[-2], values[-1] = roll_pitch_yaw(self._quaternion)
+        values += self._next_noise()
+        now = boards.now
+        for fault in self.faults:
+            for category, place in _IMU_PLACES:
+                fault(self.name, category, values[place], now)
+        self._readings = [[SensorReading(values[place], now)] for _, place in _IMU_PLACES] + _OTHERS
 
     def _check(self, category: SensorCategory, index: int) -> None:
         if category not in _IMU_NOISE or index != 0:
             raise RefusedError(f"{self.name}: there is no {SensorCategory(category).name} {index}")
 
-    def _true(self) -> FloatArray:
-        """What all of them measure, in the order of ``_IMU_PLACES``."""
-        found, imu = self._found, self.imu
-        true = np.empty(_IMU_DEVIATION.size)
-        true[_GYROSCOPE] = found[imu.gyroscope]
-        true[_GYROSCOPE] *= _DEGREES
-        true[_ACCELEROMETER] = found[imu.accelerometer]
-        true[_MAGNETOMETER] = found[imu.magnetometer]
-        true[_ORIENTATION] = roll_pitch_yaw(found[imu.orientation])
-        return true
-
 
 _DEGREES = 180.0 / math.pi
-_GYROSCOPE, _ACCELEROMETER, _MAGNETOMETER, _ORIENTATION = (place for _, place in _IMU_PLACES)
+#: What makes of the engine's numbers those of gyroscope, accelerometer and magnetometer.
+_IMU_SCALES = np.repeat([_DEGREES, 1.0, 1.0], 3)
+#: The categories of which it has no sensors.
+_OTHERS: Measurements = [[]] * (_CATEGORIES - len(_IMU_NOISE))
 
 
 def roll_pitch_yaw(quaternion: FloatArray) -> tuple[float, float, float]:

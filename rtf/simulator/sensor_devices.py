@@ -9,6 +9,7 @@ from rtf.bottle import as_string
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import IAnalogSensor, IMultipleAnalogSensors
+from rtf.robot.measurements import IMeasurementsSource
 from rtf.simulator.device import simulation_of
 from rtf.simulator.sensing import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
 
@@ -17,12 +18,13 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Property
     from rtf.robot.interfaces import SensorCategory, SensorInfo, SensorReading, SensorStatus
+    from rtf.robot.sensor_message import Measurements
     from rtf.simulator.simulation import Simulation
 
 S = TypeVar("S", SimulatedForceTorques, SimulatedImu)
 
 
-class _AttachedSensors(Device, IMultipleAnalogSensors, Generic[S]):
+class _AttachedSensors(Device, IMultipleAnalogSensors, IMeasurementsSource, Generic[S]):
     """Sensors of a simulation that runs in another thread: each reading is between two of its steps."""
 
     _sensors: S | None = None
@@ -64,6 +66,12 @@ class _AttachedSensors(Device, IMultipleAnalogSensors, Generic[S]):
         sensors = self._attached()
         with sensors.simulation.gate:
             return sensors.read_sensor(category, index)
+
+    def read_all(self) -> Measurements:
+        """See IMeasurementsSource; all of the same step."""
+        sensors = self._attached()
+        with sensors.simulation.gate:
+            return sensors.read_all()
 
 
 class SimulatedImuDevice(_AttachedSensors[SimulatedImu]):

@@ -65,6 +65,14 @@ def test_bytes_of_a_message():
     assert blocks(message, FOUR) == expected.replace(b"\x0a\x01", b"\x14\x01").replace(b"\x0a\0\0\0", b"\x14\0\0\0")
 
 
+@pytest.mark.parametrize("values", [np.array([1, 2], dtype="f4"), np.arange(1.0, 4.0, 0.5)[:4:2], np.arange(3)[1:]])
+def test_arrays_of_other_types_are_written_as_doubles(values: np.ndarray):
+    """Whatever a device measures with, and however it lies in memory."""
+    message = [[SensorReading(values, 2.5)], [], [SensorReading(np.zeros(0), 1.0)]]
+    usual = [[SensorReading(np.array([1.0, 2.0]), 2.5)], [], [SensorReading(np.zeros(0), 1.0)]]
+    assert blocks(message) == blocks(usual)
+
+
 @given(measurements, st.sampled_from(Dialect))
 def test_what_is_written_is_read(message: Measurements, dialect: Dialect):
     """Any message comes back as it was, in arrays of its own, also with something behind it."""

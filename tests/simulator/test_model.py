@@ -16,7 +16,7 @@ from rtf.simulator import engine
 from rtf.simulator.axes import AXES, INDEX
 from rtf.simulator.engine import mujoco
 from rtf.simulator.errors import MissingPackageError
-from rtf.simulator.model import IcubModel, Options, axis_jacobian, build
+from rtf.simulator.model import STOP, IcubModel, Options, axis_jacobian, build
 
 pytestmark = pytest.mark.skipif(
     not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
@@ -109,7 +109,7 @@ class TestLimits:
     """Mechanical limits."""
 
     def test_software_limits_are_within_the_mechanical_ones(self, robot: IcubModel):
-        """A board that keeps to its limits never touches a stop; the stops are the description's."""
+        """A board that keeps to its limits never touches a stop; the stops are as far beyond as they are said to be."""
         for index, axis in enumerate(AXES):
             actuator = robot.model.actuator(index)
             place = int(actuator.trnid[0])
@@ -117,10 +117,8 @@ class TestLimits:
             assert (robot.model.tendon_limited if tendon else robot.model.jnt_limited)[place]
             limits = (robot.model.tendon_range if tendon else robot.model.jnt_range)[place]
             low, high = np.degrees(limits) * actuator.gear[0]
-            assert low <= axis.minimum + 1e-3, axis.name
-            assert high >= axis.maximum - 1e-3, axis.name
-            assert low == pytest.approx(axis.minimum, abs=0.01)
-            assert high == pytest.approx(axis.maximum, abs=0.01)
+            assert low == pytest.approx(axis.minimum - STOP, abs=0.01), axis.name
+            assert high == pytest.approx(axis.maximum + STOP, abs=0.01), axis.name
 
     def test_description_does_not_limit_the_drives(self, robot: IcubModel):
         """Torques are limited in one place only, the actuators."""

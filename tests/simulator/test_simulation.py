@@ -139,6 +139,36 @@ class TestHappenings:
 class TestGate:
     """Commands from any thread while the loop runs."""
 
+    def test_who_finds_it_free_waits_for_nobody(self):
+        """Nobody has to be served, also by who has it already and takes it once more."""
+        gate = Gate()
+        with gate, gate:
+            assert gate.wanted == 0
+        gate.enter()
+        gate.pass_on()
+        gate.leave()
+
+    def test_who_waits_has_it_before_the_loop_goes_on(self):
+        """All who wait at the moment when it is passed on, each alone; meanwhile they are counted."""
+        gate, done = Gate(), list[int]()
+
+        def command(number: int) -> None:
+            with gate:
+                done.append(number)
+
+        gate.enter()
+        others = [threading.Thread(target=command, args=(number,)) for number in range(3)]
+        for other in others:
+            other.start()
+        eventually(lambda: gate.wanted == len(others), "a command does not wait")
+        assert done == []
+        gate.pass_on()
+        assert sorted(done) == [0, 1, 2]
+        assert gate.wanted == 0
+        gate.leave()
+        for other in others:
+            other.join(5.0)
+
     def test_commands_are_served_while_the_loop_runs_at_full_speed(self, simulation: Simulation):
         """Several at once, each within milliseconds, and none is left waiting."""
         ended = threading.Event()

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
-
 from rtf.bottle import Bottle, Property, Value, Vocab
 from rtf.robot import vocabulary_kinds as kinds
 from rtf.robot.client.link import ControlBoardLink
 from rtf.robot.client.questions import CALIBRATE, CALIBRATION_DONE, GETTING, KEEP_CALIBRATION, SETTING
+from rtf.robot.client.rpc import BoardRpc
 from rtf.robot.client.settings import TIMEOUT, unique_local
-from rtf.robot.client.stub import SLOW, BoardStub
+from rtf.robot.client.stub import INTEGER, SLOW, BoardStub
 from rtf.robot.errors import RefusedError
 from rtf.robot.forwarding import ForwardedBoard
 from rtf.robot.interfaces import IMotor, IMotorEncoders, IRemoteVariables
@@ -37,7 +36,7 @@ _NUMBERS = {int, float}
 _CALIBRATE, _KEEP = 3, 4
 
 
-class RemoteControlBoard(BoardStub, ForwardedBoard, IRemoteVariables):
+class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
     """``remote_controlboard``: a board of another process. The parameters are those of :class:`ClientSettings`.
 
     A board that is lost raises NoAnswerError, or StaleStateError for what is measured, and is looked for again by the
@@ -49,15 +48,15 @@ class RemoteControlBoard(BoardStub, ForwardedBoard, IRemoteVariables):
     stand still says so with ``stop``, or brings them into another mode.
     """
 
-    def _connect(self, settings: ClientSettings) -> ControlBoardLink:
-        return ControlBoardLink(settings, self.network)
+    def _connect(self, settings: ClientSettings) -> ControlBoardLink[BoardRpc]:
+        return ControlBoardLink(settings, self.network, BoardRpc)
 
     # What is asked and told: one joint, a group and all of them each have a form of their own -----------------------
 
     def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
         """See ForwardedBoard."""
-        question, lead = GETTING[method.__name__][Shape.ALL], _words(of)
-        elements = self._elements(GETTING[method.__name__], axes, lead)
+        questions, lead = GETTING[method.__name__], _words(of) if of else ()
+        question, elements = questions[Shape.ALL], self._elements(questions, axes, lead)
         if question.kind is kinds.FLOAT:
             return self._numbers(question, lead, elements)
         try:
@@ -73,11 +72,16 @@ class RemoteControlBoard(BoardStub, ForwardedBoard, IRemoteVariables):
 
     def forward_action(self, method: Plural, axes: AxisSelection) -> list[Any]:
         """See ForwardedBoard."""
-        name = method.__name__
-        if name in GETTING:
-            return [self._is_true(GETTING[name], axes)]
-        self._tell(SETTING[name], axes)
-        return []
+        questions = GETTING.get(method.__name__)
+        if questions is None:
+            self._tell(SETTING[method.__name__], axes)
+            return []
+        rpc, numbers = (self._opened or self._link).rpc, self.chosen(axes)
+        if isinstance(axes, INTEGER):
+            return [rpc.read(questions[Shape.ONE], *numbers)]
+        if axes is None:
+            return [rpc.read(questions[Shape.ALL])]
+        return [not numbers or rpc.read(questions[Shape.GROUP], len(numbers), _listed(numbers))]
 
     def forward_single(self, method: Callable[..., R], axis: int, *arguments: object, of: tuple[object, ...] = ()) -> R:
         """See ForwardedBoard."""
@@ -102,7 +106,7 @@ class RemoteControlBoard(BoardStub, ForwardedBoard, IRemoteVariables):
         if axes is None:
             return self._list(questions[Shape.ALL], self.axes(), *lead)
         numbers = self.chosen(axes)
-        if isinstance(axes, int | np.integer):
+        if isinstance(axes, INTEGER):
             question = questions[Shape.ONE]
             data = rpc.get(question, *lead, *numbers)
             if len(data) != 1:
@@ -129,16 +133,6 @@ class RemoteControlBoard(BoardStub, ForwardedBoard, IRemoteVariables):
             raise self._link.rpc.nonsense(question, lead, [*elements], "numbers are needed")
         return elements
 
-    def _is_true(self, questions: Questions, axes: AxisSelection) -> bool:
-        """Whether something is true for all of these axes."""
-        rpc = self._link.rpc
-        if axes is None:
-            return bool(rpc.read(questions[Shape.ALL]))
-        numbers = self.chosen(axes)
-        if isinstance(axes, int | np.integer):
-            return bool(rpc.read(questions[Shape.ONE], *numbers))
-        return not numbers or bool(rpc.read(questions[Shape.GROUP], len(numbers), _listed(numbers)))
-
     def _tell(
         self,
         questions: Questions,
@@ -148,16 +142,15 @@ class RemoteControlBoard(BoardStub, ForwardedBoard, IRemoteVariables):
     ) -> None:
         """Tell axes to do something, with an element for each where values are needed."""
         rpc = self._link.rpc
-        listed = [Bottle.adopt([*elements])] if elements else []
         if axes is None:
-            rpc.tell(questions[Shape.ALL], *lead, *listed)
+            rpc.tell(questions[Shape.ALL], *lead, *_together(elements))
             return
         numbers = self.chosen(axes)
-        if Shape.GROUP not in questions or isinstance(axes, int | np.integer):
+        if isinstance(axes, INTEGER) or Shape.GROUP not in questions:
             for place, number in enumerate(numbers):
                 rpc.tell(questions[Shape.ONE], *lead, number, *elements[place : place + 1])
         elif numbers:
-            rpc.tell(questions[Shape.GROUP], *lead, len(numbers), _listed(numbers), *listed)
+            rpc.tell(questions[Shape.GROUP], *lead, len(numbers), _listed(numbers), *_together(elements))
 
     def _written(self, question: Question, arguments: tuple[Any, ...]) -> list[Value]:
         """The values of a single axis as they are sent: finite numbers."""
@@ -248,6 +241,11 @@ def _words(of: tuple[object, ...]) -> tuple[Value, ...]:
 
 def _listed(numbers: list[int]) -> Bottle:
     return Bottle.adopt([*numbers])
+
+
+def _together(elements: Sequence[Value]) -> tuple[Bottle, ...]:
+    """The list of what there is for each axis; none where no values are needed."""
+    return (Bottle.adopt([*elements]),) if elements else ()
 
 
 def connect(

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rtf.bottle import Bottle, as_string
-from rtf.robot.client.service_rpc import ServiceLink
+from rtf.robot.client.link import ControlBoardLink
+from rtf.robot.client.service_rpc import ServiceRpc
 from rtf.robot.client.stub import SLOW, BoardStub
 from rtf.robot.control_board_messages import BY_METHOD, BY_NAME, in_its_dialect
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError
@@ -29,7 +30,7 @@ R = TypeVar("R")
 _PARK_JOINT = BY_NAME["parkSingleJointRPC"]
 
 
-class ControlBoardServiceClient(BoardStub, ForwardedBoard, IRemoteVariables):
+class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVariables):
     """``controlBoard_nwc_yarp``: a board of another process.
 
     The parameters are those of :class:`ClientSettings`, but the carrier is fast_tcp if none is given. What becomes of
@@ -38,16 +39,9 @@ class ControlBoardServiceClient(BoardStub, ForwardedBoard, IRemoteVariables):
     """
 
     carrier = "fast_tcp"
-    _opened: ServiceLink | None = None
 
-    @property
-    def _link(self) -> ServiceLink:
-        link = super()._link
-        assert isinstance(link, ServiceLink)
-        return link
-
-    def _connect(self, settings: ClientSettings) -> ServiceLink:
-        return ServiceLink(settings, in_its_dialect(self.network))
+    def _connect(self, settings: ClientSettings) -> ControlBoardLink[ServiceRpc]:
+        return ControlBoardLink(settings, in_its_dialect(self.network), ServiceRpc)
 
     # What is asked and told -----------------------------------------------------------------------------------------
 

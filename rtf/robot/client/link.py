@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from rtf import clock
 from rtf.bottle import as_int
@@ -28,8 +28,13 @@ if TYPE_CHECKING:
 _BETWEEN = 1.0
 
 
-class ControlBoardLink:
-    """Questions, commands and state. Raises DeviceError when the board cannot be reached; then nothing is left.
+Rpc = TypeVar("Rpc", bound=BoardRpc)
+
+
+class ControlBoardLink(Generic[Rpc]):
+    """Questions, commands and state; boards of each dialect have their kind of ``asking``.
+
+    Raises DeviceError when the board cannot be reached; then nothing is left.
 
     A connection that is lost is noticed when it is used, or when no state comes any more. It is made anew by the thread
     that needs it; all of them are unless the board still answers questions, because a board that was started again has
@@ -37,7 +42,7 @@ class ControlBoardLink:
     client's limit.
     """
 
-    def __init__(self, settings: ClientSettings, network: Network) -> None:
+    def __init__(self, settings: ClientSettings, network: Network, asking: type[Rpc]) -> None:
         self.settings = settings
         self._network = network
         self._lock = threading.Lock()
@@ -46,7 +51,7 @@ class ControlBoardLink:
         board, local = settings.remote, settings.local
         with contextlib.ExitStack() as undo:
             try:
-                self.rpc = self._make_rpc()
+                self.rpc = asking(local, board, network=network, limit=settings.rpc_timeout, remade=self._remake_rpc)
                 undo.callback(self.rpc.close)
                 self.stream = CommandStream(
                     f"{local}/command:o",
@@ -72,17 +77,6 @@ class ControlBoardLink:
             except RtfError as error:
                 raise DeviceError(f"{board} cannot be opened: {error}") from error
             self._undo = undo.pop_all()
-
-    def _make_rpc(self) -> BoardRpc:
-        """The port that asks. Another dialect of boards has another one."""
-        settings = self.settings
-        return BoardRpc(
-            f"{settings.local}/rpc:o",
-            settings.remote,
-            network=self._network,
-            limit=settings.rpc_timeout,
-            remade=self._remake_rpc,
-        )
 
     def close(self) -> None:
         """Disconnect. Doing so again changes nothing."""

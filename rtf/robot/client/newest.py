@@ -52,7 +52,7 @@ class Newest(Generic[T]):
         self._unread: tuple[Delivery, float | None] | None = None  # and when it came, see _arrival
         self._reading = threading.Lock()
         try:
-            self._port = Port(name, self._receive, network=network, outputs=False, promise=codec.promise)
+            self._port = Port(name, self._receive, network=network, outputs=False, keeps=lazily, promise=codec.promise)
         except MiddlewareError as error:
             raise DeviceError(f"the port {name} cannot be opened: {error}") from error
 

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+import struct
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from rtf.bottle import Value, Vocab
+from rtf.bottle import Bottle, Value, Vocab
+from rtf.bottle.binary import LIST, encode
+from rtf.bottle.tags import TAGS, pair
+from rtf.bottle.values import INT32_MAX, INT32_MIN
+from rtf.bottle.values import Kind as Type
+from rtf.middleware.codecs import BottleCodec
 from rtf.robot import vocabulary
 from rtf.robot import vocabulary_kinds as kinds
 from rtf.robot.vocabulary import GET, SET, Echo, Shape
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
+    from rtf.bottle import Dialect, Property
+    from rtf.middleware.carriers.base import Buffer
     from rtf.robot.vocabulary import Streamed, Topic
     from rtf.robot.vocabulary_kinds import Kind
 
@@ -22,12 +30,67 @@ _TAIL, _STAMPED_TAIL = 1, 4
 
 
 class Question(NamedTuple):
-    """What is asked, and where in the answer the data are: behind ``head`` elements, before the ``tail`` last."""
+    """What is asked, and where in the answer the data are: behind ``head`` elements, before the ``tail`` last.
+
+    ``alone`` is the message without arguments, ``front`` what stands before those, behind their number. Both are the
+    same in both dialects.
+    """
 
     words: tuple[Value, ...]
+    alone: bytes
+    front: bytes
     kind: Kind
     head: int = 0
     tail: int = _TAIL
+
+
+def _made(words: Iterable[Value], kind: Kind, head: int = 0, tail: int = _TAIL) -> Question:
+    elements = [*words]
+    alone, with_one = encode(Bottle.adopt(elements)), encode(Bottle.adopt([*elements, 0]))
+    return Question((*elements,), alone, with_one[pair.size : -pair.size], kind, head, tail)
+
+
+#: A question and its arguments.
+Asked: TypeAlias = tuple[Question, tuple[Value, ...]]
+
+
+class AskedCodec(BottleCodec):
+    """Writes a question from its parts, as the bottle that they are together; it reads plain bottles.
+
+    The words are not written anew each time, and numbers, which most arguments are, at once: as a bottle that is made
+    first a question takes ten times as long.
+    """
+
+    def encode(self, value: Bottle | Property | Asked, dialect: Dialect) -> Sequence[Buffer]:
+        """See Codec."""
+        if not isinstance(value, tuple):
+            return super().encode(value, dialect)
+        question, arguments = value
+        if not arguments:
+            return (question.alone,)
+        parts = [_pack_pair(LIST, len(question.words) + len(arguments)), question.front]
+        for argument in arguments:
+            if type(argument) is int and INT32_MIN <= argument <= INT32_MAX:
+                parts.append(_pack_pair(_INT32, argument))
+            elif type(argument) is float:
+                parts.append(_pack_double(TAGS[dialect].float64_code, argument))
+            else:
+                return super().encode(plain(value), dialect)
+        return (b"".join(parts),)
+
+    def to_text(self, value: Bottle | Property | Asked) -> str:
+        """See Codec."""
+        return super().to_text(plain(value) if isinstance(value, tuple) else value)
+
+
+ASKED = AskedCodec()
+_pack_pair, _pack_double, _INT32 = pair.pack, struct.Struct("<id").pack, Type.INT32.value
+
+
+def plain(asked: Asked) -> Bottle:
+    """What is asked, as a bottle."""
+    question, arguments = asked
+    return Bottle.adopt([*question.words, *arguments])
 
 
 #: The questions for a method, by what is said of the axes.
@@ -38,7 +101,7 @@ def _question(topic: Topic, verb: Vocab) -> Question:
     family = topic.family
     kind = topic.given if verb == SET and topic.given is not None else topic.kind
     tail = _STAMPED_TAIL if family.stamped else _TAIL
-    return Question((verb, *map(Vocab, topic.words)), kind, _HEADS[family.echo], tail)
+    return _made((verb, *map(Vocab, topic.words)), kind, _HEADS[family.echo], tail)
 
 
 def _by_method() -> tuple[dict[str, Questions], dict[str, Questions]]:
@@ -70,7 +133,7 @@ GETTING, SETTING = _by_method()
 HEADS: Mapping[str, Mapping[Shape, tuple[Value, ...]]] = _heads()
 
 # What stands alone in the protocol.
-PROTOCOL = Question((GET, Vocab("prot")), kinds.INT)
-CALIBRATE = Question((Vocab("calj"),), kinds.CALIBRATION)
-KEEP_CALIBRATION = Question((Vocab("cljp"),), kinds.CALIBRATION)
-CALIBRATION_DONE = Question((Vocab("cald"),), kinds.NOTHING)
+PROTOCOL = _made((GET, Vocab("prot")), kinds.INT)
+CALIBRATE = _made((Vocab("calj"),), kinds.CALIBRATION)
+KEEP_CALIBRATION = _made((Vocab("cljp"),), kinds.CALIBRATION)
+CALIBRATION_DONE = _made((Vocab("cald"),), kinds.NOTHING)

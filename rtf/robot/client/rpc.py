@@ -7,14 +7,13 @@ next question is put. No question is put twice by itself: nobody knows whether t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rtf.bottle import Bottle, Value
 from rtf.errors import RtfError
-from rtf.middleware.codecs import BOTTLE
 from rtf.middleware.names import Contact
 from rtf.middleware.rpc import RpcClient
-from rtf.robot.client.questions import PROTOCOL
+from rtf.robot.client.questions import ASKED, PROTOCOL, plain
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError
 from rtf.robot.vocabulary import FAIL, IS, NAK, OK, PROTOCOL_VERSION
 from rtf.robot.vocabulary import PROTOCOL as VERSION
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.middleware.network import Network
-    from rtf.robot.client.questions import Question
+    from rtf.robot.client.questions import Asked, Question
 
 #: Seconds that an action may take whose answer comes when it is done, such as the calibration of a whole part.
 ACTION_LIMIT = 600.0
@@ -32,18 +31,24 @@ _PROTOCOL_ANSWER = 5
 
 
 class BoardRpc:
-    """The connection by which a board is asked. ``remade`` is called when it has been lost and is wanted again.
+    """The connection by which a board is asked, from a port whose name begins with ``local``.
+
+    ``remade`` is called when it has been lost and is wanted again.
 
     All may be called from any thread; each waits until those before are answered.
     """
 
-    def __init__(self, name: str, board: str, *, network: Network, limit: float, remade: Callable[[], None]) -> None:
+    #: How the names of the ports of the two ends go on.
+    ends: ClassVar[tuple[str, str]] = ("rpc:o", "rpc:i")
+
+    def __init__(self, local: str, board: str, *, network: Network, limit: float, remade: Callable[[], None]) -> None:
         self.board = board
         self._network = network
         self._limit = limit
         self._remade = remade
-        self._target = Contact(f"{board}/rpc:i")
-        self._port = RpcClient(name, network=network)
+        here, there = self.ends
+        self._target = Contact(f"{board}/{there}")
+        self._port = RpcClient(f"{local}/{here}", network=network)
 
     @property
     def connected(self) -> bool:
@@ -70,11 +75,12 @@ class BoardRpc:
 
         Raises RefusedError, NotSupportedError and NoAnswerError, as ``tell`` does.
         """
-        answer = self._ask(self._port, [*question.words, *arguments], self._limit)
-        last = len(answer) - question.tail
-        if last < question.head or answer[-1] != OK or (question.head and answer[0] != IS):
+        answer = self._ask(self._port, question, arguments, self._limit)
+        head, first, end, last = question.head, answer[0], answer[-1], len(answer) - question.tail
+        # Words are the same objects as a rule, and to see that costs a tenth of comparing them.
+        if last < head or (end is not OK and end != OK) or (head and first is not IS and first != IS):
             raise self.nonsense(question, arguments, answer)
-        return answer[question.head : last]
+        return answer[head:last]
 
     def read(self, question: Question, *arguments: Value) -> Any:
         """The data of the answer as what they mean: one value, or a tuple of several. Errors as for ``get``."""
@@ -109,14 +115,14 @@ class BoardRpc:
             raise NoAnswerError(f"{self.board} cannot be reached: {error}") from error
 
     def _tell(self, port: RpcClient, question: Question, arguments: tuple[Value, ...], limit: float) -> None:
-        answer = self._ask(port, [*question.words, *arguments], limit)
-        if answer[0] != OK:
+        answer = self._ask(port, question, arguments, limit)
+        if answer[0] is not OK and answer[0] != OK:
             raise self.nonsense(question, arguments, answer)
 
     def check_protocol(self, *, ignore: bool) -> None:
         """See whether the board speaks what this client does. Raises NotSupportedError, unless it shall be ignored."""
         try:
-            answer = self._ask(self._port, [*PROTOCOL.words], self._limit, again=False)
+            answer = self._ask(self._port, PROTOCOL, (), self._limit, again=False)
         except (RefusedError, NotSupportedError):
             answer = []
         known = len(answer) == _PROTOCOL_ANSWER and answer[0] == PROTOCOL_VERSION and answer[-1] == OK
@@ -124,51 +130,61 @@ class BoardRpc:
             return
         raise NotSupportedError(
             f"{self.board} does not speak version {VERSION[0]}.{VERSION[1]} of the protocol of control boards but "
-            f"answers {_text(answer)} when it is asked; ignoreProtocolCheck makes it be tried all the same"
+            f"answers {_shown(answer)} when it is asked; ignoreProtocolCheck makes it be tried all the same"
         )
 
     def get_at_once(self, question: Question) -> list[Value]:
         """As ``get`` over the connection that there is, for the making of a connection itself."""
-        answer = self._ask(self._port, [*question.words], self._limit, again=False)
+        answer = self._ask(self._port, question, (), self._limit, again=False)
         return answer[question.head : len(answer) - question.tail]
 
-    def _ask(self, port: RpcClient, words: list[Value], limit: float, *, again: bool = True) -> list[Value]:
+    def _ask(
+        self, port: RpcClient, question: Question, arguments: tuple[Value, ...], limit: float, *, again: bool = True
+    ) -> list[Value]:
         """The elements of an answer that is no failure, of which there is at least one."""
         if again and not port.outputs:
             self._remade()
+        asked = question, arguments
         try:
-            answer = port.call(Bottle.adopt(words), codec=BOTTLE, timeout=limit)
+            answer = port.call(asked, codec=ASKED, timeout=limit)
         except RtfError as error:
-            raise NoAnswerError(f"{self.board} did not answer {_text(words)}: {error}") from error
+            raise NoAnswerError(f"{self.board} did not answer {_text(asked)}: {error}") from error
         elements = answer.elements() if answer is not None else []
         if not elements:
-            raise NoAnswerError(f"{self.board} answered {_text(words)} with nothing, which makes no sense")
+            raise NoAnswerError(f"{self.board} answered {_text(asked)} with nothing, which makes no sense")
         first = elements[0]
+        if first is IS or first is OK:  # as nearly always
+            return elements
         if first == FAIL:
-            raise RefusedError(f"{self.board} refused {_text(words)}{_joints(words)}")
+            raise RefusedError(f"{self.board} refused {_text(asked)}{_joints(arguments)}")
         if first == NAK:
-            raise NotSupportedError(f"{self.board} does not know what {_text(words)} means")
+            raise NotSupportedError(f"{self.board} does not know what {_text(asked)} means")
         return elements
 
     def nonsense(
         self, question: Question, arguments: tuple[Value, ...], answer: list[Value], why: str = ""
     ) -> NoAnswerError:
         """What to raise for an answer that cannot be used."""
-        asked = _text([*question.words, *arguments])
         reason = f": {why}" if why else ""
-        return NoAnswerError(f"{self.board} answered {asked} with {_text(answer)}, which makes no sense{reason}")
+        asked = _text((question, arguments))
+        return NoAnswerError(f"{self.board} answered {asked} with {_shown(answer)}, which makes no sense{reason}")
 
 
-def _joints(words: list[Value]) -> str:
+def _joints(arguments: tuple[Value, ...]) -> str:
     """Which joints a question is about, for a sentence; empty when about all of them, or none."""
-    for place, word in enumerate(words):
-        if type(word) is int:
-            group = words[place + 1] if place + 1 < len(words) else None
-            return f", joints {group.to_text()}" if isinstance(group, Bottle) else f", joint {word}"
+    for place, argument in enumerate(arguments):
+        if type(argument) is int:
+            group = arguments[place + 1] if place + 1 < len(arguments) else None
+            return f", joints {group.to_text()}" if isinstance(group, Bottle) else f", joint {argument}"
     return ""
 
 
-def _text(elements: list[Value]) -> str:
-    """A question or an answer as it stands in a sentence."""
+def _text(asked: Asked) -> str:
+    """A question as it stands in a sentence."""
+    return _shown(plain(asked).elements())
+
+
+def _shown(elements: list[Value]) -> str:
+    """An answer likewise."""
     text = Bottle.adopt(elements).to_text()
     return f"'{text[:_SHOWN]}{'…' if len(text) > _SHOWN else ''}'"

@@ -5,12 +5,10 @@ from __future__ import annotations
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from rtf.bottle import BottleError
+from rtf.bottle import Bottle, BottleError
 from rtf.errors import RtfError
-from rtf.middleware.names import Contact
 from rtf.middleware.types import call
 from rtf.middleware.types.service import succeeded
-from rtf.robot.client.link import ControlBoardLink
 from rtf.robot.client.rpc import ACTION_LIMIT, BoardRpc
 from rtf.robot.control_board_messages import BY_NAME, INTERFACE_NAMES
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError, RobotError, StaleStateError
@@ -20,7 +18,7 @@ from rtf.robot.service_kinds import read_all, write_all
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.bottle import Bottle, Value
+    from rtf.bottle import Value
     from rtf.middleware.network import Network
     from rtf.middleware.rpc import RpcClient
     from rtf.robot.client.questions import Question
@@ -34,9 +32,10 @@ _SHOWN = 120
 class ServiceRpc(BoardRpc):
     """As a BoardRpc is connected, but what is asked are functions; ``interfaces`` says which the board has."""
 
-    def __init__(self, name: str, board: str, *, network: Network, limit: float, remade: Callable[[], None]) -> None:
-        super().__init__(name, board, network=network, limit=limit, remade=remade)
-        self._target = Contact(f"{board}/nws/rpc:i")
+    ends = ("nwc/rpc:o", "nws/rpc:i")
+
+    def __init__(self, local: str, board: str, *, network: Network, limit: float, remade: Callable[[], None]) -> None:
+        super().__init__(local, board, network=network, limit=limit, remade=remade)
         self.interfaces: dict[str, bool] = {}
 
     def check_protocol(self, *, ignore: bool) -> None:
@@ -70,26 +69,27 @@ class ServiceRpc(BoardRpc):
             return self._call(port, message, arguments, ACTION_LIMIT)
 
     def _call(self, port: RpcClient, message: Message, arguments: tuple[object, ...], limit: float) -> Any:
-        asked = f"{message.name}({', '.join(map(_shown, arguments))})"[:_SHOWN]
         try:
             question = call(message.name, *write_all(message.takes, arguments))
             answer = port.call(question, timeout=limit)
         except RtfError as error:
-            raise NoAnswerError(f"{self.board} did not answer {asked}: {error}") from error
-        if answer is None or not answer:
+            raise NoAnswerError(f"{self.board} did not answer {_asked(message, arguments)}: {error}") from error
+        elements = answer.elements() if answer is not None else []
+        if not elements:
+            asked = _asked(message, arguments)
             raise NoAnswerError(f"{self.board} answered {asked} with nothing, which makes no sense")
-        if not succeeded(answer):
-            raise NotSupportedError(f"{self.board} does not know {asked}")
+        if not succeeded(elements):
+            raise NotSupportedError(f"{self.board} does not know {_asked(message, arguments)}")
         try:
-            code = ReturnValue.of(answer[0])
+            code = ReturnValue.of(elements[0])
             if code is ReturnValue.OK:
-                return _results(message, answer)
+                return _results(message, elements)
         except (BottleError, RefusedError) as error:
-            shown = answer.to_text()[:_SHOWN]
+            asked, shown = _asked(message, arguments), Bottle.adopt(elements).to_text()[:_SHOWN]
             raise NoAnswerError(
                 f"{self.board} answered {asked} with {shown!r}, which makes no sense: {error}"
             ) from None
-        raise self._error(message, code, asked)
+        raise self._error(message, code, _asked(message, arguments))
 
     def _error(self, message: Message, code: ReturnValue, asked: str) -> RobotError:
         """What to raise for a code."""
@@ -103,6 +103,11 @@ class ServiceRpc(BoardRpc):
         return RefusedError(f"{self.board} refused {asked} ({code.name.lower().replace('_', ' ')})")
 
 
+def _asked(message: Message, arguments: tuple[object, ...]) -> str:
+    """A call as it stands in a sentence."""
+    return f"{message.name}({', '.join(map(_shown, arguments))})"[:_SHOWN]
+
+
 def _shown(argument: object) -> str:
     """An argument as it stands in a sentence: modes by their names."""
     if isinstance(argument, (list, tuple)):
@@ -110,24 +115,8 @@ def _shown(argument: object) -> str:
     return argument.name if isinstance(argument, Enum) else str(argument)
 
 
-def _results(message: Message, answer: Bottle) -> Any:
+def _results(message: Message, answer: list[Value]) -> Any:
     found = read_all(message.gives, answer[1:])
     if not found:
         return None
     return found[0] if len(found) == 1 else tuple(found)
-
-
-class ServiceLink(ControlBoardLink):
-    """The three connections with a board of YARP 4.0; see the base for what becomes of those that are lost."""
-
-    rpc: ServiceRpc
-
-    def _make_rpc(self) -> ServiceRpc:
-        settings = self.settings
-        return ServiceRpc(
-            f"{settings.local}/nwc/rpc:o",
-            settings.remote,
-            network=self._network,
-            limit=settings.rpc_timeout,
-            remade=self._remake_rpc,
-        )

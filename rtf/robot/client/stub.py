@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Generic
 
 import numpy as np
 
 from rtf import clock
 from rtf.bottle import Bottle, Value
+from rtf.robot.client.link import ControlBoardLink, Rpc
 from rtf.robot.client.questions import HEADS
 from rtf.robot.client.settings import ClientSettings
 from rtf.robot.client.state import chosen
@@ -31,29 +32,30 @@ if TYPE_CHECKING:
     from typing import Self
 
     from rtf.bottle import Property
-    from rtf.robot.client.link import ControlBoardLink
     from rtf.robot.client.state import Observer
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
 
 #: The methods that are answered when they are done, which takes its time.
 SLOW = frozenset({"calibrate_joint", "calibrate_part", "home_joint", "home_part", "park_joint", "park_part"})
+#: The types of the number of one axis.
+INTEGER = (int, np.integer)
 _CONTROL_MODES: Mapping[int, ControlMode] = {int(mode): mode for mode in ControlMode}
 _INTERACTION_MODES: Mapping[int, InteractionMode] = {int(mode): mode for mode in InteractionMode}
 
 
-class BoardStub(Device):
+class BoardStub(Device, Generic[Rpc]):
     """A board that is at the other end of a link. Its methods raise DeviceError while it is not open."""
 
     #: By what the state and the streamed commands travel if nothing is said.
     carrier: ClassVar[str] = "udp"
-    _opened: ControlBoardLink | None = None
+    _opened: ControlBoardLink[Rpc] | None = None
 
     @abstractmethod
-    def _connect(self, settings: ClientSettings) -> ControlBoardLink:
+    def _connect(self, settings: ClientSettings) -> ControlBoardLink[Rpc]:
         """The connections with the board. Raises DeviceError."""
 
     @property
-    def _link(self) -> ControlBoardLink:
+    def _link(self) -> ControlBoardLink[Rpc]:
         if self._opened is None:
             raise DeviceError(f"{self.name} is not open")
         return self._opened
@@ -100,7 +102,9 @@ class BoardStub(Device):
 
     def chosen(self, axes: AxisSelection) -> list[int]:
         """The numbers of axes. Raises RefusedError for one that the board does not have."""
-        link = self._link
+        link = self._opened or self._link
+        if type(axes) is int and 0 <= axes < link.axes:  # as nearly always
+            return [axes]
         return chosen(link.settings.remote, link.axes, axes)
 
     def checked(self, values: Values, count: int) -> FloatArray:
@@ -202,7 +206,7 @@ class BoardStub(Device):
             return
         numbers = self.chosen(axes)
         given = self.checked(values, len(numbers))
-        if isinstance(axes, int | np.integer):
+        if isinstance(axes, INTEGER):
             stream.send([*heads[Shape.ONE], *numbers], given, strict=True)
         elif Shape.GROUP not in heads:
             for place, number in enumerate(numbers):

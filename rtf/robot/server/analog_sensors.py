@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.middleware.types import Function, Record, Service
-from rtf.robot.errors import DeviceError
-from rtf.robot.interfaces import IMultipleAnalogSensors, SensorCategory, SensorStatus
+from rtf.robot.interfaces import IMultipleAnalogSensors, SensorCategory
+from rtf.robot.measurements import DeviceMeasurements, IMeasurementsSource
 from rtf.robot.sensor_message import SENSOR_MESSAGE, Measurements
 from rtf.robot.server.publishing import PublishingDevice
 from rtf.robot.server.streaming import StreamServer
@@ -21,7 +21,8 @@ class AnalogSensorsServer(StreamServer[Measurements]):
     """Publishes the sensors of a device at ``NAME/measures:o``, and answers at ``NAME/rpc:o``.
 
     ``categories`` is how many are told of: 12, or 10 for what readers up to YARP 3.10 expect. The sensors of the
-    device are those that it has now. While one of them is not well nothing is sent. Raises ConnectError, AddressError.
+    device are those that it has now. While one of them is not well nothing is sent. A device that is an
+    IMeasurementsSource is asked for all at once. Raises ConnectError, AddressError.
     """
 
     def __init__(
@@ -36,26 +37,15 @@ class AnalogSensorsServer(StreamServer[Measurements]):
         outlets: Outlets | None = None,
     ) -> None:
         super().__init__(name, network=network, period=period, strict=strict, outlets=outlets)
-        self._device = device
+        self._source = device if isinstance(device, IMeasurementsSource) else DeviceMeasurements(device, categories)
+        self._categories = categories
         self._infos = [[*device.sensors(category)] for category in SensorCategory if category < categories]
-        self._counts = [(SensorCategory(number), len(infos)) for number, infos in enumerate(self._infos)]
         service = Service({"getMetadata": Function(self._metadata)})
         self.open_ports([f"{name}/measures:o"], SENSOR_MESSAGE, f"{name}/rpc:o", service.answer)
 
     def measure(self, now: float) -> tuple[Measurements, float]:
         """See the base."""
-        status, read, well = self._device.sensor_status, self._device.read_sensor, SensorStatus.OK
-        found: Measurements = []
-        for category, count in self._counts:
-            readings = []
-            for index in range(count):
-                state = status(category, index)
-                if state != well:
-                    name = self._infos[category][index].name
-                    raise DeviceError(f"the sensor {name} ({category.name}) is not well: {SensorStatus(state).name}")
-                readings.append(read(category, index))
-            found.append(readings)
-        return found, now
+        return self._source.read_all()[: self._categories], now
 
     def _metadata(self) -> tuple[object, ...]:
         return tuple(Record(*(Record(*info) for info in infos)) for infos in self._infos)

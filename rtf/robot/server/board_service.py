@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from rtf.bottle import BottleError
 from rtf.middleware.types import Function, ProtocolVersion, Service
+from rtf.middleware.types.service import FAIL
+from rtf.middleware.types.service import answer as answered
 from rtf.robot.control_board_messages import MESSAGES
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError, RobotError, StaleStateError
 from rtf.robot.return_value import ReturnValue
 from rtf.robot.service_kinds import read_all, write_all
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rtf.bottle import Bottle, Value
     from rtf.middleware.network import Network
     from rtf.robot.service_rows import Message
@@ -31,32 +35,50 @@ class BoardService:
         self._device = device
         self._name = name
         self._network = network
-        functions = {message.name: Function(partial(self._run, message), message.prototype) for message in MESSAGES}
-        self._service = Service(functions)
+        self._runs = {message.name: self._running(message) for message in MESSAGES}
+        self._service = Service(
+            {message.name: Function(self._runs[message.name], message.prototype) for message in MESSAGES}
+        )
         self._version = Service({"getRemoteProtocolVersion": Function(lambda: VERSION)})
 
     def answer(self, question: Bottle) -> object:
         """What is answered; ``[fail]`` for a function that there is not, or arguments of other kinds."""
-        if question and question[0] == "getRemoteProtocolVersion":  # not among the functions that ``help`` tells of
+        elements = question.elements()
+        name = elements[0] if elements else None
+        run = self._runs.get(name) if isinstance(name, str) else None
+        if run is not None:  # as programs call functions; looking for one in words takes longer than all the rest
+            try:
+                return answered(run(*elements[1:]))
+            except BottleError:
+                return FAIL
+        if name == "getRemoteProtocolVersion":  # not among the functions that ``help`` tells of
             return self._version.answer(question)
         return self._service.answer(question)
 
-    def _run(self, message: Message, *elements: Value) -> object:
-        """What a function answers: how it went, and the results. Raises BottleError for arguments of other kinds."""
-        try:
-            arguments = read_all(message.takes, elements)
-        except RefusedError:
-            return _failed(message, ReturnValue.METHOD_FAILED)
-        missing = message.interface is not None and not isinstance(self._device, message.interface)
-        if missing or not all(map(_finite, arguments)):
-            return _failed(message, ReturnValue.METHOD_FAILED)  # of a missing interface YARP's servers say this, too
-        try:
-            return _succeeded(message, message.run(self._device, *arguments))
-        except RobotError as error:
-            return _failed(message, _code_of(error))
-        except Exception as error:  # noqa: BLE001 - whatever a driver does, the port goes on, and it is told
-            self._network.report(f"{self._name}: {message.name} failed: {type(error).__name__}: {error}")
-            return _failed(message, ReturnValue.GENERIC)
+    def _running(self, message: Message) -> Callable[..., object]:
+        """What carries out a function, and gives its answer: how it went, and the results.
+
+        It raises BottleError for arguments of other kinds.
+        """
+        device, takes, run = self._device, message.takes, message.run
+        missing = message.interface is not None and not isinstance(device, message.interface)
+
+        def running(*elements: Value) -> object:
+            try:
+                arguments = read_all(takes, elements)
+            except RefusedError:
+                return _failed(message, ReturnValue.METHOD_FAILED)
+            if missing or not all(map(_finite, arguments)):  # of a missing interface YARP's servers say this, too
+                return _failed(message, ReturnValue.METHOD_FAILED)
+            try:
+                return _succeeded(message, run(device, *arguments))
+            except RobotError as error:
+                return _failed(message, _code_of(error))
+            except Exception as error:  # noqa: BLE001 - whatever a driver does, the port goes on, and it is told
+                self._network.report(f"{self._name}: {message.name} failed: {type(error).__name__}: {error}")
+                return _failed(message, ReturnValue.GENERIC)
+
+        return running
 
 
 def _succeeded(message: Message, found: Any) -> object:

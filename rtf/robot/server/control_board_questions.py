@@ -1,23 +1,54 @@
-"""Answers the questions that are put to a control board of YARP 3, by the table in :mod:`rtf.robot.vocabulary`."""
+"""Answers the questions that are put to a control board of YARP 3, by the table in :mod:`rtf.robot.vocabulary`.
+
+Each row of the table becomes a function when the server is made: what the row says is looked up once, and not with
+every question.
+"""
 
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Any
+from collections import defaultdict
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
-from rtf import clock
 from rtf.bottle import Bottle, Value, Vocab, as_vocab
+from rtf.clock import current
 from rtf.robot import vocabulary
 from rtf.robot.errors import NotSupportedError, RefusedError, RobotError
-from rtf.robot.interfaces import IAxisInfo, IPidControl
-from rtf.robot.vocabulary import COMMANDS, FAIL, FAMILIES, IS, NAK, OK, TOPICS, Echo, Shape, Topic
+from rtf.robot.interfaces import IAxisInfo, PidType
+from rtf.robot.vocabulary import (
+    COMMANDS,
+    FAIL,
+    FAMILIES,
+    GET,
+    IS,
+    NAK,
+    OK,
+    PLURAL,
+    PROTOCOL_VERSION,
+    SET,
+    STAMP,
+    TOPICS,
+    Echo,
+    Family,
+    Shape,
+    Topic,
+    word,
+)
 from rtf.robot.vocabulary_kinds import NOTHING, PID_TYPE, TEXT, inner, whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable
+
+T = TypeVar("T")
+#: Makes the elements of an answer, or the data in it, of the elements of a question; raises what the device does.
+Answer: TypeAlias = "Callable[[list[Value]], list[Value]]"
+#: Does what the elements of a question say.
+Doing: TypeAlias = "Callable[[list[Value]], object]"
 
 _LEAST = 2
 _WORDS = (Vocab, str, int)
+_NO_WORD = Vocab(0)
 
 
 class Questions:
@@ -31,114 +62,132 @@ class Questions:
         self._device = device
         self._report = report
         self._count = itertools.count()
-        self._has: set[type[Any]] = set()  # interfaces of the device, as far as they were asked for
+        self._unknown = self._refusing(FAMILIES[""])
+        self._getting = _by_first(
+            ((topic, self._getter(topic)) for topic in TOPICS.values() if topic.get),
+            {word(text): self._refusing(family) for text, family in FAMILIES.items() if text},
+        )
+        self._getting[PROTOCOL_VERSION] = lambda _: [PROTOCOL_VERSION, *vocabulary.PROTOCOL, OK]
+        one_mode = self._setter(TOPICS["icmd", "cmod"])  # old clients say what mode it is instead, for one joint
+        self._setting = _by_first(
+            ((topic, self._setter(topic)) for topic in TOPICS.values() if topic.set), {word("icmd"): one_mode}
+        )
+        self._commands = {word(text): self._command(topic) for text, topic in COMMANDS.items()}
 
     def answer(self, question: Bottle) -> Bottle:
-        """The answer to a question, whatever it is."""
-        if len(question) < _LEAST:
+        """The answer to a question, whatever it is. Flat: each call of a function here is felt in the round trip."""
+        words = question.elements()
+        if len(words) < _LEAST:
             return Bottle.adopt([NAK])
         try:
-            return Bottle.adopt(self._answer(question))
+            verb, first = words[0], words[1]
+            if type(verb) is not Vocab:
+                verb = _spoken(verb)
+            if type(first) is not Vocab:
+                first = _spoken(first)
+            if verb is GET or verb == GET:
+                return Bottle.adopt(self._getting.get(first, self._unknown)(words))
+            if verb is SET or verb == SET:
+                return Bottle.adopt(self._setting.get(first, _refuse)(words))
+            return Bottle.adopt(self._commands.get(verb, _refuse)(words))
         except RobotError:
             return Bottle.adopt([FAIL])
         except Exception as error:  # noqa: BLE001 - a device's fault, which its port survives
             self._report(f"[{question.to_text()[:100]}] failed: {type(error).__name__}: {error}")
             return Bottle.adopt([FAIL])
 
-    def _answer(self, question: Bottle) -> list[Value]:
-        words = question.elements()
-        verb = _word(words[0])
-        if verb == "get":
-            return self._get(words)
-        if verb == "set":
-            self._set(words)
+    # Whole answers ---------------------------------------------------------------------------------------------------
+
+    def _getter(self, topic: Topic) -> Answer:
+        """What gets a topic: behind its echo, and before its stamp."""
+        echo, stamped, _ = topic.family
+        find, count = self._finding(topic, 1 + len(topic.words)), self._count
+        begin = [] if echo is Echo.NOTHING else [IS]
+        echoed = _echoed(echo, topic)
+
+        def answer(words: list[Value]) -> list[Value]:
+            stamp = (STAMP, next(count), current().now()) if stamped else ()  # counted for what fails, too
+            data = find(words)
+            return [*begin, *words[echoed], *data, *stamp, OK]
+
+        return answer
+
+    def _refusing(self, family: Family) -> Answer:
+        """What becomes of a topic that a family has not got; it is counted like one that it has."""
+        count = self._count if family.stamped else iter(())
+
+        def answer(words: list[Value]) -> list[Value]:
+            next(count, 0)
+            return _refuse(words)
+
+        return answer
+
+    def _setter(self, topic: Topic, verbs: int = 1) -> Answer:
+        """What sets a topic. It stands behind so many words that say what is to be done with it."""
+        do = self._doing(topic, verbs + len(topic.words))
+
+        def answer(words: list[Value]) -> list[Value]:
+            do(words)
             return [OK]
-        return [OK if self._command(verb, words) else FAIL]
 
-    # Getting -----------------------------------------------------------------------------------------------------
+        return answer
 
-    def _get(self, question: list[Value]) -> list[Value]:
-        first = _word(question[1])
-        if first == vocabulary.PROTOCOL_VERSION.text:
-            return [vocabulary.PROTOCOL_VERSION, *vocabulary.PROTOCOL, OK]
-        family = FAMILIES.get(first) or FAMILIES[""]
-        stamp: list[Value] = []
-        if family.stamped:  # counted for what fails, too
-            stamp = [vocabulary.STAMP, next(self._count), clock.current().now()]
-        topic, arguments = _topic(first, question)
-        if topic is None or not topic.get:
-            raise RefusedError(f"{_shown(question)} is no question")
-        data = self._data(topic, arguments)
-        return [*_echo(family.echo, topic, question), *data, *stamp, OK]
-
-    def _data(self, topic: Topic, arguments: Sequence[Value]) -> list[Value]:
-        lead, arguments = _lead(topic, arguments)
+    def _command(self, topic: Topic) -> Answer:
+        """What carries out a word that stands alone."""
+        if not topic.get:
+            return self._setter(topic, 0)
         method = self._method(topic, topic.get)
+        return lambda words: [OK if method(_joint(words, 1)) else FAIL]
+
+    # What rows of the table do; ``at`` is where the arguments of a question begin ----------------------------------
+
+    def _finding(self, topic: Topic, at: int) -> Answer:
+        """What makes the data of an answer."""
+        method = self._method(topic, topic.get)
+        if topic.family.typed:
+            return _for_each_type(lambda lead: self._found(topic, partial(method, lead), at + 1), at)
+        return self._found(topic, method, at)
+
+    def _found(self, topic: Topic, method: Callable[..., Any], at: int) -> Answer:
         shape, write = topic.shape, topic.kind.write
-        if shape is Shape.NONE:
-            return write(method(*lead))
-        if shape is Shape.NAMED:
-            return write(method(*lead, *TEXT.read(arguments[:1])))
-        if shape is Shape.EACH:
-            return write([method(*lead, joint) for joint in range(self._axes())])
+        if shape in PLURAL:
+            return _found_of_axes(topic, method, at)
         if shape is Shape.SINGLE:
-            return write(method(*lead, _joint(arguments)))
-        axes, _ = _selection(shape, arguments)
-        found = method(*lead, axes)
-        if topic.together:
-            return write(found)
-        values = [element for value in found for element in write(value)]
-        return values if shape is Shape.ONE else [Bottle.adopt(values)]
+            return lambda words: write(method(_joint(words, at)))
+        if shape is Shape.NAMED:
+            return lambda words: write(method(*TEXT.read(words[at : at + 1])))
+        if shape is Shape.EACH:
+            return lambda _: write([method(joint) for joint in range(self._axes())])
+        return lambda _: write(method())
 
-    # Setting -----------------------------------------------------------------------------------------------------
-
-    def _set(self, question: list[Value]) -> None:
-        topic, arguments = _topic(_word(question[1]), question)
-        if topic is None and _word(question[1]) == "icmd":
-            topic = TOPICS["icmd", "cmod"]  # old clients say what mode it is instead, for one joint
-        if topic is None or not topic.set:
-            raise RefusedError(f"{_shown(question)} is nothing that can be set")
-        self._put(topic, arguments)
-
-    def _put(self, topic: Topic, arguments: Sequence[Value]) -> None:
-        lead, arguments = _lead(topic, arguments)
+    def _doing(self, topic: Topic, at: int) -> Doing:
+        """What carries out what is set."""
         method = self._method(topic, topic.set)
-        shape = topic.shape
-        read = (topic.given or topic.kind).read
+        if topic.family.typed:
+            return _for_each_type(lambda lead: self._done(topic, partial(method, lead), at + 1), at)
+        return self._done(topic, partial(method, *topic.fixed) if topic.fixed else method, at)
+
+    def _done(self, topic: Topic, method: Callable[..., Any], at: int) -> Doing:
+        shape, read = topic.shape, (topic.given or topic.kind).read
         if shape is Shape.NONE:
-            method(*lead, *read(arguments))
-        elif shape is Shape.NAMED:
-            method(*lead, *TEXT.read(arguments[:1]), *read(arguments[1:]))
-        elif shape is Shape.SINGLE:
-            method(*lead, _joint(arguments), *read(arguments[1:]))
-        else:
-            axes, rest = _selection(shape, arguments)
-            if topic.kind is NOTHING:
-                method(*lead, axes)
-                return
-            values = rest if shape is Shape.ONE else inner(rest[0] if len(rest) == 1 else None)
-            method(*lead, [read([value])[0] for value in values], axes)  # whose number is the device's to judge
+            return lambda words: method(*read(words[at:]))
+        if shape is Shape.NAMED:
+            return lambda words: method(*TEXT.read(words[at : at + 1]), *read(words[at + 1 :]))
+        if shape is Shape.SINGLE:
+            return lambda words: method(_joint(words, at), *read(words[at + 1 :]))
+        select, behind = _selecting(shape), at + _SELECTION[shape]
+        if topic.kind is NOTHING:
+            return lambda words: method(select(words, at))
+        if shape is Shape.ONE:  # how many values there must be is the device's to judge, here and below
+            return lambda words: method([read([value])[0] for value in words[behind:]], _joint(words, at))
+        return lambda words: method([read([value])[0] for value in _listed(words, behind)], select(words, at))
 
-    # Commands ----------------------------------------------------------------------------------------------------
-
-    def _command(self, verb: str, question: list[Value]) -> bool:
-        topic = COMMANDS.get(verb)
-        if topic is None:
-            raise RefusedError(f"{_shown(question)} is no command")
-        if topic.get:
-            return bool(self._method(topic, topic.get)(_joint(question[1:])))
-        self._put(topic, question[1:])
-        return True
-
-    # The device --------------------------------------------------------------------------------------------------
+    # The device ------------------------------------------------------------------------------------------------------
 
     def _method(self, topic: Topic, name: str) -> Callable[..., Any]:  # each row of the table knows what it gives
-        interface = topic.interface
-        if interface not in self._has:
-            if not isinstance(self._device, interface):
-                raise NotSupportedError(f"the device has no {interface.__name__}")
-            self._has.add(interface)
-        return getattr(self._device, name)  # type: ignore[no-any-return]
+        if isinstance(self._device, topic.interface):
+            return getattr(self._device, name)  # type: ignore[no-any-return]
+        return partial(_missing, topic.interface)
 
     def _axes(self) -> int:
         if not isinstance(self._device, IAxisInfo):
@@ -146,49 +195,99 @@ class Questions:
         return self._device.axes()
 
 
-def _word(value: Value) -> str:
-    """The text of a word; vocabs are often typed as strings, of which four letters count."""
-    if type(value) is Vocab:  # as programs send them
-        return value.text
-    return as_vocab(value).text if isinstance(value, _WORDS) else ""
+# Words ---------------------------------------------------------------------------------------------------------------
 
 
-def _shown(question: list[Value]) -> str:
-    return repr(Bottle.adopt(question).to_text()[:60])
+def _spoken(value: Value) -> Vocab:
+    """The word that somebody typed as a string, of which four letters count, or as a number."""
+    return as_vocab(value) if isinstance(value, _WORDS) else _NO_WORD
 
 
-def _topic(first: str, question: list[Value]) -> tuple[Topic | None, list[Value]]:
-    """The row that a question belongs to, and its arguments."""
-    if first not in FAMILIES or not first:
-        return TOPICS.get((first,)), question[2:]
-    method = _word(question[2]) if len(question) > _LEAST else ""
-    return TOPICS.get((first, method)), question[3:]
+def _by_first(answers: Iterable[tuple[Topic, Answer]], otherwise: dict[Vocab, Answer]) -> dict[Vocab, Answer]:
+    """What answers, by the second word of a question; that of a family looks at the third word itself.
+
+    What it does not know there it gives to the family's own of ``otherwise``.
+    """
+    found: dict[Vocab, Answer] = {}
+    families: dict[Vocab, dict[Vocab, Answer]] = defaultdict(dict)
+    for topic, answer in answers:
+        first, *further = map(word, topic.words)
+        if further:
+            families[first][further[0]] = answer
+        else:
+            found[first] = answer
+    for first, methods in families.items():
+        found[first] = _by_method(methods, otherwise.get(first, _refuse))
+    return found
 
 
-def _lead(topic: Topic, arguments: Sequence[Value]) -> tuple[tuple[object, ...], Sequence[Value]]:
-    """What is passed to the method before anything else, and the other arguments."""
-    if topic.interface is IPidControl:
-        return PID_TYPE.read(arguments[:1]), arguments[1:]
-    return topic.fixed, arguments
+def _by_method(methods: dict[Vocab, Answer], otherwise: Answer) -> Answer:
+    """What answers by the third word of a question."""
+
+    def answer(words: list[Value]) -> list[Value]:
+        method = words[2] if len(words) > _LEAST else _NO_WORD
+        if type(method) is not Vocab:
+            method = _spoken(method)
+        return methods.get(method, otherwise)(words)
+
+    return answer
 
 
-def _joint(arguments: Sequence[Value]) -> int:
-    return whole(arguments[0] if len(arguments) else None)
+def _for_each_type(make: Callable[[PidType], Callable[[list[Value]], T]], at: int) -> Callable[[list[Value]], T]:
+    """What does the same for each type of controller, which stands before the other arguments."""
+    made = {kind: make(kind) for kind in PidType}
+    return lambda words: made[PID_TYPE.read(words[at : at + 1])[0]](words)
 
 
-def _selection(shape: Shape, arguments: Sequence[Value]) -> tuple[int | list[int] | None, Sequence[Value]]:
-    """The axes that are chosen, and the arguments behind them."""
-    if shape is Shape.ALL:
-        return None, arguments
+def _found_of_axes(topic: Topic, method: Callable[..., Any], at: int) -> Answer:
+    """What makes the data of an answer by a method that takes any choice of axes."""
+    shape, write, select = topic.shape, topic.kind.write, _selecting(topic.shape)
+    if topic.together:
+        return lambda words: write(method(select(words, at)))
     if shape is Shape.ONE:
-        return _joint(arguments), arguments[1:]
-    joints = inner(arguments[1] if len(arguments) > 1 else None, _joint(arguments))
-    return [whole(joint) for joint in joints], arguments[2:]
+        return lambda words: [element for value in method(_joint(words, at)) for element in write(value)]
+    return lambda words: [Bottle.adopt([one for value in method(select(words, at)) for one in write(value)])]
 
 
-def _echo(echo: Echo, topic: Topic, question: list[Value]) -> list[Value]:
+def _refuse(words: list[Value]) -> list[Value]:
+    raise RefusedError(f"{Bottle.adopt(words).to_text()[:60]!r} means nothing")
+
+
+def _missing(interface: type[Any], *_: object) -> None:
+    raise NotSupportedError(f"the device has no {interface.__name__}")
+
+
+# Axes ----------------------------------------------------------------------------------------------------------------
+
+#: How many arguments say which axes are meant.
+_SELECTION = {Shape.ALL: 0, Shape.ONE: 1, Shape.GROUP: 2}
+
+
+def _joint(words: list[Value], at: int) -> int:
+    return whole(words[at] if len(words) > at else None)
+
+
+def _listed(words: list[Value], at: int) -> Bottle:
+    """The list of values that is the last of the arguments."""
+    return inner(words[at] if len(words) == at + 1 else None)
+
+
+def _group(words: list[Value], at: int) -> list[int]:
+    joints = inner(words[at + 1] if len(words) > at + 1 else None, _joint(words, at))
+    return [whole(joint) for joint in joints]
+
+
+def _selecting(shape: Shape) -> Callable[[list[Value], int], int | list[int] | None]:
+    """What finds the axes that a question chooses."""
+    if shape is Shape.ALL:
+        return lambda _words, _at: None
+    return _joint if shape is Shape.ONE else _group
+
+
+def _echoed(echo: Echo, topic: Topic) -> slice:
+    """The words of a question that its answer repeats."""
     if echo is Echo.TOPIC:
-        return [IS, question[1]]
+        return slice(1, 2)
     if echo is Echo.METHOD:
-        return [IS, question[3] if topic.shape is Shape.ONE else question[2]]
-    return [IS] if echo is Echo.BARE_IS else []
+        return slice(3, 4) if topic.shape is Shape.ONE else slice(2, 3)
+    return slice(0)

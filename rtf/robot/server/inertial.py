@@ -10,6 +10,7 @@ from rtf.middleware.types import VECTOR
 from rtf.robot import parameters
 from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import IMultipleAnalogSensors, SensorCategory, SensorStatus
+from rtf.robot.measurements import IMeasurementsSource
 from rtf.robot.server.publishing import PublishingDevice
 from rtf.robot.server.streaming import StreamServer
 
@@ -28,12 +29,14 @@ ORDER = (
     SensorCategory.MAGNETOMETER,
 )
 AXES = 3
+_NUMBERS = AXES * len(ORDER)
 
 
 class InertialServer(StreamServer["FloatArray"]):
     """Publishes the first orientation, accelerometer, gyroscope and magnetometer of a device at ``NAME``.
 
-    Of a sensor that the device has not got there are zeros. Raises ConnectError and AddressError.
+    Of a sensor that the device has not got there are zeros. A device that is an IMeasurementsSource and has no others
+    is asked for all at once. Raises ConnectError and AddressError.
     """
 
     def __init__(
@@ -48,17 +51,26 @@ class InertialServer(StreamServer["FloatArray"]):
     ) -> None:
         super().__init__(name, network=network, period=period, strict=strict, outlets=outlets)
         self._device = device
-        self._places = [(place * AXES, one) for place, one in enumerate(ORDER) if device.sensors(one)]
+        self._places = [
+            (slice(place * AXES, (place + 1) * AXES), one) for place, one in enumerate(ORDER) if device.sensors(one)
+        ]
+        alone = sum(len(device.sensors(one)) for one in SensorCategory) == len(self._places)
+        self._source = device if alone and isinstance(device, IMeasurementsSource) else None
         self.open_ports([name], VECTOR)
 
     def measure(self, now: float) -> tuple[FloatArray, float]:
         """See the base."""
-        values = np.zeros(AXES * len(ORDER))
+        values = np.zeros(_NUMBERS)
+        if self._source is not None:
+            found = self._source.read_all()
+            for place, category in self._places:
+                values[place] = found[category][0].values
+            return values, now
         for place, category in self._places:
             state = self._device.sensor_status(category, 0)
             if state != SensorStatus.OK:
                 raise DeviceError(f"the {category.name} is not well: {SensorStatus(state).name}")
-            values[place : place + AXES] = self._device.read_sensor(category, 0).values
+            values[place] = self._device.read_sensor(category, 0).values
         return values, now
 
 

@@ -47,6 +47,8 @@ class PartBase(Device):
         """Where the chosen joints are among all axes."""
         if joints is None:
             return np.arange(self.own.start, self.own.stop)
+        if type(joints) is int:
+            return np.array((self._axis(joints, what),), dtype=np.intp)
         places: NDArray[np.intp] = np.array(selected(self.size, joints, what), dtype=np.intp) + self.own.start
         return places
 
@@ -55,8 +57,9 @@ class PartBase(Device):
         return values[self.own].copy() if joints is None else values[self._places(joints, what)]
 
     def _axis(self, joint: int, what: str = "joint") -> int:
-        place: int = selected(self.size, joint, what)[0] + self.own.start
-        return place
+        if type(joint) is int and 0 <= joint < self.size:  # as it is asked again and again
+            return joint + int(self.own.start)
+        return selected(self.size, joint, what)[0] + int(self.own.start)
 
     def _write(self, values: Values, joints: AxisSelection, into: FloatArray, what: str = "joint") -> None:
         """Put values in for the chosen ones."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -22,12 +22,14 @@ from rtf.robot.interfaces import (
     JointType,
     Pid,
     PidType,
+    modes_for,
     values_for,
 )
 from rtf.simulator.axes import AXES, COUPLINGS
 from rtf.simulator.part.base import PartBase
 
 _DIRECT = frozenset({ControlMode.POSITION_DIRECT})
+M = TypeVar("M", ControlMode, InteractionMode)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -79,12 +81,10 @@ class PartSettings(
         """See IInteractionMode."""
         self._request(modes, joints, self.boards.request_interaction)
 
-    def _request(self, modes: int | Sequence[int], joints: AxisSelection, request: Callable[[int, int], None]) -> None:
+    def _request(self, modes: M | Sequence[M], joints: AxisSelection, request: Callable[[int, int], None]) -> None:
         """Ask for a mode of each joint; all of them are asked before the first refusal is raised."""
         axes = self._places(joints).tolist()
-        wanted = [modes] * len(axes) if isinstance(modes, int) else list(modes)
-        if len(wanted) != len(axes):
-            raise RefusedError(f"{self.part}: {len(axes)} modes are needed, {len(wanted)} were given")
+        wanted = modes_for(len(axes), modes)
         refused: list[RefusedError] = []
         with self.gate:
             for axis, mode in zip(axes, wanted, strict=True):

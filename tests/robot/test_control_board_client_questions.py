@@ -1,0 +1,62 @@
+"""A question that is written from its parts is, byte for byte, the bottle that they make together."""
+
+from __future__ import annotations
+
+import pytest
+
+from rtf.bottle import Bottle, Dialect, Int64, Value, Vocab
+from rtf.bottle.binary import decode, encode
+from rtf.robot.client.questions import ASKED, CALIBRATION_DONE, GETTING, PROTOCOL, SETTING, Question
+from rtf.robot.vocabulary import FAIL, GET, IS, NAK, OK, PROTOCOL_VERSION, SET, STAMP
+
+QUESTIONS = [
+    PROTOCOL,
+    CALIBRATION_DONE,
+    *(question for table in (GETTING, SETTING) for shapes in table.values() for question in shapes.values()),
+]
+ARGUMENTS: list[tuple[Value, ...]] = [
+    (),
+    (3,),
+    (-3,),
+    (3, 2.5),
+    (3, 2.5, -0.5),
+    (2.5,),
+    (1 << 40,),
+    (3, Int64(3)),
+    (Vocab("pos"),),
+    (Vocab("pos"), 3),
+    (2, Bottle([0, 1]), Bottle([2.5, 3.5])),
+    ("key", 1),
+]
+
+
+@pytest.mark.parametrize("dialect", Dialect)
+@pytest.mark.parametrize("arguments", ARGUMENTS, ids=str)
+def test_bytes_are_those_of_the_bottle(arguments: tuple[Value, ...], dialect: Dialect):
+    """Of every question there is, and with whatever arguments."""
+    for question in QUESTIONS:
+        whole = Bottle([*question.words, *arguments])
+        asked = question, arguments
+        assert b"".join(ASKED.encode(asked, dialect)) == encode(whole, dialect), question.words
+        assert ASKED.to_text(asked) == whole.to_text()
+        assert ASKED.decode(encode(whole, dialect), dialect) == whole
+
+
+def test_a_bottle_is_written_as_one():
+    """The codec is one for bottles, too."""
+    bottle = Bottle.parse("[get] [pos] 3")
+    assert ASKED.encode(bottle, Dialect.YARP3) == [encode(bottle)]
+    assert ASKED.to_text(bottle) == "[get] [pos] 3"
+
+
+@pytest.mark.parametrize("word", [GET, SET, IS, OK, FAIL, NAK, STAMP, PROTOCOL_VERSION], ids=str)
+def test_words_are_read_into_the_same_objects(word: Vocab):
+    """They are told by identity, which only is quicker than to compare them; that they are equal counts in the end."""
+    assert decode(encode(Bottle([word, 1])))[0] is word
+
+
+def test_words_of_the_questions_are_those_of_the_table():
+    """One question of a kind, in full."""
+    (question, *_) = GETTING["motion_done"].values()
+    assert isinstance(question, Question)
+    assert Bottle([*question.words]).to_text() == "[get] [don]"

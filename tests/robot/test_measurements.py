@@ -1,0 +1,97 @@
+"""All measurements of a device, at once or one by one: servers tell the same either way."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.types import VECTOR
+from rtf.robot.errors import DeviceError
+from rtf.robot.interfaces import SensorCategory, SensorReading, SensorStatus
+from rtf.robot.measurements import DeviceMeasurements, IMeasurementsSource, not_well
+from rtf.robot.sensor_message import SENSOR_MESSAGE, Measurements
+from rtf.robot.server.analog_sensors import AnalogSensorsServer
+from rtf.robot.server.inertial import InertialServer
+
+from .sensor_bench import ScriptedSensors, connect
+
+if TYPE_CHECKING:
+    from rtf.middleware.network import Network
+
+
+class QuickSensors(ScriptedSensors, IMeasurementsSource):
+    """The same, which also give all at once. ``asked`` is how often they were."""
+
+    asked = 0
+
+    def read_all(self) -> Measurements:
+        """See IMeasurementsSource."""
+        self.asked += 1
+        if self.status != SensorStatus.OK:
+            raise not_well("s0", SensorCategory.GYROSCOPE, self.status)
+        return [*self.measurements, *([[]] * (len(SensorCategory) - len(self.measurements)))]
+
+
+def readings(*values: float) -> list[SensorReading]:
+    """A sensor for each value, of three axes."""
+    return [SensorReading(np.array([value, value + 0.1, value + 0.2]), 1.0) for value in values]
+
+
+def test_a_device_by_its_interface():
+    """As many categories as are wanted, with the readings of the sensors that are there."""
+    measured = [readings(1.0), readings(2.0, 3.0), [], readings(4.0)]
+    for categories in (12, 10):
+        found = DeviceMeasurements(ScriptedSensors(measured), categories).read_all()
+        assert found == [*measured, *([[]] * (categories - 4))]
+
+
+def test_a_sensor_that_is_not_well_is_named():
+    """And nothing is told."""
+    sensors = ScriptedSensors([readings(1.0)])
+    source = DeviceMeasurements(sensors)
+    sensors.status = SensorStatus.OVERFLOW
+    with pytest.raises(DeviceError, match=r"the sensor s0 \(GYROSCOPE\) is not well: OVERFLOW"):
+        source.read_all()
+
+
+@pytest.mark.parametrize("categories", [12, 10])
+def test_a_source_is_asked_once_a_message(network: Network, said: list[str], categories: int):
+    """It tells of all categories; readers get as many as they are to."""
+    sensors = QuickSensors([readings(1.0), readings(2.0)])
+    with (
+        closing(
+            AnalogSensorsServer(sensors, "/imu", network=network, period=0.01, categories=categories, strict=True)
+        ) as server,
+        BufferedPort("/reader", SENSOR_MESSAGE, strict=True, network=network) as reader,
+    ):
+        connect(network, "/imu/measures:o", "/reader")
+        server.publish(1.0)
+        received = reader.read(10)
+        sensors.status = SensorStatus.ERROR
+        server.publish(2.0)
+    assert sensors.asked == 2
+    assert [[one.values.tolist() for one in category] for category in received] == [
+        [[1.0, 1.1, 1.2]],
+        [[2.0, 2.1, 2.2]],
+        *([[]] * (categories - 2)),
+    ]
+    assert said == ["/imu: nothing is published: the sensor s0 (GYROSCOPE) is not well: ERROR"]
+
+
+@pytest.mark.parametrize(("more", "asked"), [([], 1), ([readings(9.0)], 0)], ids=["alone", "with others"])
+def test_twelve_numbers_of_a_source(network: Network, more: list[list[SensorReading]], asked: int):
+    """One that has other sensors, too, is asked one by one: of those it does not matter how they are."""
+    sensors = QuickSensors([readings(1.0), readings(2.0), [], readings(7.0), *more])
+    with (
+        closing(InertialServer(sensors, "/inertial", network=network, period=0.01)) as server,
+        BufferedPort("/reader", VECTOR, network=network) as reader,
+    ):
+        connect(network, "/inertial", "/reader")
+        server.publish(3.0)
+        told = reader.read(10)
+    assert told.tolist() == [7.0, 7.1, 7.2, 2.0, 2.1, 2.2, 1.0, 1.1, 1.2, 0.0, 0.0, 0.0]
+    assert sensors.asked == asked

@@ -1,0 +1,90 @@
+"""The sensors of the simulated robot: each measures once a step, and tells everybody the same."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from rtf.robot.errors import DeviceError, RefusedError
+from rtf.robot.interfaces import SensorCategory, SensorStatus
+from rtf.robot.measurements import DeviceMeasurements
+
+if TYPE_CHECKING:
+    from rtf.robot.sensor_message import Measurements
+    from rtf.simulator.sensing import SimulatedForceTorque
+
+    from .rig import Rig
+
+pytestmark = pytest.mark.skipif(
+    not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
+)
+
+MANY = 600  # measurements; more than the noise that is drawn at once
+
+
+@pytest.fixture
+def rig() -> Rig:
+    """A robot at home."""
+    from .rig import Rig
+
+    return Rig()
+
+
+def sensors_of(rig: Rig) -> list[SimulatedForceTorque]:
+    """Its force-torque sensors."""
+    from rtf.simulator.sensing import SimulatedForceTorque
+
+    return [SimulatedForceTorque(sensor, rig.simulation) for sensor in rig.simulation.robot.ft_sensors]
+
+
+def numbers(measured: Measurements) -> list[list[tuple[bytes, float]]]:
+    """The same to the last bit."""
+    return [[(reading.values.tobytes(), reading.time) for reading in category] for category in measured]
+
+
+def test_all_at_once_and_one_by_one_are_the_same(rig: Rig):
+    """In one step; in the next everything has changed."""
+    from rtf.simulator.sensing import SimulatedForceTorques, SimulatedImu
+
+    devices = SimulatedForceTorques(sensors_of(rig), rig.simulation), SimulatedImu(rig.simulation)
+    assert [len(devices[0].read_all()[SensorCategory.FORCE_TORQUE]), len(devices[1].read_all()[0])] == [6, 1]
+    for device in devices:
+        before = numbers(device.read_all())
+        rig.run(0.01)
+        one_by_one = numbers(DeviceMeasurements(device).read_all())
+        assert numbers(device.read_all()) == one_by_one != before
+
+
+def test_one_that_is_not_well_is_named(rig: Rig):
+    """All at once, there is nothing to be told while one of them is not well."""
+    from rtf.simulator.sensing import SimulatedForceTorques, SimulatedImu
+
+    sensors, imu = sensors_of(rig), SimulatedImu(rig.simulation)
+    sensors[2].status = imu.status = SensorStatus.ERROR
+    for device, name in ((SimulatedForceTorques(sensors, rig.simulation), sensors[2].name), (imu, imu.name)):
+        with pytest.raises(DeviceError, match=rf"{name} .* is not well: ERROR"):
+            device.read_all()
+        with pytest.raises(RefusedError):
+            device.read_sensor(SensorCategory.SKIN_PATCH, 0)
+
+
+def test_what_was_made_zero_is_taken_off_at_once(rig: Rig):
+    """Within the step, and for as long as the noise is as it should be; of one channel, and of all."""
+    from rtf.simulator.sensing import FORCE_NOISE
+
+    sensor = sensors_of(rig)[0]
+    before = sensor.read().values
+    sensor.calibrate(0, 5.0)
+    assert sensor.read().values[0] == pytest.approx(5.0, abs=0.5)
+    assert sensor.read().values[1:] == pytest.approx(before[1:], abs=0.5)
+    sensor.calibrate()
+    found = []
+    for tick in range(MANY):
+        rig.boards.tick = tick  # time does not pass, but measurements are taken
+        found.append(sensor.read().values)
+    assert np.mean(found, axis=0) == pytest.approx(np.zeros(6), abs=0.02)
+    assert np.std(found, axis=0)[:3] == pytest.approx(np.full(3, FORCE_NOISE), rel=0.15)
+    assert len({one.tobytes() for one in found}) == MANY, "noise comes again"
