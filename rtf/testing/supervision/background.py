@@ -137,6 +137,16 @@ class BackgroundProgram:
         """Whether it has ended, even if ``on_end`` has not been called yet."""
         return self._pidfd >= 0 and bool(select.select([self._pidfd], [], [], 0)[0])
 
+    def has_ended(self, timeout: float, *, lost: BaseException | None = None) -> bool:
+        """Whether it has ended; then ``on_end`` has been called, for which ``timeout`` seconds are waited.
+
+        ``lost`` is what went wrong when it was asked something. What dies drops its connections before its end can be
+        seen, so that is waited for, too; not after a TimeoutError, for who is silent may live.
+        """
+        if isinstance(lost, TimeoutError) or (lost is None and not self.exited()):
+            return False
+        return self.wait(timeout) or self.exited()
+
     def stop(self, signum: int, timeout: float) -> bool:
         """End it and everything it started: ``signum`` to the group, after ``timeout`` seconds SIGKILL.
 
