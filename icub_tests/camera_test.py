@@ -59,7 +59,7 @@ class CameraTest(RateTest):
     tolerance = Parameter(float, "pictures more or less in the whole time", unit="count", default=5.0, low=0.0)
     max_loss = Parameter(float, "share of pictures that may be missing", unit="%", default=10.0, low=0.0, high=100.0)
     max_jitter = Parameter(
-        float, "by how much later than the quickest picture nine of ten may come: about a period", unit="ms",
+        float, "by how much later than the quickest picture nine of ten may come, surely: about a period", unit="ms",
         default=30.0, low=0.0,
     )  # fmt: skip
     width = Parameter(int, "pixels a row; 0: as many as the camera says it has", unit="px", default=0, low=0)

@@ -101,7 +101,9 @@ class MovementReferencesTest(JointsTest):
             return
         duties = self.duty * way
         board.set_reference_duty_cycles(duties, joints)
-        part.wait(_TAKES, pace=_PACE)
+        part.wait_to_arrive(
+            lambda: np.allclose(board.reference_duty_cycles(joints), duties, atol=_SAME), _TAKES, pace=_PACE
+        )
         self._same("reference duty cycle", joints, board.reference_duty_cycles(joints), duties, "%")
         before, home = board.target_positions(joints), part.home[joints]
         board.position_move(np.where(np.abs(home - before) < 1.0, home + way, home), joints)
@@ -116,7 +118,9 @@ class MovementReferencesTest(JointsTest):
         before = board.target_positions(joints)
         asked = np.clip(board.encoders(joints) + self.step * way, part.low[joints], part.high[joints])
         board.set_positions(asked, joints)
-        part.wait(_TAKES, pace=_PACE)
+        part.wait_to_arrive(
+            lambda: np.allclose(board.reference_positions(joints), asked, atol=_SAME), _TAKES, pace=_PACE
+        )
         self._same("reference position", joints, board.reference_positions(joints), asked, "deg")
         self._same("target position after a direct one", joints, board.target_positions(joints), before, "deg")
 

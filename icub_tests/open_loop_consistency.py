@@ -8,13 +8,10 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Limits, Safety, likely_causes
-from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.joints_case import JointsTest
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from rtf.robot.interfaces import FloatArray
 
 
@@ -42,27 +39,22 @@ class OpenLoopConsistency(JointsTest):
     def run(self) -> None:
         """Enter PWM mode, drive up and down, and leave it. A joint that has to be stopped is left out from there on."""
         part, board = self.robot_part, self.robot_part.board
-        self._calmly(lambda: part.set_mode(ControlMode.PWM, self.chosen, timeout=_CHANGES))
+        self.calmly(lambda: part.set_mode(ControlMode.PWM, self.chosen, timeout=_CHANGES))
         self._look("on entering", 0.0)
         for duty in (self.level, 0.0, -self.level):
             board.set_reference_duty_cycles(np.full(len(self.chosen), duty), self.chosen)
-            self._calmly(lambda: part.wait(self.settling, pace=_PACE))
+            self.calmly(lambda duty=duty: part.wait_to_arrive(lambda: self._follow(duty), self.settling, pace=_PACE))
             self._look(f"at {duty:g} %", duty)
-        self._calmly(lambda: part.set_mode(ControlMode.POSITION, self.chosen))
-        self._calmly(lambda: part.wait(self.settling, pace=_PACE))
+        self.calmly(lambda: part.set_mode(ControlMode.POSITION, self.chosen))
+        self.calmly(lambda: part.wait(self.settling, pace=_PACE))
         self._judge("reference kept after leaving", board.reference_duty_cycles(self.chosen), -self.level)
-        self._calmly(lambda: self.bring_home(self.chosen))
+        self.calmly(lambda: self.bring_home(self.chosen))
 
-    def _calmly(self, act: Callable[[], object]) -> None:
-        """Do something, again without the joint that had to be stopped meanwhile. Ends when there is none left."""
-        while True:
-            try:
-                act()
-            except GuardError as error:
-                self.leave_out(error)
-                self.assert_fail_if_false(self.chosen, "no joint is left that could be tested")
-            else:
-                return
+    def _follow(self, duty: float) -> bool:
+        """Whether all joints get what they were told."""
+        board = self.robot_part.board
+        outputs = (board.reference_duty_cycles(self.chosen), board.duty_cycles(self.chosen))
+        return bool((np.abs(np.array(outputs) - duty) <= self.tolerance).all())
 
     def _look(self, when: str, duty: float) -> None:
         """Mode, reference and output, with the joints as they are now."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, delay_between, fit_line, likely_causes
+from rtf.robot_testing.courses import singly, until, work
 from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.part import PACE
 from rtf.robot_testing.strays import give_up_strays
 from rtf.robot_testing.swinging import Outcome, Swinger, ends_of
 from rtf.robot_testing.transmission import Transmission
@@ -17,6 +20,7 @@ from rtf.testing import Parameter
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
+    from rtf.robot_testing.courses import Course
 
 #: A joint has swung when its encoder has seen so much of it, deg.
 _SWUNG = 1.0
@@ -45,11 +49,19 @@ class _Data(NamedTuple):
     duties: FloatArray
 
 
+class _Swing(NamedTuple):
+    """How the swings of a joint went, and the states meanwhile."""
+
+    outcome: Outcome
+    trace: Trace
+
+
 class OpticalEncodersConsistency(JointsTest):
-    """Swings joints one after the other, and compares every state of joints and motors.
+    """Swings joints one by one, and compares every state of joints and motors.
 
     The row of each motor in gearboxes and couplings is estimated from all swings of its board by least squares: so a
-    wrong ratio, a wrong sign and a wrong coupling show apart. What is left is noise and play.
+    wrong ratio, a wrong sign and a wrong coupling show apart. What is left is noise and play. Joints that cannot meet
+    each other, such as an arm and its hand, swing at the same time, but no two of a board.
     """
 
     aliases = ("MotorEncodersConsistency", "motorEncodersConsistency", "opticalEncodersConsistency")
@@ -100,18 +112,30 @@ class OpticalEncodersConsistency(JointsTest):
     def run(self) -> None:
         """Swing joint by joint, then judge motor by motor."""
         part = self.robot_part
-        outcomes: dict[int, Outcome] = {}
-        traces: list[Trace] = []
-        for place, joint in enumerate(self.chosen):
-            self.progress(0.9 * place / len(self.chosen), part.names[joint])
-            with part.recorded() as trace:
-                outcomes[joint] = self.swinger.swing(joint, self.ends[place], self.cycles, self.speeds[place])
-            traces.append(trace)
-        data = _joined([trace for trace in traces if len(trace)])
+        self._swings: dict[int, _Swing] = {}
+        self._moving = set[int]()
+        work(part, singly(part.names, self.chosen), self._course, pace=PACE)
         self._compare_with_expected()
         for joint in self.chosen:
             with self.subresult(part.names[joint]):
-                self._judge(joint, outcomes[joint], data, traces[self.chosen.index(joint)])
+                self._judge(joint, *self._swings[joint])
+
+    def _course(self, joint: int) -> Course[None]:
+        """Swing a joint, when no other of its board moves: what its motors do is to be told apart."""
+        part, place = self.robot_part, self.chosen.index(joint)
+        block = self.transmission.blocks[joint]
+        yield from until(part.clock, lambda: self._moving.isdisjoint(block), math.inf)
+        self._moving.add(joint)
+        with part.recorded() as trace:
+            outcome = yield from self.swinger.swinging(joint, self.ends[place], self.cycles, self.speeds[place])
+        self._moving.remove(joint)
+        self._swings[joint] = _Swing(outcome, trace)
+        self.progress(0.9 * len(self._swings) / len(self.chosen), part.names[joint])
+
+    def _of_board(self, joint: int) -> _Data:
+        """The states of all swings of the board of a joint."""
+        block = self.transmission.blocks[joint]
+        return _joined([self._swings[one].trace for one in self.chosen if one in block])
 
     def _compare_with_expected(self) -> None:
         """The matrix of the parameters against that of the board, joint by joint."""
@@ -131,7 +155,7 @@ class OpticalEncodersConsistency(JointsTest):
                 f"{self.matrix[row * count + column]:g}"
             )
 
-    def _judge(self, joint: int, outcome: Outcome, data: _Data, trace: Trace) -> None:
+    def _judge(self, joint: int, outcome: Outcome, trace: Trace) -> None:
         name = self.robot_part.names[joint]
         if outcome.complaint:
             self.check(condition=False, text=f"{name} {outcome.complaint}; {likely_causes(*outcome.findings)}")
@@ -153,6 +177,7 @@ class OpticalEncodersConsistency(JointsTest):
             turned >= 0.1 * travel,
             f"{name} moves by {travel:.1f} deg, its motor's encoder does not; {likely_causes('frozen')}",
         )
+        data = self._of_board(joint)
         ratios, left = self._estimate(joint, data)
         # What does not fit a line at all says less of its slope: a share of the half swing.
         doubt = float(left.std()) / (travel / 2)
@@ -252,7 +277,8 @@ class OpticalEncodersConsistency(JointsTest):
 
 
 def _joined(traces: list[Trace]) -> _Data:
-    """The states of traces, one after the other."""
+    """The states of traces, one after the other, of those that have any."""
+    traces = [trace for trace in traces if len(trace)]
     names = ("time", "positions", "motor_positions", "velocities", "motor_velocities", "duty_cycles")
     return _Data(*(np.concatenate([getattr(trace, name) for trace in traces]) for name in names))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from rtf.robot.control_modes import ControlMode
@@ -11,7 +12,7 @@ from rtf.robot_testing.steps import StepTest
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
-    from rtf.robot.interfaces import FloatArray
+    from rtf.robot.interfaces import FloatArray, Pid
     from rtf.robot_testing import Trace
     from rtf.robot_testing.courses import Course
 
@@ -39,10 +40,35 @@ class PositionControlAccuracy(StepTest):
     ki = Parameter(list[float], "integral gain; none: the robot's", default=[], key="Ki")
     kd = Parameter(list[float], "derivative gain; none: the robot's", default=[], key="Kd")
 
+    repeatability = Parameter(
+        float, "deviation of the steps from each other, at most; more where friction hides more", unit="deg",
+        default=0.2, low=0.0,
+    )  # fmt: skip
+    friction = Parameter(
+        float, "of the greatest output of a joint's controller, that friction may hide from it", unit="%", default=2.5,
+        low=0.0, high=100.0,
+    )  # fmt: skip
+
     def setup(self) -> None:
         """See the base; with gains of its own, give them to the controllers."""
         super().setup()
         self._give_gains()
+        board = self.robot_part.board
+        self.hidden = {joint: self._hidden(board.pid(PidType.POSITION, joint)) for joint in self.chosen}
+
+    def _hidden(self, pid: Pid) -> float:
+        """How far apart (deg, standard deviation) a controller may leave a joint that friction holds.
+
+        Until its integral has gathered, a joint may rest wherever the proportional part is less than the friction: for
+        all that is known anywhere in an interval, whose deviation is half its width by the root of three. Weak
+        controllers, as of fingers, leave more. It is no excuse for a quarter of the step.
+        """
+        reach = self.friction / 100.0 * abs(pid.max_output) / abs(pid.kp) if pid.kp else math.inf
+        return min(reach / math.sqrt(3.0), self.step / 4)
+
+    def most_spread(self, joint: int) -> float:
+        """See the base."""
+        return max(self.repeatability, self.hidden[joint])
 
     def _give_gains(self) -> None:
         board = self.robot_part.board

@@ -9,7 +9,7 @@ import numpy as np
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.courses import until
-from rtf.robot_testing.steps import StepTest
+from rtf.robot_testing.steps import Judged, StepTest
 from rtf.robot_testing.torque import measuring_torques, torque_joints
 from rtf.testing import Parameter
 
@@ -91,8 +91,8 @@ class TorqueControlAccuracy(StepTest):
         """See the base."""
         return trace.torques[:, joint]
 
-    def judge(self, joint: int, cycles: list[Cycle]) -> None:
+    def values(self, joint: int, cycles: list[Cycle]) -> list[Judged]:
         """See the base; what was measured before the step counts, too."""
         before = [float(np.abs(one.measured[one.time < 0].mean() - one.start)) for one in cycles]
-        self.judge_value(joint, "error before the step", max(before), "Nm", self.holding_error, self.wrong_finding)
-        super().judge(joint, cycles)
+        error = Judged("error before the step", max(before), "Nm", self.holding_error, self.wrong_finding)
+        return [error, *super().values(joint, cycles)]

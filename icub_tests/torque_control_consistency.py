@@ -90,7 +90,12 @@ class TorqueControlConsistency(RobotTest):
         for change in (self.change, 0.0, -self.change):
             wanted = held + change
             self._tell(part, form, joints, wanted)
-            part.wait(_ARRIVING, pace=0.01)
+            part.wait_to_arrive(
+                lambda wanted=wanted: bool(
+                    (np.abs(part.board.reference_torques(joints) - wanted) <= self.tolerance).all()
+                ),
+                _ARRIVING, pace=0.01,
+            )  # fmt: skip
             found.append((
                 change, wanted, part.board.reference_torques(joints), part.board.torques(joints),
                 self._in_torque_mode(part, joints),

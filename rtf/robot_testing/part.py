@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 PACE = 0.02
 #: How near is there, deg, and what a move is given beyond the time that it should take, s.
 TOLERANCE, GRACE = 0.5, 5.0
+#: What a command may take to arrive on a busy machine, beyond its usual time, s.
+LATEST = 0.3
 _HISTORY = 1000
 
 
@@ -145,6 +147,14 @@ class Part:
     def wait(self, seconds: float, *, pace: float = PACE) -> None:
         """Let time pass; the guard looks on."""
         finish(self, pause(self.clock, seconds), pace=pace)
+
+    def wait_to_arrive(self, arrived: Callable[[], bool], usual: float, *, pace: float = PACE) -> bool:
+        """Give a command the time that it usually takes to arrive, and more where it has not: it may only be late.
+
+        Whether it has arrived in the end. A command that was lost never does.
+        """
+        self.wait(usual, pace=pace)
+        return arrived() or self.wait_until(arrived, LATEST, pace=pace)
 
     @contextmanager
     def recorded(self) -> Iterator[Trace]:

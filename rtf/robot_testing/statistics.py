@@ -110,6 +110,17 @@ def delay_between(reference: ArrayLike, answer: ArrayLike, period: float, most: 
     return (best + fraction) * period
 
 
+def surely_beyond(values: ArrayLike, share: float, level: float = CONFIDENCE) -> float:
+    """What the quantile ``share`` of that of which these are a sample is at least, with this confidence.
+
+    One of the values, by the order statistics of a binomial distribution; the least for a small sample.
+    """
+    ordered = np.sort(np.asarray(values, dtype=np.float64))
+    count = ordered.size
+    place = count * share - NormalDist().inv_cdf(level) * math.sqrt(count * share * (1.0 - share))
+    return float(ordered[max(0, math.floor(place) - 1)])
+
+
 def quantile(level: float) -> float:
     """How many standard errors wide half an interval of this confidence is."""
     return NormalDist().inv_cdf(0.5 + level / 2)

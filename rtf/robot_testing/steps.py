@@ -1,6 +1,8 @@
 """What tests of step responses have in common: go home, rest, step, hold, several times for each joint; then judge.
 
-What is stepped, in which mode and by what command is said by the test that derives from :class:`StepTest`.
+What is stepped, in which mode and by what command is said by the test that derives from :class:`StepTest`. Answers are
+judged by the stamps of the states. A cycle that this test's own loop did not keep up with is judged as well, but what
+is wrong with it is not held against the robot: then the other cycles count, and without any nothing can be said.
 """
 
 from __future__ import annotations
@@ -15,8 +17,9 @@ from rtf.robot_testing.case import RobotTest
 from rtf.robot_testing.causes import likely_causes
 from rtf.robot_testing.courses import pause, singly, work
 from rtf.robot_testing.guard import GuardError
+from rtf.robot_testing.lateness import lateness
 from rtf.robot_testing.positioning import bringing, holding, starting_point
-from rtf.robot_testing.response import largest, spread_of, step_response
+from rtf.robot_testing.response import StepResponse, largest, spread_of, step_response
 from rtf.testing import Parameter
 from rtf.testing.verdict import MeasurementVerdict
 
@@ -33,7 +36,8 @@ _GRID = 0.01
 class Cycle(NamedTuple):
     """One step: times of the states (s, the step is at 0), what was measured, and what was commanded then.
 
-    ``beat`` is the longest time between two commands (s).
+    The states are in the order of their times; ``overtaken`` of them came behind a later one. ``late`` says how this
+    test did not keep up with its commands, if so.
     """
 
     time: FloatArray
@@ -41,7 +45,23 @@ class Cycle(NamedTuple):
     commanded: FloatArray
     start: float
     target: float
-    beat: float
+    overtaken: int
+    late: str
+
+
+class Judged(NamedTuple):
+    """A value with the most that it may be; NaN where there is none. ``finding`` is what it points to to be more."""
+
+    name: str
+    value: float
+    symbol: str
+    high: float
+    finding: str
+
+    @property
+    def excused(self) -> bool:
+        """Whether it is too much in a way for which it may be enough that commands were late."""
+        return self.value > self.high
 
 
 class StepTest(RobotTest):
@@ -156,30 +176,41 @@ class StepTest(RobotTest):
         part = self.robot_part
         yield from self._bring(joint)
         yield from pause(part.clock, self.rest)
+        times: list[float] = []
         try:
             with part.recorded() as trace:
                 start, target = yield from self.begin(joint)
                 mode = part.board.control_modes(joint)[0]
-                times, commands, stepped = yield from self._step(joint, start, target)
+                commands, stepped = yield from self._step(joint, start, target, times)
         except GuardError as error:
+            late = lateness([*times, self.now()], self.sample_time)
+            if late:
+                self.inconclusive(f"{error}; but {late}")
             self.assert_fail(f"{error}; {likely_causes('runs away')}")
         now = part.board.control_modes(joint)[0]
         self.assert_true(now is mode, f"{part.names[joint]} left {mode.word} for {now.word} in the middle of a step")
-        after = trace.time >= times[0]
-        stamps = trace.time[after]
+        came = trace.time[trace.time >= times[0]]
         self.assert_true(
-            stamps.size > _FEWEST_STATES and stamps[-1] > stepped + self.shortest,
-            f"{part.names[joint]}: {stamps.size} states came, up to {stamps[-1] - stepped:.2f} s after the step; "
-            f"{self.shortest:g} s are needed",
+            came.size > _FEWEST_STATES and came.max() > stepped + self.shortest,
+            f"{part.names[joint]}: {came.size} states came, up to {came.max(initial=-math.inf) - stepped:.2f} s after "
+            f"the step; {self.shortest:g} s are needed",
         )
-        beat = float(np.diff(times).max())
+        order = np.argsort(trace.time, kind="stable")
+        order = order[trace.time[order] >= times[0]]
+        stamps = trace.time[order]
         taken = np.searchsorted(times, stamps, side="right") - 1
         return Cycle(
-            stamps - stepped, self.measured(trace, joint)[after], np.array(commands)[taken], start, target, beat
+            time=stamps - stepped,
+            measured=self.measured(trace, joint)[order],
+            commanded=np.array(commands)[taken],
+            start=start,
+            target=target,
+            overtaken=int((came < np.maximum.accumulate(came)).sum()),
+            late=lateness(times, self.sample_time),
         )
 
-    def _step(self, joint: int, start: float, target: float) -> Course[tuple[list[float], list[float], float]]:
-        times: list[float] = []
+    def _step(self, joint: int, start: float, target: float, times: list[float]) -> Course[tuple[list[float], float]]:
+        """Command the step; ``times`` is filled with when it did so. Returns the commands, and when the step was."""
         commands: list[float] = []
         stepped, begin = math.nan, self.now()
         while (elapsed := self.now() - begin) < self.step_duration - _ROUNDING:
@@ -192,7 +223,7 @@ class StepTest(RobotTest):
                 self._judge_early_end(joint, self.now() - stepped)
                 break
             yield None
-        return times, commands, stepped
+        return commands, stepped
 
     def _judge_early_end(self, joint: int, after: float) -> None:
         """A joint that has gone too far before its step could be judged does not do what it is told."""
@@ -217,32 +248,67 @@ class StepTest(RobotTest):
 
     def judge(self, joint: int, cycles: list[Cycle]) -> None:
         """Measure all that has limits; the worst of the cycles counts."""
-        answers = [step_response(one.time, one.measured, one.start, one.target, self.band) for one in cycles]
+        late = [one.late for one in cycles if one.late]
+        if late and any(value.excused for value in self.values(joint, cycles)):
+            cycles = self._punctual(joint, cycles, late[0])
+        for value in self.values(joint, cycles):
+            self._judge_value(joint, value)
+        widths = [one.bandwidth for one in self.answers(cycles)]
+        if all(map(math.isfinite, widths)):
+            self.measure("bandwidth", min(widths), "Hz")
+
+    def _punctual(self, joint: int, cycles: list[Cycle], late: str) -> list[Cycle]:
+        """The cycles that the loop of this test kept up with. Ends as inconclusive where there is none."""
+        name, punctual = self.robot_part.names[joint], [one for one in cycles if not one.late]
+        if punctual:
+            self.report(f"{name}: {late}: {len(cycles) - len(punctual)} of {len(cycles)} steps are not judged")
+            return punctual
+        beyond = []
+        for value in self.values(joint, cycles):
+            if not math.isnan(value.value):
+                self.measure(value.name, value.value, value.symbol)
+            if value.excused:
+                beyond.append(f"{value.name} is {value.value:.3g} {value.symbol}")
+        return self.inconclusive(f"{name}: {', '.join(beyond)}; but {late}")
+
+    def answers(self, cycles: list[Cycle]) -> list[StepResponse]:
+        """How a joint answered in some cycles."""
+        return [step_response(one.time, one.measured, one.start, one.target, self.band) for one in cycles]
+
+    def values(self, joint: int, cycles: list[Cycle]) -> list[Judged]:
+        """All that has limits, of some cycles of a joint."""
+        answers = self.answers(cycles)
         late, wrong, symbol = self.late_finding, self.wrong_finding, self.symbol
-        judge = self.judge_value
-        judge(joint, "delay", largest([one.delay for one in answers]), "s", self.delay, late)
-        judge(joint, "rise time", largest([one.rise_time for one in answers]), "s", self.rise_time, wrong)
-        judge(joint, "overshoot", largest([one.overshoot for one in answers]), "%", self.overshoot, "overshoot")
-        judge(joint, "settling time", largest([one.settling_time for one in answers]), "s", self.settling_time, wrong)
-        judge(
-            joint, "steady error", largest([abs(one.steady_error) for one in answers]), symbol, self.steady_error, wrong
-        )
-        judge(joint, "ripple", largest([one.ripple for one in answers]), symbol, self.ripple, "noise")
-        if all(math.isfinite(one.bandwidth) for one in answers):
-            self.measure("bandwidth", min(one.bandwidth for one in answers), "Hz")
+        errors = [abs(one.steady_error) for one in answers]
+        values = [
+            Judged("delay", largest([one.delay for one in answers]), "s", self.delay, late),
+            Judged("rise time", largest([one.rise_time for one in answers]), "s", self.rise_time, wrong),
+            Judged("overshoot", largest([one.overshoot for one in answers]), "%", self.overshoot, "overshoot"),
+            Judged("settling time", largest([one.settling_time for one in answers]), "s", self.settling_time, wrong),
+            Judged("steady error", largest(errors), symbol, self.steady_error, wrong),
+            Judged("ripple", largest([one.ripple for one in answers]), symbol, self.ripple, "noise"),
+        ]
         if len(cycles) > 1:
             spread = spread_of([one.time for one in cycles], [one.measured - one.start for one in cycles], _GRID)
-            judge(joint, "repeatability", spread, symbol, self.repeatability, "irregular")
+            values.append(Judged("repeatability", spread, symbol, self.most_spread(joint), "irregular"))
+        return values
 
-    def judge_value(self, joint: int, name: str, value: float, symbol: str, high: float, finding: str) -> None:
-        """Measure a value that has a limit; beyond it, or where there is none, say what it means."""
-        joint_name = self.robot_part.names[joint]
-        if math.isnan(value):
-            self.check_fail_if_true(condition=True, text=f"{joint_name}: there is no {name}; {likely_causes(finding)}")
-        elif self.measure(name, value, symbol, high=high).verdict is MeasurementVerdict.FAILED:
+    def most_spread(self, joint: int) -> float:
+        """How far the steps of a joint may be from each other."""
+        del joint
+        return self.repeatability
+
+    def _judge_value(self, joint: int, value: Judged) -> None:
+        """Measure a value; beyond its limit, or where there is none, say what it means."""
+        name = self.robot_part.names[joint]
+        if math.isnan(value.value):
+            self.check_fail_if_true(
+                condition=True, text=f"{name}: there is no {value.name}; {likely_causes(value.finding)}"
+            )
+        elif self.measure(value.name, value.value, value.symbol, high=value.high).verdict is MeasurementVerdict.FAILED:
             self.report(
-                f"{joint_name}: {name} is {value:.3g} {symbol}, it is to be {high:g} {symbol} at most; "
-                f"{likely_causes(finding)}"
+                f"{name}: {value.name} is {value.value:.3g} {value.symbol}, it is to be {value.high:g} {value.symbol} "
+                f"at most; {likely_causes(value.finding)}"
             )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rtf.robot_testing.statistics import Periods, periods_of
+from rtf.robot_testing.statistics import Periods, periods_of, surely_beyond
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,6 +45,10 @@ class Stream(NamedTuple):
     def jitter(self, share: float) -> float:
         """By how much later than the quickest message such a share of all came at most."""
         return float(np.quantile(self.delays, share) - self.delays.min())
+
+    def sure_jitter(self, share: float) -> float:
+        """What that surely is at least, for a stream that goes on like this: no more than the statistics allow."""
+        return surely_beyond(self.delays, share) - float(self.delays.min())
 
 
 def within(messages: Sequence[Message], skipped: float, seconds: float) -> list[Message]:

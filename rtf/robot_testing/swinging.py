@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rtf.robot_testing.courses import finish, until
 from rtf.robot_testing.guard import GuardError
+from rtf.robot_testing.part import PACE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing.courses import Course
     from rtf.robot_testing.part import Part
     from rtf.robot_testing.transmission import Transmission
 
@@ -61,19 +64,29 @@ class Swinger:
         """Whether a joint was given up."""
         return self.part.guard is not None and self.part.guard.given_up(joint)
 
-    def swing(self, joint: int, ends: Ends, count: int, speed: float) -> Outcome:
-        """So many half-swings of one joint, and home again."""
-        for number in range(count):
-            target = ends.high if number % 2 == 0 else ends.low
-            outcome = self.go([target], [joint], [speed]).get(joint)
-            if outcome is not None:
-                return outcome
-        return self.go([self.part.home[joint]], [joint], [speed]).get(joint, Outcome())
+    def swinging(self, joint: int, ends: Ends, count: int, speed: float) -> Course[Outcome]:
+        """So many half-swings of one joint, and home again. One that the guard stops is given up as well."""
+        targets = [ends.high if number % 2 == 0 else ends.low for number in range(count)]
+        try:
+            for target in (*targets, float(self.part.home[joint])):
+                outcomes = yield from self.moving([target], [joint], [speed])
+                if outcomes:
+                    return outcomes[joint]
+        except GuardError as error:
+            self._give_up(joint)
+            return Outcome(f"had to be stopped: {error}", ("runs away",))
+        return Outcome()
 
     def go(
         self, targets: Sequence[float] | FloatArray, joints: Sequence[int], speeds: Sequence[float]
     ) -> dict[int, Outcome]:
         """Move joints together and wait; what is wrong with those that did not arrive, which are given up."""
+        return finish(self.part, self.moving(targets, joints, speeds), pace=PACE)
+
+    def moving(
+        self, targets: Sequence[float] | FloatArray, joints: Sequence[int], speeds: Sequence[float]
+    ) -> Course[dict[int, Outcome]]:
+        """The same as a course."""
         part = self.part
         failed = {j: Outcome("does not obey any more, and is left alone", ("sign",)) for j in joints if self.lost(j)}
         going = [j for j in joints if j not in failed]
@@ -88,7 +101,7 @@ class Swinger:
         part.board.position_move(wanted, going)
         seconds = float(np.max(_TIMES * np.abs(wanted - begin) / pace)) + _GRACE
         try:
-            part.wait_until(lambda: self._arrived(going, wanted) or bool(watch.unseen(_UNSEEN)), seconds)
+            yield from until(part.clock, lambda: self._arrived(going, wanted) or bool(watch.unseen(_UNSEEN)), seconds)
             unseen = watch.unseen(_UNSEEN)
         except GuardError:
             unseen = watch.unseen(_SUSPECT)
@@ -96,9 +109,12 @@ class Swinger:
                 raise
         for joint, outcome in self._late(going, wanted, unseen).items():
             failed[joint] = outcome
-            if part.guard is not None:
-                part.guard.give_up(joint, "it does not do what it is told")
+            self._give_up(joint)
         return failed
+
+    def _give_up(self, joint: int) -> None:
+        if self.part.guard is not None:
+            self.part.guard.give_up(joint, "it does not do what it is told")
 
     def _arrived(self, going: list[int], wanted: FloatArray) -> bool:
         return bool((np.abs(self.part.board.encoders(going) - wanted) <= self.tolerance).all())

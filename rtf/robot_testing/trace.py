@@ -34,6 +34,11 @@ class Trace:
         return len(self._states)
 
     @property
+    def newest(self) -> tuple[float, ExtendedState]:
+        """The state that came last, with its stamp (s): both of the same message. IndexError before the first."""
+        return self._states[-1]
+
+    @property
     def time(self) -> FloatArray:
         """The stamps (s)."""
         return np.array([stamp for stamp, _ in list(self._states)])

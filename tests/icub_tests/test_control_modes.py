@@ -14,6 +14,8 @@ SUITE = f"""
 <test name="torque-is-position"> {TORSO} <parameter name="inject">"wrong_mode torso_roll"</parameter>
   <parameter name="faults">false</parameter> ControlModes </test>
 <test name="leaves-faults"> {TORSO} <parameter name="inject">"fault_left torso_pitch"</parameter> ControlModes </test>
+<test name="stopped"> <parameter name="part">head</parameter> <parameter name="faults">false</parameter>
+  <parameter name="inject">"torque_bias neck_yaw bias=100 delay=1"</parameter> ControlModes </test>
 <test name="no-such-mode"> {TORSO} <parameter name="without">(fly)</parameter> ControlModes </test>
 """
 
@@ -56,6 +58,15 @@ def test_a_wrong_answer_fails_at_its_joint_only(outcome, test, joint, words):
     assert outcome.verdict(test) is Verdict.FAILED
     assert failures_of(outcome, test) == {joint}
     assert any(words in message.detail for message in outcome.of(Message, severity=Severity.FAILURE))
+
+
+def test_a_joint_that_has_to_be_stopped_ends_nothing_but_its_own_part(outcome, measured):
+    """It fails by its name, and the other joints go through all their modes without it."""
+    assert outcome.verdict("stopped") is Verdict.FAILED
+    assert failures_of(outcome, "stopped") == {"neck_yaw"}
+    tried = measured(outcome, "stopped", "requests tried")
+    assert len(tried) == 5
+    assert "neck_yaw" not in {event.subject for event in tried}
 
 
 def test_a_mode_that_does_not_exist_is_an_error(outcome):

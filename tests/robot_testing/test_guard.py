@@ -33,6 +33,7 @@ class WrongBoard(FakeBoard):
     """A board of which single measurements can be made to be what they should not: field, joint and value."""
 
     wrong: tuple[str, int, float] | None = None
+    knows_torques = True
 
     def fill_state(self, state: ExtendedState) -> float:
         """See IStateSource."""
@@ -52,6 +53,8 @@ class WrongBoard(FakeBoard):
     def torque_range(self, joint: int) -> tuple[float, float]:
         """See ITorqueControl."""
         super().torque_range(joint)
+        if not self.knows_torques:
+            raise RefusedError(f"joint {joint} has no torque control")
         return -20.0, 20.0
 
 
@@ -140,17 +143,12 @@ def test_what_is_not_limited_is_not_watched(bench: Bench):
 def test_limits_that_a_board_does_not_have_are_none(bench: Bench):
     """It says 0, or refuses to say: neither may stop a joint."""
     bench.device.set_temperature_limit(1, 0.0)
-    bench.device.torque_range = refuse  # type: ignore[method-assign]
+    bench.device.knows_torques = False
     guard = bench.guard()
     for field in ("torques", "temperatures"):
         bench.time.sleep(1.5)
         bench.measure(field, 1, 1000.0)
         guard.watch()
-
-
-def refuse(joint: int) -> tuple[float, float]:
-    """A board that knows nothing of torques."""
-    raise RefusedError(f"joint {joint} has no torque control")
 
 
 def test_joint_that_was_given_up_is_not_watched(bench: Bench):

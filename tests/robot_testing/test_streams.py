@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.robot_testing.listening import Message
+from rtf.robot_testing.statistics import surely_beyond
 from rtf.robot_testing.streams import stream_of, within
 
 
@@ -73,3 +74,18 @@ def test_too_few_messages_say_nothing():
     """Two messages are refused; the error says how many are needed."""
     with pytest.raises(ValueError, match="3 are needed"):
         stream_of([message(0), message(0), message(1)])
+
+
+def test_a_few_late_messages_are_no_sure_jitter():
+    """Of two hundred messages 22 late ones may be bad luck where 20 are allowed; 40 are not."""
+    stream = stream_of([message(number, delay=0.031 if number % 9 == 0 else 0.001) for number in range(200)])
+    assert stream.jitter(0.9) == pytest.approx(0.03)
+    assert stream.sure_jitter(0.9) == pytest.approx(0.0)
+    stream = stream_of([message(number, delay=0.031 if number % 5 == 0 else 0.001) for number in range(200)])
+    assert stream.sure_jitter(0.9) == pytest.approx(0.03)
+
+
+def test_a_small_sample_says_little_of_a_quantile():
+    """Of three values it is the least."""
+    assert surely_beyond([3.0, 1.0, 2.0], 0.9) == 1.0
+    assert surely_beyond([5.0] * 100, 0.9) == 5.0
