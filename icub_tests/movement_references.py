@@ -58,8 +58,7 @@ class MovementReferencesTest(JointsTest):
         super().setup()
         part, chosen = self.robot_part, self.chosen
         self.speeds = np.array(self.per_joint("refVel", self.speed, chosen))
-        middle = (part.low[chosen] + part.high[chosen]) / 2
-        self.way = np.where(part.home[chosen] < middle, 1.0, -1.0)  # away from the nearer limit
+        self.way = self._inwards(part.home[chosen], chosen)
         if self.target:
             self.targets = np.array(self.per_joint("target", self.target, chosen))
         else:
@@ -67,6 +66,12 @@ class MovementReferencesTest(JointsTest):
                 part.home[chosen] + self.distance * self.way, part.low[chosen], part.high[chosen]
             )  # fmt: skip
         self.bring_home(speed=float(self.speeds.min()))
+
+    def _inwards(self, positions: FloatArray, joints: list[int]) -> FloatArray:
+        """The ways (1 or -1) of joints that are at these positions away from their nearer limits."""
+        part = self.robot_part
+        ways: FloatArray = np.where(positions < (part.low[joints] + part.high[joints]) / 2, 1.0, -1.0)
+        return ways
 
     def run(self) -> None:
         """One kind of reference after the other, all joints together."""
@@ -127,10 +132,11 @@ class MovementReferencesTest(JointsTest):
     def _velocity(self) -> None:
         """The speed that is taken is the way over the time of the stamps, by a line through all of them."""
         part, board = self.robot_part, self.robot_part.board
-        joints, way = self._enter(ControlMode.VELOCITY)
+        joints, _ = self._enter(ControlMode.VELOCITY)
         if not joints:
             return
-        speeds = self.velocity * way
+        # From where they are: in PWM mode light ones may have fallen as far as a limit.
+        speeds = self.velocity * self._inwards(board.encoders(joints), joints)
         try:
             self._run_at(speeds, joints)
             self._same("reference velocity", joints, board.target_velocities(joints), speeds, "deg/s")

@@ -40,18 +40,23 @@ class OpenLoopConsistency(JointsTest):
         """Enter PWM mode, drive up and down, and leave it. A joint that has to be stopped is left out from there on."""
         part, board = self.robot_part, self.robot_part.board
         self.calmly(lambda: part.set_mode(ControlMode.PWM, self.chosen, timeout=_CHANGES))
+        self._await(0.0, _PACE)
         self._look("on entering", 0.0)
         for duty in (self.level, 0.0, -self.level):
             board.set_reference_duty_cycles(np.full(len(self.chosen), duty), self.chosen)
-            self.calmly(lambda duty=duty: part.wait_to_arrive(lambda: self._follow(duty), self.settling, pace=_PACE))
+            self._await(duty, self.settling)
             self._look(f"at {duty:g} %", duty)
         self.calmly(lambda: part.set_mode(ControlMode.POSITION, self.chosen))
         self.calmly(lambda: part.wait(self.settling, pace=_PACE))
         self._judge("reference kept after leaving", board.reference_duty_cycles(self.chosen), -self.level)
         self.calmly(lambda: self.bring_home(self.chosen))
 
-    def _follow(self, duty: float) -> bool:
-        """Whether all joints get what they were told."""
+    def _await(self, duty: float, usual: float) -> None:
+        """Give the boards, and the states that tell of them, the time to arrive at what all joints are to get."""
+        self.calmly(lambda: self.robot_part.wait_to_arrive(lambda: self._follows(duty), usual, pace=_PACE))
+
+    def _follows(self, duty: float) -> bool:
+        """Whether all joints get it."""
         board = self.robot_part.board
         outputs = (board.reference_duty_cycles(self.chosen), board.duty_cycles(self.chosen))
         return bool((np.abs(np.array(outputs) - duty) <= self.tolerance).all())
