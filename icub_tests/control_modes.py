@@ -11,6 +11,7 @@ import numpy as np
 
 from rtf.bottle import Bottle
 from rtf.robot.control_modes import (
+    HOLDING_MODES,
     REQUESTS,
     STATES,
     TRAJECTORY_MODES,
@@ -24,7 +25,7 @@ from rtf.robot.control_modes import (
 from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot_testing import Limits, Safety, likely_causes
 from rtf.robot_testing.joints_case import JointsTest
-from rtf.robot_testing.mode_walk import HOLDING, ModeWalk
+from rtf.robot_testing.mode_walk import ModeWalk
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ class ControlModes(JointsTest):
     def _visit(self, state: ControlMode) -> None:
         """What is tried once in each mode: to be compliant, commands of other modes, what nobody may ask for."""
         self._change_interaction(state)
-        if state in HOLDING or state is ControlMode.IDLE:
+        if state in HOLDING_MODES or state is ControlMode.IDLE:
             for command in _COMMANDS:
                 if state not in command.modes:
                     self._command(state, command)
@@ -250,7 +251,7 @@ class ControlModes(JointsTest):
         part = self.robot_part
         modes = part.board.control_modes()
         joints = [joint for joint in self.chosen if modes[joint] is state]
-        if not joints or (state not in HOLDING and any(mode is not state for mode in modes)):
+        if not joints or (state not in HOLDING_MODES and any(mode is not state for mode in modes)):
             return
         before = part.board.encoders(joints)
         middle = (part.low[joints] + part.high[joints]) / 2
@@ -259,13 +260,13 @@ class ControlModes(JointsTest):
                 command.send(part.board, joints, np.where(before < middle, 1.0, -1.0))
             self._wait(_WATCHED)
             self._wait_until(lambda: len(trace) > 0)
-        if state in HOLDING:
+        if state in HOLDING_MODES:
             found, most, unit = np.abs(trace.positions[:, joints] - before), self.moved, "deg"
         else:
             found, most, unit = np.abs(trace.duty_cycles[:, joints]), _DRIVEN, "%"
         for joint, value in zip(joints, found.max(axis=0), strict=True):
             if value > most and self._has(joint):
-                what = "moves by" if state in HOLDING else "is driven with"
+                what = "moves by" if state in HOLDING_MODES else "is driven with"
                 self.wrong[joint].append(f"in {state.word} it {what} {value:.2f} {unit} at a command of {command.name}")
 
     def _come_back(self) -> None:

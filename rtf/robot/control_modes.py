@@ -112,6 +112,8 @@ POWERLESS = frozenset(
 TRAJECTORY_MODES = frozenset({ControlMode.POSITION, ControlMode.MIXED})
 #: In these velocity commands are taken.
 VELOCITY_MODES = frozenset({ControlMode.VELOCITY, ControlMode.MIXED})
+#: In these the position of a joint is controlled, and nothing but their own commands moves it.
+HOLDING_MODES = TRAJECTORY_MODES | VELOCITY_MODES | {ControlMode.POSITION_DIRECT}
 
 _STARTING = (
     ControlMode.NOT_CONFIGURED,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rtf.robot.control_modes import TRANSITIONS, ControlMode
+from rtf.robot.control_modes import HOLDING_MODES, TRANSITIONS, ControlMode
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -22,7 +22,7 @@ class ModeWalk:
             if state in self.open and request not in without:
                 self.open[state].append(request)
         for state, requests in self.open.items():
-            if state not in HOLDING:  # it is left at once for what holds a joint
+            if state not in HOLDING_MODES:  # it is left at once for what holds a joint
                 requests.sort(key=lambda request: request is not ControlMode.POSITION)
 
     @property
@@ -40,6 +40,3 @@ class ModeWalk:
             return requests.pop(0)
         return next((other for other, left in self.open.items() if left), None)
 
-
-#: Modes in which a joint stays where it is when nobody commands it.
-HOLDING = frozenset({ControlMode.POSITION, ControlMode.POSITION_DIRECT, ControlMode.VELOCITY, ControlMode.MIXED})

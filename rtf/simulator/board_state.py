@@ -62,6 +62,7 @@ class BoardState:
         self.torque_faults: list[Callable[[FloatArray, float], None]] = []
         self.plant_faults: list[Callable[[float], None]] = []
         self.command_faults: list[Callable[[str, int, float], bool]] = []
+        self.obeying_faults: list[Callable[[int], bool]] = []
         self.mode_faults: list[Callable[[int, ControlMode, int], ControlMode | None]] = []
 
     @property

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rtf.robot.control_modes import (
+    HOLDING_MODES,
     POWERLESS,
     VELOCITY_MODES,
     Answer,
@@ -331,11 +332,12 @@ class Boards(BoardState):
 
     def accept(self, what: str, axes: list[int], modes: frozenset[ControlMode]) -> list[int]:
         """Those of the axes that are in one of the modes, places in the list; commands to others are ignored."""
-        now = self.now
+        now, held = self.now, modes | HOLDING_MODES
         return [
             place
             for place, axis in enumerate(axes)
-            if int(self.mode[axis]) in modes and not any(lost(what, axis, now) for lost in self.command_faults)
+            if int(self.mode[axis]) in (held if any(obeys(axis) for obeys in self.obeying_faults) else modes)
+            and not any(lost(what, axis, now) for lost in self.command_faults)
         ]
 
     def move(self, axes: NDArray[np.intp], targets: FloatArray) -> None:

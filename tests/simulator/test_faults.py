@@ -394,6 +394,17 @@ def ignores_modes(bench: Bench) -> None:
     assert bench.mode is ControlMode.POSITION
 
 
+def obeys_in_any_mode(bench: Bench) -> None:
+    """A position move moves it in velocity mode, which takes none; in torque mode it does not."""
+    healthy = Bench()
+    for mode, obeyed in (("VELOCITY", True), ("TORQUE", False)):
+        for one, moves in ((healthy, False), (bench, obeyed)):
+            one.arm.set_control_modes([ControlMode[mode]], [3])
+            before = float(one.boards.targets[ELBOW])
+            one.arm.position_move(before + 5.0, 3)
+            assert float(one.boards.targets[ELBOW]) == before + 5.0 * moves
+
+
 def takes_another_mode(bench: Bench) -> None:
     """Torque becomes position; everything else is as it should be."""
     for asked, there in (("VELOCITY", "VELOCITY"), ("TORQUE", "POSITION")):
@@ -582,6 +593,7 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "torque_bias": torque_is_biased,
     "torque_scale": torque_is_scaled,
     "missed_command": misses,
+    "command_of_any_mode": obeys_in_any_mode,
     "fault_left": leaves_its_fault,
     "mode_ignored": ignores_modes,
     "wrong_mode": takes_another_mode,

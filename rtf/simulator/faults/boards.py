@@ -38,6 +38,26 @@ class MissedCommand(AxisFault):
         return self._count % max(1, round(self.every)) == 0
 
 
+class CommandOfAnyMode(AxisFault):
+    """See ``meaning``."""
+
+    kind = "command_of_any_mode"
+    layer = Layer.BOARD
+    meaning = "As long as the board controls the position of a joint, it takes the commands of all modes."
+    shows = "A joint moves by a command that its mode does not take, so whoever has lost it still drives it."
+
+    def begin(self) -> None:
+        """See Fault."""
+        self.boards.obeying_faults.append(self._obeys)
+
+    def end(self) -> None:
+        """See Fault."""
+        self.boards.obeying_faults.remove(self._obeys)
+
+    def _obeys(self, axis: int) -> bool:
+        return axis == self.axis
+
+
 class _ModeFault(AxisFault):
     """Changes what a board does with a request for a mode."""
 
@@ -243,6 +263,7 @@ class WrongGains(AxisFault):
 
 KINDS = (
     MissedCommand,
+    CommandOfAnyMode,
     FaultLeft,
     ModeIgnored,
     WrongMode,
