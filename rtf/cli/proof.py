@@ -19,6 +19,7 @@ _EXAMPLES = """\
 rtf proof                          everything, on all cores; hours of robot time in minutes
 rtf proof --fast                   the subset that the project's own tests run
 rtf proof --test JointLimits       one test
+rtf proof --others                 also what nobody claims: every test on every fault, about an hour
 rtf proof --resume                 go on with a proof that was interrupted
 rtf proof --output docs/proof.md   write the matrix there"""
 
@@ -58,6 +59,9 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--test", metavar="NAME", action="append", default=[], help="only the claims of this test")
     parser.add_argument("--fault", metavar="KIND", action="append", default=[], help="only cases with this fault")
     parser.add_argument("--fast", action="store_true", help="only the fast subset")
+    parser.add_argument(
+        "--others", action="store_true", help="also every test on every fault that it claims nothing of"
+    )
     parser.add_argument("--list", action="store_true", help="list the cases and run nothing")
     parser.add_argument("-j", "--jobs", type=int, default=os.cpu_count() or 1, help="simulators at a time")
     parser.add_argument("--folder", metavar="DIR", default="rtf-runs/proof", help="where suites and results are kept")
@@ -69,18 +73,18 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
 
 
 def _cases(options: argparse.Namespace) -> list[Case]:
-    from rtf.robot_testing.proof import cases_of, read_claims
+    from rtf.robot_testing.proof import cases_of, others_of, read_claims, read_reasons
     from rtf.testing.plugins import shipped_folder
 
+    folder = shipped_folder("test") / "claims"
+    reasons = read_reasons(folder / "others" / "reasons.toml") if options.others else ()
     cases: list[Case] = []
-    for file in sorted((shipped_folder("test") / "claims").glob("*.toml")):
+    for file in sorted(folder.glob("*.toml")):
         claims = read_claims(file)
-        if options.test and claims.test not in options.test:
-            continue
-        cases += [
-            case for case in cases_of(claims, fast=options.fast) if not options.fault or case.fault in options.fault
-        ]
-    return cases
+        if not options.test or claims.test in options.test:
+            cases += cases_of(claims, fast=options.fast)
+            cases += others_of(claims, reasons) if options.others else ()
+    return [case for case in cases if not options.fault or case.fault in options.fault]
 
 
 def _run(options: argparse.Namespace, folder: Path, files: Sequence[Path]) -> ExitCode:

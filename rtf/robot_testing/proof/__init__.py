@@ -5,8 +5,8 @@ ordinary runner, ``judging`` compares its events with the claims, and ``matrix``
 seeds and machines would repeat the cases with other parameters of the fixture; the place for that is ``cases``.
 """
 
-from rtf.robot_testing.proof.cases import Case, Expectation, cases_of
-from rtf.robot_testing.proof.claims import Claims, ClaimsError, read_claims
+from rtf.robot_testing.proof.cases import Case, Expectation, cases_of, others_of
+from rtf.robot_testing.proof.claims import Claims, ClaimsError, Reason, read_claims, read_reasons
 from rtf.robot_testing.proof.judging import Finding, Judgement, judge
 from rtf.robot_testing.proof.matrix import write_matrix
 from rtf.robot_testing.proof.suites import write_suites
@@ -18,9 +18,12 @@ __all__ = [
     "Expectation",
     "Finding",
     "Judgement",
+    "Reason",
     "cases_of",
     "judge",
+    "others_of",
     "read_claims",
+    "read_reasons",
     "write_matrix",
     "write_suites",
 ]

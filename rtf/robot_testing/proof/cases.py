@@ -6,12 +6,13 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from rtf.simulator.faults import Layer, Target, find_kind
+from rtf.simulator.axes import AXES, INDEX, PARTS
+from rtf.simulator.faults import KINDS, Layer, Target, find_kind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
-    from rtf.robot_testing.proof.claims import Claim, Claims
+    from rtf.robot_testing.proof.claims import Claim, Claims, Reason
 
 #: These end the program that every other case stands on; the fixture's own tests prove what becomes of them.
 _NOT_IN_SUITES = frozenset({Layer.PROCESS})
@@ -24,6 +25,7 @@ class Expectation(Enum):
     SILENT = "silent"  # it passes
     EXPECTED = "expected"  # it does not pass, for a reason that is documented
     HEALTHY = "healthy"  # it passes on a robot without a fault
+    OTHER = "other"  # no claim speaks of the fault: it passes, or there is a reason that holds for many tests
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +82,49 @@ def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
             continue
         for values in claim.severities:
             yield _case(claims, claim, values)
+
+
+def others_of(claims: Claims, reasons: Sequence[Reason]) -> Iterator[Case]:
+    """The test on every fault of which it claims nothing, at its usual severity, in the part that it tests."""
+    claimed = {claim.fault for claim in claims.claims}
+    parameters = {**({"part": AXES[INDEX[_AXIS]].part} if claims.of_a_part else {}), **claims.parameters}
+    for name in provable_kinds():
+        if name not in claimed:
+            reason = next((one.text for one in reasons if one.holds_for(claims.test, name)), "")
+            yield Case(
+                claims.test,
+                Expectation.OTHER,
+                name,
+                _target(name, str(parameters.get("part", ""))),
+                parameters=parameters,
+                reason=reason,
+                timeout=claims.timeout,
+            )
+
+
+def provable_kinds() -> list[str]:
+    """The kinds of faults that a test can be asked to find while its robot lives."""
+    return [name for name, kind in KINDS.items() if kind.layer not in _NOT_IN_SUITES and not kind.stimulus]
+
+
+def _target(fault: str, part: str) -> str:
+    """What a fault strikes where nothing is said: the usual one of its kind, or the first joint of another part."""
+    kind = KINDS[fault].target_kind
+    if kind is Target.AXIS and part in PARTS and part != AXES[INDEX[_AXIS]].part:
+        return PARTS[part][0].name
+    return _TARGETS[kind]
+
+
+#: What is struck where nothing else is said.
+_AXIS = "l_elbow"
+_TARGETS = {
+    Target.AXIS: _AXIS,
+    Target.FORCE_TORQUE: "left_arm",
+    Target.IMU: "imu",
+    Target.CAMERA: "left",
+    Target.PORT: "/icubSim/left_arm/stateExt:o",
+    Target.ROBOT: "",
+}
 
 
 def _case(claims: Claims, claim: Claim, values: dict[str, float]) -> Case:

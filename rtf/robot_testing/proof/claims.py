@@ -20,6 +20,9 @@
     fault = "motor_dead"
     target = "l_elbow"
     reason = "a joint that does not move reaches no limit"
+
+Of faults that a test says nothing of it is expected that it passes, or that one of the reasons holds that stand in
+``claims/others/reasons.toml``.
 """
 
 from __future__ import annotations
@@ -71,24 +74,58 @@ class Claims:
     parameters: dict[str, Any]
     claims: tuple[Claim, ...]
     timeout: float = 300.0
+    of_a_part: bool = False  # whether the test has the parameter ``part``
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """Why tests that claim nothing of some faults do not pass on a robot that has one; no ``tests``: any of them."""
+
+    faults: frozenset[str]
+    tests: frozenset[str]
+    text: str
+
+    def holds_for(self, test: str, fault: str) -> bool:
+        """Whether it is about this test and this fault."""
+        return fault in self.faults and (not self.tests or test in self.tests)
+
+
+def read_reasons(path: Path) -> tuple[Reason, ...]:
+    """Read a file of ``[[reason]]`` with ``faults``, ``tests`` and ``text``. Raises ClaimsError as ``read_claims``."""
+    data = _read(path)
+    _known(path, data, {"reason"}, "the file")
+    reasons = []
+    for entry in data.get("reason", []):
+        _known(path, entry, {"faults", "tests", "text"}, "[[reason]]")
+        if not entry.get("text") or not entry.get("faults"):
+            raise ClaimsError(f"{path}: [[reason]] needs faults and a text")
+        for fault in entry["faults"]:
+            _check_kind(path, "reason", str(fault))
+        reasons.append(Reason(frozenset(entry["faults"]), frozenset(entry.get("tests", ())), str(entry["text"])))
+    return tuple(reasons)
 
 
 def read_claims(path: Path) -> Claims:
     """Read one file. Raises ClaimsError for what is unknown, for faults that do not exist, and for missing reasons."""
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ClaimsError(f"{path}: {error}") from None
+    data = _read(path)
     _known(path, data, _TOP, "the file")
     try:
         test = load_test(find("test", path.stem, beside=path.parent.parent))
     except PluginError as error:
         raise ClaimsError(f"{path}: there is no test {path.stem}.py whose claims these are: {error}") from None
     claims = [_claim(path, kind, entry) for kind in _KINDS for entry in data.get(kind, [])]
-    if isinstance(getattr(type(test), "part", None), Parameter):
+    of_a_part = isinstance(getattr(type(test), "part", None), Parameter)
+    if of_a_part:
         claims = [_with_part(claim) for claim in claims]
     timeout = float(data.get("timeout", 300.0))
-    return Claims(type(test).__name__, path, dict(data.get("parameters", {})), tuple(claims), timeout)
+    return Claims(type(test).__name__, path, dict(data.get("parameters", {})), tuple(claims), timeout, of_a_part)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ClaimsError(f"{path}: {error}") from None
 
 
 def _with_part(claim: Claim) -> Claim:
@@ -101,10 +138,7 @@ def _with_part(claim: Claim) -> Claim:
 def _claim(path: Path, kind: str, entry: dict[str, Any]) -> Claim:
     _known(path, entry, _ENTRY, f"[[{kind}]]")
     fault = entry.get("fault", "")
-    try:
-        find_kind(str(fault))
-    except RobotError as error:
-        raise ClaimsError(f"{path}: [[{kind}]]: {error}") from None
+    _check_kind(path, kind, str(fault))
     if kind == "expected" and not entry.get("reason"):
         raise ClaimsError(f"{path}: [[expected]] {fault}: a reason is missing: why does the test not pass?")
     values = entry.get("values", {})
@@ -121,6 +155,13 @@ def _claim(path: Path, kind: str, entry: dict[str, Any]) -> Claim:
         float(entry.get("delay", 0.0)),
         None if entry.get("duration") is None else float(entry["duration"]),
     )
+
+
+def _check_kind(path: Path, table: str, fault: str) -> None:
+    try:
+        find_kind(fault)
+    except RobotError as error:
+        raise ClaimsError(f"{path}: [[{table}]]: {error}") from None
 
 
 def _known(path: Path, table: dict[str, Any], known: set[str], where: str) -> None:

@@ -61,16 +61,18 @@ def judge(case: Case, result: TestResult | None) -> Finding:
 
 
 def _said(case: Case, verdict: Verdict, failures: list[str]) -> Judgement:
-    passed = verdict in _PASSED
+    passed, expectation = verdict in _PASSED, case.expectation
+    if expectation is Expectation.OTHER and not passed:
+        return Judgement.EXPECTED if case.reason else Judgement.ALARM
     if verdict in _NOTHING:
         return Judgement.NOT_TESTED
-    if case.expectation is Expectation.FOUND:
+    if expectation is Expectation.FOUND:
         return _found(case, verdict, failures)
-    if case.expectation is Expectation.EXPECTED:
+    if expectation is Expectation.EXPECTED:
         return Judgement.MISSED if passed else Judgement.EXPECTED
     if not passed:
         return Judgement.ALARM
-    return Judgement.SILENT if case.expectation is Expectation.SILENT else Judgement.HEALTHY
+    return Judgement.HEALTHY if expectation is Expectation.HEALTHY else Judgement.SILENT
 
 
 def _found(case: Case, verdict: Verdict, failures: list[str]) -> Judgement:

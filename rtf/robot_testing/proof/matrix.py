@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rtf.robot_testing.proof.cases import Expectation
+from rtf.robot_testing.proof.cases import Expectation, provable_kinds
 from rtf.robot_testing.proof.judging import Judgement
-from rtf.simulator.faults import KINDS, Layer
+from rtf.simulator.faults import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,22 +18,31 @@ _LONGEST = 160
 
 def write_matrix(findings: Sequence[Finding]) -> str:
     """The page in Markdown: a summary, a table of faults and tests, and every case with its sentence."""
+    others = [finding for finding in findings if finding.case.expectation is Expectation.OTHER]
+    findings = [finding for finding in findings if finding.case.expectation is not Expectation.OTHER]
     good = sum(finding.judgement.good for finding in findings)
     parts = [
         "# The proof\n\n",
         "Which test finds which fault of the simulated robot. Made by `rtf proof`; each line is a run of the test in\n",
         "the ordinary runner, on a robot with that fault.\n\n",
         f"{good} of {len(findings)} claims hold; ",
-        f"{len(_found(findings))} of {len(_provable())} kinds of faults are found.\n\n",
+        f"{len(_found(findings))} of {len(provable_kinds())} kinds of faults are found.\n\n",
         _by_fault(findings),
+        "## Cases\n\n",
         _cases(findings),
+        _others(others) if others else "",
     ]
     return "".join(parts)
 
 
-def _provable() -> list[str]:
-    """The kinds that a test can be asked to find while its robot lives."""
-    return [name for name, kind in KINDS.items() if kind.layer is not Layer.PROCESS and not kind.stimulus]
+def _others(findings: Sequence[Finding]) -> str:
+    """What came of faults of which a test claims nothing: how many passed, and each that did not."""
+    loud = [finding for finding in findings if finding.judgement is not Judgement.SILENT]
+    return (
+        "\n## Faults of which a test claims nothing\n\n"
+        f"Every test was also run on every fault that it says nothing of, {len(findings)} pairs: "
+        f"{len(findings) - len(loud)} passed. These did not:\n\n{_cases(loud)}"
+    )
 
 
 def _found(findings: Sequence[Finding]) -> set[str]:
@@ -42,7 +51,7 @@ def _found(findings: Sequence[Finding]) -> set[str]:
 
 def _by_fault(findings: Sequence[Finding]) -> str:
     rows = ["## Faults\n\n", "| fault | layer | found by |\n| --- | --- | --- |\n"]
-    for name in _provable():
+    for name in provable_kinds():
         tests = sorted({f.case.test for f in findings if f.case.fault == name and f.judgement is Judgement.FOUND})
         rows.append(f"| {name} | {KINDS[name].layer.value} | {', '.join(tests) or '**nothing**'} |\n")
     return "".join([*rows, "\n"])
@@ -50,7 +59,6 @@ def _by_fault(findings: Sequence[Finding]) -> str:
 
 def _cases(findings: Sequence[Finding]) -> str:
     rows = [
-        "## Cases\n\n",
         "| test | fault | where | severity | came to | the test said |\n| --- | --- | --- | --- | --- | --- |\n",
     ]
     order = list(Expectation)

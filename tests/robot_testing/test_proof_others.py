@@ -1,0 +1,114 @@
+"""Faults that a test claims nothing of: it is run on all of them, and what does not pass needs a reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rtf.robot_testing.proof import (
+    Case,
+    ClaimsError,
+    Expectation,
+    Finding,
+    Judgement,
+    judge,
+    others_of,
+    read_claims,
+    read_reasons,
+    write_matrix,
+)
+from rtf.robot_testing.proof.cases import provable_kinds
+from rtf.testing.events import TestEnded, TestPlanned
+from rtf.testing.plugins import shipped_folder
+from rtf.testing.results import TestResult
+from rtf.testing.verdict import Verdict
+
+CLAIMS = shipped_folder("test") / "claims"
+DEAD = '[[reason]]\nfaults = ["motor_dead"]\ntext = "a joint that does not move ends every test that moves it"\n'
+
+
+@pytest.fixture
+def reasons(tmp_path: Path):
+    """Writes a file of reasons, and reads it."""
+
+    def read(text: str):
+        file = tmp_path / "reasons.toml"
+        file.write_text(text)
+        return read_reasons(file)
+
+    return read
+
+
+def test_claims_and_others_are_every_test_on_every_fault():
+    """Each pair once, and none twice."""
+    for file in CLAIMS.glob("*.toml"):
+        claims = read_claims(file)
+        claimed = {claim.fault for claim in claims.claims}
+        others = [case.fault for case in others_of(claims, ())]
+        assert claimed.isdisjoint(others)
+        assert claimed | {*others} >= {*provable_kinds()}
+        assert len(others) == len({*others})
+
+
+def test_a_fault_strikes_what_is_tested(reasons):
+    """The joint is one of the part that the test is given, and that is the one that it has in other cases."""
+    arm = {case.fault: case for case in others_of(read_claims(CLAIMS / "motor_test.toml"), reasons(DEAD))}
+    assert all(case.parameters.get("part") for case in arm.values())
+    assert {case.target for case in arm.values()} >= {"left_arm", "imu"}
+    assert all(case.expectation is Expectation.OTHER for case in arm.values())
+
+
+def test_a_reason_holds_for_the_tests_that_it_names(reasons):
+    """For all of them when it names none."""
+    (everywhere,) = reasons(DEAD)
+    assert everywhere.holds_for("JointLimits", "motor_dead")
+    assert not everywhere.holds_for("JointLimits", "jam")
+    (one,) = reasons(DEAD.replace("text", 'tests = ["Imu"]\ntext'))
+    assert one.holds_for("Imu", "motor_dead")
+    assert not one.holds_for("JointLimits", "motor_dead")
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("[[reason]]\nfaults = ['motor_dead']", "needs faults and a text"),
+        ("[[reason]]\nfaults = ['no_such']\ntext = 'x'", "no_such"),
+        ("[[reason]]\nfaults = ['jam']\ntext = 'x'\nwhy = 1", "why"),
+        ("[[reasons]]\nfaults = ['jam']", "reasons"),
+        ("[[", "reasons.toml"),
+    ],
+)
+def test_a_wrong_file_of_reasons_is_refused(reasons, text: str, complaint: str):
+    """By what is wrong with it."""
+    with pytest.raises(ClaimsError, match=complaint):
+        reasons(text)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "reason", "judgement"),
+    [
+        (Verdict.PASSED, "", Judgement.SILENT),
+        (Verdict.PASSED, "because", Judgement.SILENT),
+        (Verdict.FAILED, "because", Judgement.EXPECTED),
+        (Verdict.FAILED, "", Judgement.ALARM),
+        (Verdict.INCONCLUSIVE, "", Judgement.ALARM),
+    ],
+)
+def test_what_does_not_pass_needs_a_reason(verdict: Verdict, reason: str, judgement: Judgement):
+    """And what passes needs none."""
+    result = TestResult(TestPlanned(test="s/t", suite="s", name="t"), "t")
+    result.verdict = verdict
+    result.attempts.append(TestEnded(test="s/t", outcome=verdict, verdict=verdict))
+    case = Case("Looks", Expectation.OTHER, "jam", "l_elbow", reason=reason)
+    assert judge(case, result).judgement is judgement
+
+
+def test_the_page_tells_what_did_not_pass():
+    """The others are counted, and not listed."""
+    case = Case("Looks", Expectation.OTHER, "jam", "l_elbow", reason="it cannot move")
+    quiet = Finding(Case("Looks", Expectation.OTHER, "ft_bias", "left_arm"), Judgement.SILENT, "passed", "", 1.0)
+    page = write_matrix([quiet, Finding(case, Judgement.EXPECTED, "failed", "l_elbow: it stays", 1.0)])
+    assert "2 pairs: 1 passed" in page
+    assert "| Looks | jam | l_elbow |  | expected | it cannot move |" in page
+    assert "ft_bias |" not in page.split("nothing\n\n")[-1]
