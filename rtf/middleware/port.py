@@ -145,7 +145,7 @@ class Port:
         with self._writing:
             return send_to_all(outputs, message, self._lost)
 
-    def _lost(self, output: Output, error: RtfError) -> None:
+    def _lost(self, output: Output, error: BaseException) -> None:
         """An output broke while it was written to."""
         self._forget(output)
         output.close(politely=False)

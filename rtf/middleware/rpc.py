@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
-from rtf.errors import RtfError
 from rtf.middleware.codecs import BOTTLE, codec_of
 from rtf.middleware.errors import ConnectError, MiddlewareError
 from rtf.middleware.outgoing import Outgoing
@@ -73,8 +72,9 @@ class RpcClient(Port):
     ) -> Any:
         """Ask, and wait for the answer, which is read as ``answer`` says; None when the server has none to give.
 
-        After an error (WaitTimeoutError, a connection that broke) the connection is closed: an answer that comes late
-        must not be taken for that to the next question.
+        After an error (WaitTimeoutError, a connection that broke) the connection is closed, and so it is when the call
+        is broken off, as by a test that is told to stop: an answer that comes late must not be taken for that to the
+        next question.
         """
         if self._closed:
             self._check_open()
@@ -86,6 +86,6 @@ class RpcClient(Port):
         message = Outgoing("d", question, codec or codec_of(question), dialect, self.envelope)
         try:
             return output.call(message, answer, timeout)
-        except RtfError as error:
+        except BaseException as error:
             self._lost(output, error)
             raise

@@ -145,6 +145,9 @@ class LockstepClock(Clock):
 
     def _member(self) -> _Member:
         member: _Member | None = getattr(self._local, "member", None)
+        if member is not None and not member.connected:  # a wait was broken off
+            self.leave()
+            member = None
         if member is None:
             member = self._local.member = _Member(self.server, self.name, self._network)
             with self._lock:
@@ -195,6 +198,10 @@ class _Member:
             raise
         self._id = as_int(reply.get(1))
         self.now = as_float(reply.get(2))
+
+    @property
+    def connected(self) -> bool:
+        return bool(self._client.outputs)
 
     def wait_until(self, time: float) -> None:
         self.now = as_float(self._ask("until", self._id, time).get(1))

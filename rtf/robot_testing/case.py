@@ -11,6 +11,7 @@ from rtf.middleware.network import default_network
 from rtf.middleware.time import LockstepClock, clock_from_environment
 from rtf.robot.client.control_board import connect
 from rtf.robot.errors import RefusedError, RobotError
+from rtf.robot_testing.contacts import CHANNELS, ContactWatch, Forces, NoForcesError, force_port
 from rtf.robot_testing.guard import Limits, MotionGuard
 from rtf.robot_testing.part import TOLERANCE, Part
 from rtf.robot_testing.safety import Safety
@@ -106,15 +107,53 @@ class RobotTest(TestCase):
         board = connect(f"/{self.robot_name}/{name}", carrier=carrier, network=self.network)
         self.add_cleanup(board.close)
         self.sleep(_FIRST_STATE)
-        guard = None
+        guard = forces = None
         if self.safety is not Safety.STILL:
+            place = f"/{self.robot_name}/{name}"
+            forces = self._listen_to_forces(place)
             guard = MotionGuard(
-                board, f"/{self.robot_name}/{name}", clock=self.clock, report=self.report, limits=self.limits
+                board,
+                place,
+                clock=self.clock,
+                report=self.report,
+                limits=self.limits,
+                contacts=None if forces is None else ContactWatch(board, forces),
             )
             self.add_cleanup(guard.restore)
         part = Part(name, board, self.clock, guard)
+        # What led to a failure, kept before the part is put back.
         self.add_cleanup(self._keep_history, part)
+        if forces is not None:
+            self.add_cleanup(self._keep_forces, forces)
         return part
+
+    def _listen_to_forces(self, place: str) -> Forces | None:
+        """The sensor of a limb that moves; None for other parts. It is told where a limb has none, once a part."""
+        port = force_port(place)
+        if port is None:
+            return None
+        try:
+            forces = Forces(port, network=self.network)
+        except NoForcesError as error:
+            self.report(f"{place} is not watched for contacts: {error}")
+            return None
+        self.add_cleanup(forces.close)
+        return forces
+
+    def _keep_forces(self, forces: Forces) -> None:
+        """After a failure, keep what came from the sensor in the last seconds."""
+        if self.failing and len(forces):
+            try:
+                numbers, stamps, values = forces.rows()
+            except NoForcesError as error:
+                self.report(str(error))
+                return
+            self.record(
+                f"before the end: {forces.source}",
+                time=(stamps, "s"),
+                number=(numbers, "count"),
+                **{axis: (values[:, channel], symbol) for channel, (axis, symbol) in enumerate(CHANNELS.items())},
+            )
 
     def _keep_history(self, part: Part) -> None:
         """After a failure, keep what the part did in the last seconds."""

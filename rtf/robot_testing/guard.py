@@ -11,6 +11,7 @@ import numpy as np
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import NotSupportedError, RefusedError, RobotError, UnreachableError
 from rtf.robot.interfaces import PidType
+from rtf.robot_testing.contacts import WITHIN, NoForcesError
 from rtf.testing.outcome import TestFailure
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from rtf.clock import Clock
     from rtf.robot.client.control_board import RemoteControlBoard
     from rtf.robot.interfaces import FloatArray, Pid
+    from rtf.robot_testing.contacts import ContactWatch
 
 #: What joints are parked with, deg/s, and how long it may take, s.
 PARKING_SPEED, PARKING_TIME = 20.0, 20.0
@@ -48,6 +50,10 @@ class Limits:
     current: float | None = 1.0  # times its greatest current
     torque: float | None = 1.5  # times what its motor can exert: more than that comes from outside
     temperature: float | None = 1.0  # times its limit
+    #: N by which the force at the part's sensor may change suddenly beyond what its motion explains. A free limb of the
+    #: simulated robot shows 3 N, falling or stopped from full speed, and 12 N where stamps are 20 ms wrong; one that
+    #: strikes itself at 20 deg/s shows 25 N with a finger, 40 to 140 N with anything else.
+    contact: float | None = 15.0
 
 
 @dataclass(slots=True)
@@ -88,6 +94,7 @@ class MotionGuard:
     """Guards one part through its board. ``clock`` is the robot's; ``report`` is told what had to be put back.
 
     ``watch`` is called while joints move, ``restore`` at the end, whatever has happened; both from one thread.
+    ``contacts`` is the watch of the part's force-torque sensor; None: it is not watched for contacts.
     """
 
     def __init__(
@@ -98,6 +105,7 @@ class MotionGuard:
         clock: Clock,
         report: Callable[[str], None],
         limits: Limits | None = None,
+        contacts: ContactWatch | None = None,
     ) -> None:
         self.board = board
         self.name = name
@@ -108,12 +116,14 @@ class MotionGuard:
         self._names = board.axis_names()
         self._low = np.array([low for low, _ in self.snapshot.limits]) - self.limits.beyond
         self._high = np.array([high for _, high in self.snapshot.limits]) + self.limits.beyond
-        self._fastest = self._ask(lambda joint: board.velocity_limits(joint)[1])
+        #: The greatest speeds, deg/s; infinite where there is none, and None where the board knows none.
+        self.fastest = self._ask(lambda joint: board.velocity_limits(joint)[1])
         self._currents = np.array(self.snapshot.max_currents)
         self._torques = self._ask(lambda joint: max(map(abs, board.torque_range(joint))))
         self._hottest = self._ask(board.temperature_limit)
         self._felt = -np.inf  # when temperatures were last asked for, s of the robot's clock
         self._given_up: set[int] = set()
+        self._contacts = contacts
 
     def _ask(self, question: Callable[[int], float]) -> FloatArray | None:
         """What the board says is the most of each joint; None where it has no such thing.
@@ -151,16 +161,39 @@ class MotionGuard:
         if self.snapshot.limits:
             outside = (positions < self._low) | (positions > self._high)
             self._judge(outside, positions, "is at {:.1f} deg, beyond its limits")
-        if self._fastest is not None:
+        if self.fastest is not None:
             speeds = np.abs(board.encoder_speeds())
-            self._judge(speeds > self.limits.speed * self._fastest, speeds, "turns at {:.0f} deg/s, too fast")
+            self._judge(speeds > self.limits.speed * self.fastest, speeds, "turns at {:.0f} deg/s, too fast")
         if self.limits.current is not None and self._currents.size:
             currents = np.abs(board.currents())
             self._judge(currents > self.limits.current * self._currents, currents, "draws {:.2f} A, too much")
         if self.limits.torque is not None and self._torques is not None:
             torques = np.abs(board.torques())
             self._judge(torques > self.limits.torque * self._torques, torques, "bears {:.1f} Nm, too much")
+        self._watch_contacts()
         self._watch_temperatures()
+
+    def _watch_contacts(self) -> None:
+        """Stop all joints of a part that runs into something: whichever moved, it pressed with all of them."""
+        if self._contacts is None or self.limits.contact is None:
+            return
+        try:
+            strike = self._contacts.look(self.limits.contact)
+        except NoForcesError as error:
+            self._contacts = None
+            self._report(f"{self.name} is not watched for contacts: {error}")
+            return
+        if strike is None:
+            return
+        held = [joint for joint in range(len(self._names)) if joint not in self._given_up]
+        self.board.stop(held)
+        joint = max(held, key=lambda one: abs(strike.speeds[one]))
+        raise GuardError(
+            f"{self._names[joint]} ({self.name} joint {joint}) strikes something, or something is in the way: "
+            f"{self._contacts.forces.source} shows at least {strike.force:.0f} N from outside within {WITHIN:g} s, more than "
+            f"{self.limits.contact:g} N; all joints of the part were stopped",
+            joint,
+        )
 
     def _watch_temperatures(self) -> None:
         """They come slowly, and have to be asked for."""

@@ -53,10 +53,13 @@ class Part:
         self.names = board.axis_names()
         self.history = Trace(_HISTORY)  # the last seconds, for who wants to know what led to a failure
         board.observe(self.history.add)
-        limits = [board.limits(joint) for joint in range(self.axes)]
+        joints = range(self.axes)
+        # The guard has just asked for them: each is a question a joint.
+        limits = (guard and guard.snapshot.limits) or [board.limits(joint) for joint in joints]
         self.low = np.array([low for low, _ in limits])
         self.high = np.array([high for _, high in limits])
-        self.fastest = np.array([board.velocity_limits(joint)[1] for joint in range(self.axes)])
+        fastest = None if guard is None else guard.fastest
+        self.fastest = np.array([board.velocity_limits(joint)[1] for joint in joints]) if fastest is None else fastest
         self.home = np.clip(board.encoders(), self.low, self.high)
 
     # Joints ------------------------------------------------------------------------------------------------------

@@ -92,7 +92,7 @@ def test_a_wrong_file_of_reasons_is_refused(reasons, text: str, complaint: str):
         (Verdict.PASSED, "because", Judgement.SILENT),
         (Verdict.FAILED, "because", Judgement.EXPECTED),
         (Verdict.FAILED, "", Judgement.ALARM),
-        (Verdict.INCONCLUSIVE, "", Judgement.ALARM),
+        (Verdict.NOT_RUN, "", Judgement.NOT_TESTED),
     ],
 )
 def test_what_does_not_pass_needs_a_reason(verdict: Verdict, reason: str, judgement: Judgement):

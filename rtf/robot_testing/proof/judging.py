@@ -62,8 +62,8 @@ def judge(case: Case, result: TestResult | None) -> Finding:
 
 def _said(case: Case, verdict: Verdict, failures: list[str]) -> Judgement:
     passed, expectation = verdict in _PASSED, case.expectation
-    if expectation is Expectation.OTHER and not passed:
-        return Judgement.EXPECTED if case.reason else Judgement.ALARM
+    if expectation is Expectation.OTHER and case.reason and not passed:
+        return Judgement.EXPECTED
     if verdict in _NOTHING:
         return Judgement.NOT_TESTED
     if expectation is Expectation.FOUND:

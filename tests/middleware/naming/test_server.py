@@ -285,8 +285,9 @@ class TestByItself:
             remote.connect(network, Contact("/root"), Contact("/listener"))
             with Port("/a", network=network):
                 pass
-            wait_until(lambda: len(heard) == 2, f"heard {heard}")
-            assert heard == ['[add] "/a"', '[del] "/a"']
+            wait_until(lambda: '[del] "/a"' in heard, f"heard {heard}")
+            # A number that is handed out may be somebody else's on this machine: then the port registers once more.
+            assert [*dict.fromkeys(heard)] == ['[add] "/a"', '[del] "/a"']
 
     def test_connects_ports_whenever_both_are_there(
         self, server: NameServer, names: RemoteNames, wait_until: Callable[..., None]

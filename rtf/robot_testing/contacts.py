@@ -1,0 +1,222 @@
+"""Contacts: a limb that runs into something shows it at its force-torque sensor.
+
+What a limb weighs shows there, too, and changes as the limb turns; and what hastens, slows down or swings presses on
+it. So it does not count by how much the force changes, but what is left of that beyond what the measured motion can
+explain: next to nothing while a limb is free, however fast it moves, starts, stops or falls, and more and more while
+something holds it. Arms and legs have a sensor; it feels what happens beyond it, so not the upper arm or the hip.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from itertools import islice
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rtf.errors import RtfError
+from rtf.middleware import remote
+from rtf.middleware.names import Contact
+from rtf.middleware.port import Port
+from rtf.middleware.types import VECTOR, Stamp
+from rtf.robot.errors import RobotError
+from rtf.robot.extended_state import Field
+
+if TYPE_CHECKING:
+    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.network import Network
+    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.extended_state import ExtendedState
+    from rtf.robot.interfaces import FloatArray
+
+#: What is sent, each with its unit.
+CHANNELS = {"force_x": "N", "force_y": "N", "force_z": "N", "torque_x": "Nm", "torque_y": "Nm", "torque_z": "Nm"}
+_SENSOR = "/analog:o"
+#: Messages that are kept, for who wants to know what led to a failure: some ten seconds.
+_HISTORY = 1000
+#: Time within which a force has to change, s. Touching something softly at 20 deg/s takes about as long to be felt.
+WITHIN = 0.2
+#: States of so long before a force, s, say what presses on the sensor, and so long after: stamps are not exact.
+_BEFORE, _AFTER = 0.055, 0.025
+#: States that are kept, and messages that are looked through where they are behind.
+_KEPT = 50
+#: Stamps of which one is nearer to the next, s, are taken to be so far apart.
+_SHORTEST = 1e-3
+#: Forces of which the middle one counts: a single one that is wrong is no contact.
+_MIDDLE_OF = 3
+_GRAVITY = 9.81
+#: Joints that move next to nothing, whatever they do.
+_LIGHT = re.compile(r"hand|thumb|finger|index|middle|ring|pinky|little")
+
+
+class _Load(NamedTuple):
+    """What hangs beyond a sensor: its weight (N), and how far from a joint its middle is at most, about (m)."""
+
+    weight: float
+    lever: float
+
+
+#: By the last word of the part's name; from the model of the iCub, in which arms weigh 20.0 N and legs 46.4 N there.
+_LOADS = {"arm": _Load(20.0, 0.3), "leg": _Load(46.5, 0.4)}
+
+
+class NoForcesError(RobotError):
+    """There is no sensor to listen to, or it is none."""
+
+
+class Forces:
+    """The last messages of a force-torque sensor, read when somebody wants to know. Raises NoForcesError."""
+
+    def __init__(self, source: str, *, network: Network) -> None:
+        self.source = source
+        self._messages: deque[Delivery] = deque(maxlen=_HISTORY)
+        self._port = Port("", self._receive, network=network, outputs=False, keeps=True, promise=VECTOR.promise)
+        try:
+            # By tcp, whose sender waits: in lockstep nothing is on its way when the time goes on.
+            remote.connect(network, Contact(source), Contact(self._port.name), "tcp")
+        except RtfError as error:
+            self._port.close()
+            raise NoForcesError(str(error)) from error
+
+    def _receive(self, delivery: Delivery) -> None:
+        """In the thread of the connection."""
+        self._messages.append(delivery.kept())
+
+    def __len__(self) -> int:
+        return len(self._messages)
+
+    def newest(self, count: int) -> list[Delivery]:
+        """The last messages, the newest first."""
+        return list(islice(reversed(self._messages), count))
+
+    def rows(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """All that are kept: their numbers (-1 without a stamp), stamps (s), and forces (N) and torques (Nm).
+
+        The last has a row a message. Raises NoForcesError when they are no six numbers each.
+        """
+        kept = list(self._messages)
+        stamps = [stamp_of(delivery) for delivery in kept]
+        return (
+            np.array([float(stamp.count) for stamp in stamps]),
+            np.array([stamp.time for stamp in stamps]),
+            np.array([self.read(delivery) for delivery in kept]).reshape(-1, len(CHANNELS)),
+        )
+
+    def read(self, delivery: Delivery) -> FloatArray:
+        """The six numbers of a message. Raises NoForcesError for others."""
+        try:
+            values = delivery.read(VECTOR)
+        except RtfError as error:
+            raise NoForcesError(f"{self.source} sends no forces: {error}") from error
+        if values.size != len(CHANNELS):
+            raise NoForcesError(
+                f"{self.source} sends {values.size} numbers, not the {len(CHANNELS)} of a force-torque sensor"
+            )
+        return np.asarray(values, dtype=np.float64)
+
+    def close(self) -> None:
+        """Hang up."""
+        self._port.close()
+
+
+def stamp_of(delivery: Delivery) -> Stamp:
+    """The stamp of a message; number -1 and time 0 where it has none."""
+    return Stamp.parse(delivery.envelope) or Stamp()
+
+
+class _Look(NamedTuple):
+    """A moment: its time (s), the force (N), where joints were (rad), how fast (rad/s), and what may press so (N)."""
+
+    time: float
+    force: FloatArray
+    positions: FloatArray
+    speeds: FloatArray
+    pressing: float
+
+
+class Strike(NamedTuple):
+    """A contact: the change of force that the motion does not explain (N), and the speeds of the joints before it."""
+
+    force: float
+    speeds: FloatArray
+
+
+class ContactWatch:
+    """Watches a limb: ``look`` is called while it moves, from one thread. ``forces`` come from its ``force_port``."""
+
+    def __init__(self, board: RemoteControlBoard, forces: Forces) -> None:
+        self.forces = forces
+        self._load = _LOADS[_limb(forces.source.removesuffix(_SENSOR))]
+        self._heavy = np.array([not _LIGHT.search(name) for name in board.axis_names()])
+        self._states: deque[tuple[float, ExtendedState]] = deque(maxlen=_KEPT)
+        self._looks: deque[_Look] = deque()
+        self._free: _Look | None = None  # how it was before it struck something that it may still touch
+        board.observe(lambda stamp, state: self._states.append((stamp, state)))
+
+    def look(self, limit: float) -> Strike | None:
+        """What it strikes, once a contact: whether the force has changed by more than ``limit`` N without a reason.
+
+        Raises NoForcesError where the sensor is none.
+        """
+        now = self._now()
+        if now is None or (self._looks and now.time <= self._looks[-1].time):
+            return None  # nothing new
+        looks = self._looks
+        while looks and looks[0].time < now.time - WITHIN:
+            looks.popleft()
+        looks.append(now)
+        # What lets go is no contact: the force becomes what it was before.
+        if self._free is not None and self._unexplained(now, self._free) <= limit:
+            self._free = None
+            looks.clear()
+        before = looks[0] if looks else now
+        force = self._unexplained(now, before)
+        if not force > limit:  # what is no number is no contact
+            return None
+        self._free = self._free or before
+        looks.clear()
+        return Strike(force, before.speeds)
+
+    def _unexplained(self, now: _Look, before: _Look) -> float:
+        """What is left of a change of force (N) when all joints have done their worst together."""
+        turned = self._load.weight * float(np.abs(now.positions - before.positions).sum())
+        return float(np.linalg.norm(now.force - before.force)) - turned - now.pressing - before.pressing
+
+    def _now(self) -> _Look | None:
+        """The newest moment of which both forces and states are known; None before there is any."""
+        states = list(self._states)
+        messages = self.forces.newest(_KEPT)
+        if len(states) < _MIDDLE_OF:
+            return None
+        # One of the two streams may be behind the other.
+        late = next((at for at, one in enumerate(messages) if stamp_of(one).time <= states[-1][0] + _AFTER), 0)
+        taken = messages[late : late + _MIDDLE_OF]
+        if len(taken) < _MIDDLE_OF:
+            return None
+        time = stamp_of(taken[0]).time
+        near = [one for one in states if -_BEFORE <= one[0] - time <= _AFTER]
+        if len(near) < _MIDDLE_OF:  # stamps are missing, or of clocks that differ: what came last has to do
+            near = states[-_MIDDLE_OF:]
+        force = np.sort([self.forces.read(one)[:3] for one in taken], axis=0)[_MIDDLE_OF // 2]
+        speeds = np.radians([state.values(Field.JOINT_VELOCITIES) for _, state in near])
+        positions = np.radians(near[-1][1].values(Field.JOINT_POSITIONS))
+        return _Look(time, force, positions[self._heavy], speeds[-1], self._pressing(near, speeds[:, self._heavy]))
+
+    def _pressing(self, states: list[tuple[float, ExtendedState]], speeds: FloatArray) -> float:
+        """What the load may press with while it is hastened and swung like this (N)."""
+        seconds = np.maximum(np.diff([stamp for stamp, _ in states]), _SHORTEST)
+        # By speeds: not every board measures accelerations.
+        hastened = np.abs(np.diff(speeds, axis=0)).sum(axis=1) / seconds
+        swung = np.abs(speeds).sum(axis=1) ** 2
+        inertia = self._load.weight / _GRAVITY * self._load.lever  # N by rad/s²
+        return inertia * float(hastened.max() + swung.max())
+
+
+def force_port(place: str) -> str | None:
+    """The port of the sensor of a part, of which ``place`` begins the names of the ports; None where it has none."""
+    return f"{place}{_SENSOR}" if _limb(place) in _LOADS else None
+
+
+def _limb(place: str) -> str:
+    return place.rpartition("_")[2]

@@ -1,0 +1,86 @@
+"""Calls that are broken off, as by a test that is told to stop: what is asked afterwards gets its own answer."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf.bottle import Bottle
+from rtf.middleware.lockstep import LockstepServer
+from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.time import LockstepClock
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.middleware.network import Network
+
+
+class Told(BaseException):
+    """What the handler of the signal raises."""
+
+
+@pytest.fixture(autouse=True)
+def handler() -> Iterator[None]:
+    """A signal that breaks off what the main thread does."""
+
+    def tell(*_: object) -> None:
+        raise Told
+
+    before = signal.signal(signal.SIGUSR1, tell)
+    yield
+    signal.signal(signal.SIGUSR1, before)
+
+
+def break_off() -> None:
+    """Have the main thread, which waits in a call, raise Told."""
+    os.kill(os.getpid(), signal.SIGUSR1)
+
+
+def test_an_answer_that_comes_too_late_is_not_taken_for_another(network: Network):
+    """The connection is gone, and with it the answer; a new one asks as before."""
+    told, may_answer = threading.Event(), threading.Event()
+
+    def answer(question: Bottle) -> Bottle:
+        if question.get(0) == "late":
+            break_off()
+            told.set()
+            assert may_answer.wait(10)
+        return Bottle(["to", *question])
+
+    with RpcServer("/server", answer, network=network), RpcClient("", "/server", network=network) as client:
+        with pytest.raises(Told):
+            client.call(Bottle(["late"]))
+        assert told.wait(10)
+        assert not client.outputs
+        may_answer.set()
+        client.add_output("/server")
+        assert client.call(Bottle(["soon"])) == Bottle(["to", "soon"])
+
+
+def test_a_sleep_that_is_broken_off_is_not_the_end_of_time(network: Network):
+    """Who was told to stop may have to wait afterwards, until the robot is parked."""
+    passing = threading.Event()
+
+    def advance(until: float) -> float:
+        if until == 1.0:
+            break_off()
+            assert passing.wait(10)
+        return until
+
+    with closing(LockstepServer("/clock", advance, network=network)) as server:
+        clock = LockstepClock("/clock", "test", network=network)
+        with pytest.raises(Told):
+            clock.sleep(1.0)
+        passing.set()
+        for _ in range(3):
+            before = clock.now()
+            clock.sleep(0.5)
+            assert clock.now() >= before + 0.5
+        clock.close()
+        assert server.broken is None
