@@ -4,8 +4,8 @@ SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 PYTHON ?= python3
 BIN := .venv/bin
-# As many processes as there are cores, for the tests.
-JOBS ?= $(shell nproc 2>/dev/null || echo 2)
+# Processes for the tests: more than there are cores, for many tests wait, for an end or for a limit to pass.
+JOBS ?= $(shell echo $$(( ($$(nproc 2>/dev/null || echo 2) * 3 + 1) / 2 )))
 
 .PHONY: demo test benchmark wheel format clean help
 
@@ -18,11 +18,14 @@ help:
 demo: .venv/installed
 	$(BIN)/rtf demo
 
+# A file goes to one process, for its tests share robots and programs; tests/conftest.py has the order. The tests start
+# thousands of processes, and where modules may not be kept compiled, each would compile them anew. What the processes of
+# pytest compile for themselves is compiled once before, while mypy leaves the other cores to whoever wants them.
 test: .venv/installed-for-tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
+	$(BIN)/mypy & PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --collect-only -q > /dev/null || true; wait $$!
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 	@echo "TESTS PASSED  style, types and tests are in order"
 
 benchmark: .venv/installed-for-tests

@@ -26,7 +26,7 @@ def call(*command: str | Path, folder: Path) -> subprocess.CompletedProcess[str]
     """Run a command to its end."""
     environment = {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "VIRTUAL_ENV"}}
     words = [str(word) for word in command]
-    return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, timeout=110, check=False)
+    return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, timeout=280, check=False)
 
 
 def test_the_demo_sees_what_happens(tmp_path: Path):
@@ -65,9 +65,9 @@ def test_the_wheel_puts_only_rtf_into_site_packages(wheel: Path):
 
 def test_the_wheel_runs_the_demo_in_an_empty_environment(wheel: Path, tmp_path: Path):
     """What is installed is complete: nothing of the checkout is needed."""
-    venv.create(tmp_path / "env", with_pip=True)
-    python = tmp_path / "env" / "bin" / "python"
-    installed = call(python, "-m", "pip", "install", "--quiet", f"{wheel}[lua]", folder=tmp_path)
+    venv.create(tmp_path / "env")
+    pip = (sys.executable, "-m", "pip", "--python", tmp_path / "env")
+    installed = call(*pip, "install", "--quiet", f"{wheel}[lua]", folder=tmp_path)
     assert installed.returncode == 0, installed.stderr
     done = call(tmp_path / "env" / "bin" / "rtf", "demo", folder=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -21,7 +21,7 @@ _NAMES_ONLY = '<suite name="s"><fixture name="names"> yarpserver </fixture>'
 class Runs(Protocol):
     """What the fixture gives."""
 
-    def __call__(self, tests: str, *, limit: float = 90.0, robot: bool = True, **simulator: object) -> Outcome:
+    def __call__(self, tests: str, *, limit: float = 240.0, robot: bool = True, **simulator: object) -> Outcome:
         """Run them to their end."""
         ...
 
@@ -30,7 +30,7 @@ class Runs(Protocol):
 def run_on_robot(tmp_path_factory: pytest.TempPathFactory) -> Runs:
     """Runs tests, written as in a suite, one after the other on one simulated robot with such parameters."""
 
-    def run(tests: str, *, limit: float = 90.0, robot: bool = True, **simulator: object) -> Outcome:
+    def run(tests: str, *, limit: float = 240.0, robot: bool = True, **simulator: object) -> Outcome:
         folder = tmp_path_factory.mktemp("robot")
         rows = "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in simulator.items())
         head = _HEAD.format(parameters=rows) if robot else _NAMES_ONLY

@@ -23,7 +23,7 @@ SUITE = f"""
 @pytest.fixture(scope="module")
 def outcome(run_on_robot):
     """The suite above, run once."""
-    return run_on_robot(SUITE)
+    return run_on_robot(SUITE, parts="head,torso")
 
 
 def failures_of(outcome, test):

@@ -28,7 +28,7 @@ SUITE = f"""
 @pytest.fixture(scope="module")
 def outcome(run_on_robot):
     """The suite above, run once."""
-    return run_on_robot(SUITE)
+    return run_on_robot(SUITE, parts="head")
 
 
 def test_a_healthy_part_reaches_all_its_limits(outcome, measured):

@@ -32,7 +32,7 @@ SUITE = "".join([
 @pytest.fixture(scope="module")
 def outcome(run_on_robot):
     """The suite above, run once."""
-    return run_on_robot(SUITE)
+    return run_on_robot(SUITE, parts="left_arm")
 
 
 def test_a_healthy_arm_follows_both_signs(outcome, measured):

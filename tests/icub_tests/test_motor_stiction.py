@@ -27,7 +27,7 @@ SUITE = f"""
 @pytest.fixture(scope="module")
 def outcome(run_on_robot):
     """The suite above, run once."""
-    return run_on_robot(SUITE)
+    return run_on_robot(SUITE, parts="left_arm,right_arm")
 
 
 def test_the_stiction_is_the_dry_friction_of_the_drive(outcome, measured):

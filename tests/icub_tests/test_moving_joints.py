@@ -47,7 +47,7 @@ SUITE = "".join(
 @pytest.fixture(scope="module")
 def outcome(run_on_robot):
     """The suite above, run once."""
-    return run_on_robot(SUITE)
+    return run_on_robot(SUITE, parts="torso")
 
 
 def failed_in(outcome, test):

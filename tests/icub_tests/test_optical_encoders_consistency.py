@@ -31,7 +31,7 @@ SUITE = "".join([
 @pytest.fixture(scope="module")
 def outcome(run_on_robot):
     """The suite above, run once."""
-    return run_on_robot(SUITE)
+    return run_on_robot(SUITE, parts="left_arm,torso")
 
 
 def test_a_healthy_torso_agrees_with_its_coupled_motors(outcome, measured):

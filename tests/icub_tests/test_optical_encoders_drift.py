@@ -29,7 +29,7 @@ SUITE = "".join([
 @pytest.fixture(scope="module")
 def outcome(run_on_robot):
     """The suite above, run once."""
-    return run_on_robot(SUITE)
+    return run_on_robot(SUITE, parts="torso")
 
 
 def visits(outcome, test):

@@ -32,7 +32,7 @@ SUITE = "".join([
 @pytest.fixture(scope="module")
 def outcome(run_on_robot):
     """One robot for all of them."""
-    return run_on_robot(SUITE, limit=240.0)
+    return run_on_robot(SUITE, parts="left_arm")
 
 
 @pytest.mark.parametrize("name", ["references", "gravity", "impedance"])
