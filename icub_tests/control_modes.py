@@ -56,7 +56,7 @@ class ControlModes(JointsTest):
     tags = ("modes", "faults")
     safety = Safety.FAULT
     # Joints fall while they have no power, which no motor holds against.
-    limits = Limits(beyond=15.0, speed=math.inf, current=None)
+    limits = Limits(beyond=15.0, speed=math.inf, current=None, contact=None)
 
     tolerance = Parameter(float, "how near home is at home", unit="deg", default=0.5, low=0.001)
     without = Parameter(list[str], "words of modes that the boards have not got, such as icur", default=[])

@@ -126,7 +126,7 @@ def stamp_of(delivery: Delivery) -> Stamp:
 
 
 class _Look(NamedTuple):
-    """A moment: its time (s), the force (N), where joints were (rad), how fast (rad/s), and what may press so (N)."""
+    """A moment: its time (s), the force (N), where joints were (rad), how fast (deg/s), and what may press so (N)."""
 
     time: float
     force: FloatArray
@@ -136,7 +136,7 @@ class _Look(NamedTuple):
 
 
 class Strike(NamedTuple):
-    """A contact: the change of force that the motion does not explain (N), and the speeds of the joints before it."""
+    """A contact: the change of force that the motion does not explain (N), and how fast joints were before (deg/s)."""
 
     force: float
     speeds: FloatArray
@@ -153,6 +153,11 @@ class ContactWatch:
         self._looks: deque[_Look] = deque()
         self._free: _Look | None = None  # how it was before it struck something that it may still touch
         board.observe(lambda stamp, state: self._states.append((stamp, state)))
+
+    @property
+    def source(self) -> str:
+        """The port of the sensor."""
+        return self.forces.source
 
     def look(self, limit: float) -> Strike | None:
         """What it strikes, once a contact: whether the force has changed by more than ``limit`` N without a reason.
@@ -175,8 +180,11 @@ class ContactWatch:
         if not force > limit:  # what is no number is no contact
             return None
         self._free = self._free or before
+        # The later ones are also of joints that the blow moved.
+        early = islice(looks, (len(looks) + 1) // 2)
+        speeds = np.abs([look.speeds for look in early]).mean(axis=0)
         looks.clear()
-        return Strike(force, before.speeds)
+        return Strike(force, speeds)
 
     def _unexplained(self, now: _Look, before: _Look) -> float:
         """What is left of a change of force (N) when all joints have done their worst together."""
@@ -194,18 +202,21 @@ class ContactWatch:
         taken = messages[late : late + _MIDDLE_OF]
         if len(taken) < _MIDDLE_OF:
             return None
-        time = stamp_of(taken[0]).time
-        near = [one for one in states if -_BEFORE <= one[0] - time <= _AFTER]
-        if len(near) < _MIDDLE_OF:  # stamps are missing, or of clocks that differ: what came last has to do
+        stamp = stamp_of(taken[0])
+        if stamp.count < 0:
+            raise NoForcesError(f"{self.source} sends no stamps")
+        near = [one for one in states if -_BEFORE <= one[0] - stamp.time <= _AFTER]
+        if len(near) < _MIDDLE_OF:  # the stamps are of clocks that differ: what came last has to do
             near = states[-_MIDDLE_OF:]
         force = np.sort([self.forces.read(one)[:3] for one in taken], axis=0)[_MIDDLE_OF // 2]
-        speeds = np.radians([state.values(Field.JOINT_VELOCITIES) for _, state in near])
-        positions = np.radians(near[-1][1].values(Field.JOINT_POSITIONS))
-        return _Look(time, force, positions[self._heavy], speeds[-1], self._pressing(near, speeds[:, self._heavy]))
+        speeds = np.array([state.values(Field.JOINT_VELOCITIES) for _, state in near])
+        positions = np.radians(near[-1][1].values(Field.JOINT_POSITIONS)[self._heavy])
+        pressing = self._pressing([time for time, _ in near], np.radians(speeds[:, self._heavy]))
+        return _Look(stamp.time, force, positions, speeds[-1], pressing)
 
-    def _pressing(self, states: list[tuple[float, ExtendedState]], speeds: FloatArray) -> float:
-        """What the load may press with while it is hastened and swung like this (N)."""
-        seconds = np.maximum(np.diff([stamp for stamp, _ in states]), _SHORTEST)
+    def _pressing(self, times: list[float], speeds: FloatArray) -> float:
+        """What the load may press with (N) while it is hastened and swung like this: s, and rad/s of all joints."""
+        seconds = np.maximum(np.diff(times), _SHORTEST)
         # By speeds: not every board measures accelerations.
         hastened = np.abs(np.diff(speeds, axis=0)).sum(axis=1) / seconds
         swung = np.abs(speeds).sum(axis=1) ** 2

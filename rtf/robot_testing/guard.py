@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 PARKING_SPEED, PARKING_TIME = 20.0, 20.0
 _ARRIVED = 2.0  # deg
 _PACE = 0.05  # s
+_STANDING = 1.0  # deg/s
 _WARMING = 1.0  # s between two looks at temperatures
 
 
@@ -51,8 +52,8 @@ class Limits:
     torque: float | None = 1.5  # times what its motor can exert: more than that comes from outside
     temperature: float | None = 1.0  # times its limit
     #: N by which the force at the part's sensor may change suddenly beyond what its motion explains. A free limb of the
-    #: simulated robot shows 3 N, falling or stopped from full speed, and 12 N where stamps are 20 ms wrong; one that
-    #: strikes itself at 20 deg/s shows 25 N with a finger, 40 to 140 N with anything else.
+    #: simulated robot shows 0.3 N, falling or stopped from full speed, and 13 N where stamps are 20 ms wrong; one that
+    #: strikes itself at 20 deg/s shows 25 N with a finger, 60 to 100 N with anything else.
     contact: float | None = 15.0
 
 
@@ -183,17 +184,28 @@ class MotionGuard:
             self._contacts = None
             self._report(f"{self.name} is not watched for contacts: {error}")
             return
-        if strike is None:
-            return
         held = [joint for joint in range(len(self._names)) if joint not in self._given_up]
+        if strike is None or not held:
+            return
+        joint = max(held, key=lambda one: strike.speeds[one])
+        what = "strikes something, or something is in the way"
+        if strike.speeds[joint] < _STANDING:
+            joint = self._farthest(held, joint)  # before the stop, after which no joint is to go anywhere
+            what = "stands still by its encoder, and something pushes: it is held, or the encoder is frozen"
         self.board.stop(held)
-        joint = max(held, key=lambda one: abs(strike.speeds[one]))
         raise GuardError(
-            f"{self._names[joint]} ({self.name} joint {joint}) strikes something, or something is in the way: "
-            f"{self._contacts.forces.source} shows at least {strike.force:.0f} N from outside within {WITHIN:g} s, more than "
-            f"{self.limits.contact:g} N; all joints of the part were stopped",
+            f"{self._names[joint]} ({self.name} joint {joint}) {what}; {self._contacts.source} shows at least "
+            f"{strike.force:.0f} N from outside within {WITHIN:g} s, more than {self.limits.contact:g} N; "
+            "all joints of the part were stopped",
             joint,
         )
+
+    def _farthest(self, joints: list[int], otherwise: int) -> int:
+        """The joint that is farthest from where it was told to move, where the board knows that."""
+        with suppress(NotSupportedError, RefusedError):
+            away = np.abs(self.board.target_positions() - self.board.encoders())
+            return max(joints, key=lambda one: away[one])
+        return otherwise
 
     def _watch_temperatures(self) -> None:
         """They come slowly, and have to be asked for."""

@@ -39,4 +39,3 @@ class ModeWalk:
         if requests:
             return requests.pop(0)
         return next((other for other, left in self.open.items() if left), None)
-
