@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import uuid
 from typing import TYPE_CHECKING
 
@@ -15,19 +16,25 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
-def left_over(mark: str, timeout: float = 5.0) -> list[str]:
-    """The processes that carry the mark, or are below this one; given a moment to be gone."""
+def left_over(mark: str, others: set[psutil.Process], timeout: float = 5.0) -> list[str]:
+    """The processes that carry the mark, or are below this one; given a moment to be gone.
+
+    ``others`` are children of this one that are not meant, such as a browser that tests before have shared.
+    """
     deadline = clock.Deadline.after(timeout)
     while True:
-        found = {process.pid: process for process in (*marked(mark), *_below())}
+        found = {process.pid: process for process in (*marked(mark), *_below(others))}
         if not found or deadline.expired:
             return [_describe(process) for process in found.values()]
         clock.sleep(0.01)
 
 
-def _below() -> list[psutil.Process]:
-    children = psutil.Process().children(recursive=True)
-    return [child for child in children if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
+def _below(others: set[psutil.Process]) -> list[psutil.Process]:
+    found = []
+    for child in set(psutil.Process().children()) - others:
+        with contextlib.suppress(psutil.NoSuchProcess):  # it is gone by now
+            found += [child, *child.children(recursive=True)]
+    return [one for one in found if one.is_running() and one.status() != psutil.STATUS_ZOMBIE]
 
 
 def _describe(process: psutil.Process) -> str:
@@ -42,6 +49,7 @@ def no_process_left(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """After the test, neither a marked process nor a child of this one is there."""
     mark = uuid.uuid4().hex
     monkeypatch.setenv(MARK, mark)
+    others = set(psutil.Process().children())
     yield
-    left = left_over(mark)
+    left = left_over(mark, others)
     assert left == []
