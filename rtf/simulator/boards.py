@@ -332,13 +332,17 @@ class Boards(BoardState):
 
     def accept(self, what: str, axes: list[int], modes: frozenset[ControlMode]) -> list[int]:
         """Those of the axes that are in one of the modes, places in the list; commands to others are ignored."""
-        now, held = self.now, modes | HOLDING_MODES
+        now = self.now
         return [
             place
             for place, axis in enumerate(axes)
-            if int(self.mode[axis]) in (held if any(obeys(axis) for obeys in self.obeying_faults) else modes)
+            if (int(self.mode[axis]) in modes or self._obeys_all(axis))
             and not any(lost(what, axis, now) for lost in self.command_faults)
         ]
+
+    def _obeys_all(self, axis: int) -> bool:
+        """Whether a fault lets an axis take the commands of other modes, too, while its position is controlled."""
+        return int(self.mode[axis]) in HOLDING_MODES and any(obeys(axis) for obeys in self.obeying_faults)
 
     def move(self, axes: NDArray[np.intp], targets: FloatArray) -> None:
         """Move along a trajectory; targets are cut off at the limits."""
