@@ -128,9 +128,11 @@ class TestPackets:
             ("(sched ((priority -1) (policy -1))) (qos ((tos 40)))", 40),
         ],
     )
-    def test_from_the_wire(self, writer: Port, carrier: str, wishes: str, wanted: int):
+    def test_from_the_wire(self, writer: Port, reader: Port, carrier: str, wishes: str, wanted: int):
         """By level, class or number, for every carrier of packets; and it is told again."""
+        before = {*reader.inputs}
         writer.add_output("/reader", carrier)
+        eventually(lambda: {*reader.inputs} - before, "the writer has not come again")
         assert wish(writer, "/reader", wishes) == "[ok]"
         assert tos(writer.outputs[0]) == wanted
         assert remote.connection_qos(writer.network, writer.contact, Contact("/reader"))[0].tos == wanted
