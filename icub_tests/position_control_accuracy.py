@@ -94,10 +94,9 @@ class PositionControlAccuracy(StepTest):
         )
         return home, home + sign * self.room(joint)
 
-    def drive(self, joint: int, reference: float) -> bool:
+    def drive(self, joint: int, reference: float) -> None:
         """See the base."""
         self.robot_part.board.set_positions(reference, joint)
-        return True
 
     def measured(self, trace: Trace, joint: int) -> FloatArray:
         """See the base."""

@@ -13,8 +13,10 @@ from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety
 from rtf.robot_testing.courses import until
 from rtf.robot_testing.guard import GuardError
+from rtf.robot_testing.judging import Judged
+from rtf.robot_testing.lateness import tardiness
 from rtf.robot_testing.pid import DiscretePid
-from rtf.robot_testing.steps import Judged, StepTest
+from rtf.robot_testing.steps import StepTest
 from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
@@ -109,7 +111,8 @@ class PositionControlAccuracyExternalPid(StepTest):
             for joint, one in zip(self.chosen, gains, strict=True)
         }
         self.homes = {joint: start for joint, (start, _) in self.starts.items()}
-        self.ages: dict[int, list[float]] = {joint: [] for joint in self.chosen}
+        #: What the motor of each joint was told in its cycle, %, and when that was, s.
+        self.told: dict[int, list[tuple[float, float]]] = {joint: [] for joint in self.chosen}
 
     def _gains(self, part: Part, joint: int, effect: float) -> tuple[float, float, float]:
         pid = part.board.pid(PidType.POSITION, joint)
@@ -140,6 +143,7 @@ class PositionControlAccuracyExternalPid(StepTest):
         held = self.transmission.holding_duty(part.board.duty_cycles(), joint)
         part.board.set_control_modes([ControlMode.PWM], [joint])
         self.pids[joint].start(held)
+        self.told[joint] = []
         self.drive(joint, home)
         entered = yield from until(
             part.clock, lambda: part.board.control_modes(joint)[0] is ControlMode.PWM, _MODE_TIME
@@ -150,11 +154,10 @@ class PositionControlAccuracyExternalPid(StepTest):
         )
         return home, home + sign * self.room(joint)
 
-    def drive(self, joint: int, reference: float) -> bool:
+    def drive(self, joint: int, reference: float) -> None:
         """See the base; a joint that goes far beyond its step is let go of."""
         part = self.robot_part
         stamp, state = part.history.newest
-        self.ages[joint].append(self.now() - stamp)
         position = float(state.values(Field.JOINT_POSITIONS)[joint])
         if abs(position - self.homes[joint]) > self.step + _RUNAWAY:
             raise GuardError(
@@ -163,8 +166,15 @@ class PositionControlAccuracyExternalPid(StepTest):
             )
         duty = self.pids[joint].output(reference, position, stamp)
         duty += (self.pid_vup if reference > position else self.pid_vdown) * float(self.ways[joint])
-        part.board.set_reference_duty_cycles(max(-100.0, min(100.0, duty)), joint)
-        return True
+        duty = max(-100.0, min(100.0, duty))
+        self.told[joint].append((self.now(), duty))
+        part.board.set_reference_duty_cycles(duty, joint)
+
+    def tardy(self, joint: int, trace: Trace) -> str:
+        """See the base; by the duty cycles in the states, where they have the same clock."""
+        if isinstance(self.clock, SystemClock):
+            return ""
+        return tardiness(self.told[joint], trace.time, trace.duty_cycles[:, joint], self.sample_time)
 
     def measured(self, trace: Trace, joint: int) -> FloatArray:
         """See the base."""
@@ -178,6 +188,6 @@ class PositionControlAccuracyExternalPid(StepTest):
         values.append(Judged("states that came behind later ones", behind, "%", self.overtaken, "jitter"))
         # A robot's stamps are by another machine's clock: the difference of the two looks like age.
         if not isinstance(self.clock, SystemClock):
-            age = 1e3 * float(np.quantile(self.ages[joint], _JUDGED))
+            age = 1e3 * float(np.quantile(np.concatenate([one.ages for one in cycles]), _JUDGED))
             values.append(Judged("age of nine of ten states", age, "ms", self.state_age, "lag"))
         return values

@@ -9,6 +9,7 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError, RobotTest, Safety, delay_between, likely_causes
+from rtf.robot_testing.judging import Judged, judge_values
 from rtf.robot_testing.lateness import lateness
 from rtf.robot_testing.pacing import paced
 from rtf.robot_testing.positioning import bring, late_joints, starting_point
@@ -243,28 +244,14 @@ class PositionDirect(RobotTest):
         fit = fit_sine(time[whole], position[whole], self.frequency)
         of_speed = fit_sine(time[whole], speed[whole], self.frequency)
         amplitude = float(self.sine.amplitudes[column])
-        judged = (
-            ("tracking error", float(np.abs(error).max()), "deg", self.tolerance, "lag"),
-            ("delay", delay, "s", self.delay, "lag"),
-            ("shape error", fit.rms, "deg", self.shape, "irregular"),
-            (
-                "speed ripple",
-                100 * of_speed.rms / (2 * math.pi * self.frequency * amplitude),
-                "%",
-                self.ripple,
-                "noise",
-            ),
+        ripple = 100 * of_speed.rms / (2 * math.pi * self.frequency * amplitude)
+        values = (
+            Judged("tracking error", float(np.abs(error).max()), "deg", self.tolerance, "lag"),
+            Judged("delay", delay, "s", self.delay, "lag"),
+            Judged("shape error", fit.rms, "deg", self.shape, "irregular"),
+            Judged("speed ripple", ripple, "%", self.ripple, "noise"),
         )
-        late = lateness(run.sent_at, self.sample_time)
-        beyond = [f"{what} is {value:.3g} {symbol}" for what, value, symbol, high, _ in judged if value > high]
-        if late and beyond:
-            for what, value, symbol, _, _ in judged:
-                self.measure(what, value, symbol)
-            self.inconclusive(f"{name}: {', '.join(beyond)}; but {late}")
-        for what, value, symbol, high, finding in judged:
-            measured = self.measure(what, value, symbol, high=high)
-            if measured.verdict is MeasurementVerdict.FAILED:
-                self.report(f"{name}: {what} is {value:.3g} {symbol}, {high:g} are allowed; {likely_causes(finding)}")
+        judge_values(self, name, values, lateness(run.sent_at, self.sample_time))
         self.measure("tracking error, root mean square", float(np.sqrt(np.mean(error**2))), "deg")
         self.measure("amplitude", fit.amplitude / amplitude, "", low=1 - _GAIN, high=1 + _GAIN)
         if len(run.taken):

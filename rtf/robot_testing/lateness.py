@@ -1,4 +1,8 @@
-"""Whether a test has kept up with the robot: what a machine that is too busy does is no fault of the robot."""
+"""Whether a test has kept up with the robot: what a machine that is too busy does is no fault of the robot.
+
+What is said here is no verdict: it is why what is out of bounds cannot be held against the robot. Nothing of it can
+happen in lockstep, where time waits for tests; what is late there is late by the robot, and is not to be asked about.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
 #: So many periods between two beats of a loop are too many: there was to be another one.
@@ -14,6 +20,9 @@ _LATE = 1.75
 #: So many periods are too many on the average.
 _SLOW = 1.5
 _FEWEST = 2
+#: How far what a board drives may be from what it was told, %, for boards that count in steps; and the share of states
+#: in which something that was told has to be found again.
+_SAME, _FOUND = 0.05, 0.5
 
 
 def lateness(beats: ArrayLike, period: float) -> str:
@@ -31,3 +40,39 @@ def lateness(beats: ArrayLike, period: float) -> str:
     if gaps.size >= _FEWEST and mean > _SLOW * period:
         return f"the loop of this test takes {1e3 * mean:.0f} ms a round, as this machine is too busy; {usual}"
     return ""
+
+
+def staleness(ages: ArrayLike, period: float) -> str:
+    """What is wrong with the ages (s) of the newest states that a loop of that ``period`` (s) went by; "" if nothing.
+
+    They are compared with their median, so that clocks that differ do no harm.
+    """
+    old = np.asarray(ages, dtype=np.float64)
+    if not old.size:
+        return ""
+    beyond = float(old.max() - np.median(old))
+    if not beyond > _LATE * period:
+        return ""
+    return f"a state came {1e3 * beyond:.0f} ms later than usual, as this machine or its network is too busy"
+
+
+def tardiness(told: Sequence[tuple[float, float]], seen_at: ArrayLike, seen: ArrayLike, period: float) -> str:
+    """What is wrong with how commands reached a board: it went on for too long with one that another had replaced.
+
+    ``told`` are the commands with their times (s) in their order, one a ``period`` (s); ``seen`` is what the states of
+    ``seen_at`` (s, of the same clock) say is driven. Nothing is said of a board that drives something else.
+    """
+    if len(told) < _FEWEST:
+        return ""
+    times, values = np.array(told, dtype=np.float64).T
+    stamps, driven = np.asarray(seen_at, dtype=np.float64), np.asarray(seen, dtype=np.float64)
+    lags = []
+    for stamp, value in zip(stamps, driven, strict=True):
+        same = np.flatnonzero((np.abs(values - value) <= _SAME) & (times <= stamp + period))
+        if same.size:
+            newer = int(same[-1]) + 1
+            lags.append(max(0.0, float(stamp - times[newer])) if newer < times.size else 0.0)
+    longest = max(lags, default=0.0)
+    if len(lags) < _FOUND * stamps.size or longest <= _LATE * period:
+        return ""
+    return f"a command took {1e3 * longest:.0f} ms to its board, as this machine or its network is too busy"

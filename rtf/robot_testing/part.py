@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -96,6 +97,12 @@ class Part:
                 self.clock, lambda: all(found is wanted for found in self.board.control_modes(chosen)), timeout
             )
         )
+
+    # States ------------------------------------------------------------------------------------------------------
+
+    def state_age(self) -> float:
+        """How old the newest state is, s by the robot's clock; NaN before the first."""
+        return self.clock.now() - self.history.newest[0] if len(self.history) else math.nan
 
     # Moving ------------------------------------------------------------------------------------------------------
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 #: Of the step: from here to there is the rise.
 _BEGUN, _RISEN = 0.1, 0.9
+#: Points after a step, without which nothing is said of it.
+FEWEST = 10
 #: What is left of the time at the end for what is steady.
 _STEADY_SHARE = 0.25
 #: Bandwidth times rise time of a system of the first order, and nearly so of others that do not ring.
@@ -50,13 +52,13 @@ def step_response(time: ArrayLike, values: ArrayLike, start: float, target: floa
     """
     t, v = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
     t, v = t[t >= 0], v[t >= 0]
-    if t.size < _FEWEST:
-        raise ValueError(f"{t.size} points after the step say nothing of it; {_FEWEST} are needed")
+    if t.size < FEWEST:
+        raise ValueError(f"{t.size} points after the step say nothing of it; {FEWEST} are needed")
     share = (v - start) / (target - start)
     begun, risen = _first(t, share, _BEGUN), _first(t, share, _RISEN)
     outside = np.flatnonzero(np.abs(v - target) > band)
     settled = 0.0 if outside.size == 0 else math.inf if outside[-1] == t.size - 1 else float(t[outside[-1] + 1])
-    last = max(_FEWEST // 2, round(_STEADY_SHARE * t.size))
+    last = max(FEWEST // 2, round(_STEADY_SHARE * t.size))
     line = np.polynomial.Polynomial.fit(t[-last:], v[-last:], 1)
     return StepResponse(
         delay=begun,
@@ -96,6 +98,3 @@ def spread_of(times: Sequence[FloatArray], values: Sequence[FloatArray], period:
     grid = np.arange(begin, end, period)
     together = np.array([np.interp(grid, t, v) for t, v in zip(times, values, strict=True)])
     return float(np.sqrt(np.mean(np.var(together, axis=0, ddof=1))))
-
-
-_FEWEST = 10

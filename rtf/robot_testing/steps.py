@@ -13,15 +13,16 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from rtf.errors import RtfError
+from rtf.middleware.time import LockstepClock
 from rtf.robot_testing.case import RobotTest
 from rtf.robot_testing.causes import likely_causes
 from rtf.robot_testing.courses import pause, singly, work
 from rtf.robot_testing.guard import GuardError
-from rtf.robot_testing.lateness import lateness
+from rtf.robot_testing.judging import Judged, judge_values
+from rtf.robot_testing.lateness import lateness, staleness
 from rtf.robot_testing.positioning import bringing, holding, starting_point
-from rtf.robot_testing.response import StepResponse, largest, spread_of, step_response
+from rtf.robot_testing.response import FEWEST, largest, spread_of, step_response
 from rtf.testing import Parameter
-from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
@@ -36,8 +37,8 @@ _GRID = 0.01
 class Cycle(NamedTuple):
     """One step: times of the states (s, the step is at 0), what was measured, and what was commanded then.
 
-    The states are in the order of their times; ``overtaken`` of them came behind a later one. ``late`` says how this
-    test did not keep up with its commands, if so.
+    The states are in the order of their times; ``overtaken`` of them came behind a later one. ``ages`` (s) are those of
+    the newest states at each command. ``late`` says how this test and the robot did not hear of each other in time.
     """
 
     time: FloatArray
@@ -46,22 +47,8 @@ class Cycle(NamedTuple):
     start: float
     target: float
     overtaken: int
+    ages: FloatArray
     late: str
-
-
-class Judged(NamedTuple):
-    """A value with the most that it may be; NaN where there is none. ``finding`` is what it points to to be more."""
-
-    name: str
-    value: float
-    symbol: str
-    high: float
-    finding: str
-
-    @property
-    def excused(self) -> bool:
-        """Whether it is too much in a way for which it may be enough that commands were late."""
-        return self.value > self.high
 
 
 class StepTest(RobotTest):
@@ -131,13 +118,23 @@ class StepTest(RobotTest):
         """Bring a joint that is at home into the mode; returns where the step starts and where it ends."""
         raise NotImplementedError
 
-    def drive(self, joint: int, reference: float) -> bool:
-        """Command a joint; called at every beat. False ends the cycle early, which is no fault; a GuardError is one."""
+    def drive(self, joint: int, reference: float) -> None:
+        """Command a joint; called at every beat. A GuardError ends the cycle as a failure."""
         raise NotImplementedError
+
+    def enough(self, joint: int, after: float) -> bool:
+        """Whether a cycle ends here, ``after`` the step (s; NaN before it): no fault if that can be judged."""
+        del joint, after
+        return False
 
     def measured(self, trace: Trace, joint: int) -> FloatArray:
         """What is stepped, of all states."""
         raise NotImplementedError
+
+    def tardy(self, joint: int, trace: Trace) -> str:
+        """How commands of this cycle reached the board too late, where that can be seen."""
+        del joint, trace
+        return ""
 
     # Running -----------------------------------------------------------------------------------------------------
 
@@ -177,24 +174,22 @@ class StepTest(RobotTest):
         yield from self._bring(joint)
         yield from pause(part.clock, self.rest)
         times: list[float] = []
+        ages: list[float] = []
         try:
             with part.recorded() as trace:
                 start, target = yield from self.begin(joint)
                 mode = part.board.control_modes(joint)[0]
-                commands, stepped = yield from self._step(joint, start, target, times)
+                commands, stepped = yield from self._step(joint, start, target, times, ages)
         except GuardError as error:
-            late = lateness([*times, self.now()], self.sample_time)
+            late = self._late(joint, [*times, self.now()], [*ages, part.state_age()], trace)
             if late:
                 self.inconclusive(f"{error}; but {late}")
             self.assert_fail(f"{error}; {likely_causes('runs away')}")
         now = part.board.control_modes(joint)[0]
         self.assert_true(now is mode, f"{part.names[joint]} left {mode.word} for {now.word} in the middle of a step")
+        late = self._late(joint, times, ages, trace)
         came = trace.time[trace.time >= times[0]]
-        self.assert_true(
-            came.size > _FEWEST_STATES and came.max() > stepped + self.shortest,
-            f"{part.names[joint]}: {came.size} states came, up to {came.max(initial=-math.inf) - stepped:.2f} s after "
-            f"the step; {self.shortest:g} s are needed",
-        )
+        self._judge_number_of_states(joint, came - stepped, late)
         order = np.argsort(trace.time, kind="stable")
         order = order[trace.time[order] >= times[0]]
         stamps = trace.time[order]
@@ -206,11 +201,37 @@ class StepTest(RobotTest):
             start=start,
             target=target,
             overtaken=int((came < np.maximum.accumulate(came)).sum()),
-            late=lateness(times, self.sample_time),
+            ages=np.array(ages),
+            late=late,
         )
 
-    def _step(self, joint: int, start: float, target: float, times: list[float]) -> Course[tuple[list[float], float]]:
-        """Command the step; ``times`` is filled with when it did so. Returns the commands, and when the step was."""
+    def _judge_number_of_states(self, joint: int, came: FloatArray, late: str) -> None:
+        """A step needs states enough to be judged; ``came`` are their times, counted from it."""
+        behind, last = int((came >= 0).sum()), float(came.max(initial=-math.inf))
+        if came.size > _FEWEST_STATES and behind >= FEWEST and last > self.shortest:
+            return
+        text = (
+            f"{self.robot_part.names[joint]}: {came.size} states came, {behind} of them after the step, up to "
+            f"{last:.2f} s after it; {FEWEST} are needed, and {self.shortest:g} s"
+        )
+        if late:
+            self.inconclusive(f"{text}; but {late}")
+        self.assert_fail(f"{text}; {likely_causes('slow')}")
+
+    def _late(self, joint: int, times: list[float], ages: list[float], trace: Trace) -> str:
+        """How a cycle was not in time by the doing of this machine; "" where it was. In lockstep it always is."""
+        if isinstance(self.clock, LockstepClock):
+            return ""
+        period = self.sample_time
+        return lateness(times, period) or staleness(ages, period) or self.tardy(joint, trace)
+
+    def _step(
+        self, joint: int, start: float, target: float, times: list[float], ages: list[float]
+    ) -> Course[tuple[list[float], float]]:
+        """Command the step. Returns the commands, and when the step was.
+
+        ``times`` is filled with when it did so, ``ages`` with how old the newest state was then.
+        """
         commands: list[float] = []
         stepped, begin = math.nan, self.now()
         while (elapsed := self.now() - begin) < self.step_duration - _ROUNDING:
@@ -218,9 +239,11 @@ class StepTest(RobotTest):
             if not before and math.isnan(stepped):
                 stepped = self.now()
             times.append(self.now())
+            ages.append(self.robot_part.state_age())
             commands.append(start if before else target)
-            if not self.drive(joint, commands[-1]):
-                self._judge_early_end(joint, self.now() - stepped)
+            self.drive(joint, commands[-1])
+            if self.enough(joint, after := self.now() - stepped):
+                self._judge_early_end(joint, after)
                 break
             yield None
         return commands, stepped
@@ -248,36 +271,17 @@ class StepTest(RobotTest):
 
     def judge(self, joint: int, cycles: list[Cycle]) -> None:
         """Measure all that has limits; the worst of the cycles counts."""
-        late = [one.late for one in cycles if one.late]
-        if late and any(value.excused for value in self.values(joint, cycles)):
-            cycles = self._punctual(joint, cycles, late[0])
-        for value in self.values(joint, cycles):
-            self._judge_value(joint, value)
-        widths = [one.bandwidth for one in self.answers(cycles)]
-        if all(map(math.isfinite, widths)):
-            self.measure("bandwidth", min(widths), "Hz")
-
-    def _punctual(self, joint: int, cycles: list[Cycle], late: str) -> list[Cycle]:
-        """The cycles that the loop of this test kept up with. Ends as inconclusive where there is none."""
-        name, punctual = self.robot_part.names[joint], [one for one in cycles if not one.late]
-        if punctual:
-            self.report(f"{name}: {late}: {len(cycles) - len(punctual)} of {len(cycles)} steps are not judged")
-            return punctual
-        beyond = []
-        for value in self.values(joint, cycles):
-            if not math.isnan(value.value):
-                self.measure(value.name, value.value, value.symbol)
-            if value.excused:
-                beyond.append(f"{value.name} is {value.value:.3g} {value.symbol}")
-        return self.inconclusive(f"{name}: {', '.join(beyond)}; but {late}")
-
-    def answers(self, cycles: list[Cycle]) -> list[StepResponse]:
-        """How a joint answered in some cycles."""
-        return [step_response(one.time, one.measured, one.start, one.target, self.band) for one in cycles]
+        values, late = self.values(joint, cycles), [one.late for one in cycles if one.late]
+        punctual = [one for one in cycles if not one.late]
+        name = self.robot_part.names[joint]
+        if late and punctual and any(value.beyond for value in values):
+            self.report(f"{name}: {late[0]}: {len(late)} of {len(cycles)} steps are not judged")
+            values, late = self.values(joint, punctual), []
+        judge_values(self, name, values, late[0] if late else "")
 
     def values(self, joint: int, cycles: list[Cycle]) -> list[Judged]:
         """All that has limits, of some cycles of a joint."""
-        answers = self.answers(cycles)
+        answers = [step_response(one.time, one.measured, one.start, one.target, self.band) for one in cycles]
         late, wrong, symbol = self.late_finding, self.wrong_finding, self.symbol
         errors = [abs(one.steady_error) for one in answers]
         values = [
@@ -291,25 +295,15 @@ class StepTest(RobotTest):
         if len(cycles) > 1:
             spread = spread_of([one.time for one in cycles], [one.measured - one.start for one in cycles], _GRID)
             values.append(Judged("repeatability", spread, symbol, self.most_spread(joint), "irregular"))
+        widths = [one.bandwidth for one in answers]
+        if all(map(math.isfinite, widths)):
+            values.append(Judged("bandwidth", min(widths), "Hz"))
         return values
 
     def most_spread(self, joint: int) -> float:
         """How far the steps of a joint may be from each other."""
         del joint
         return self.repeatability
-
-    def _judge_value(self, joint: int, value: Judged) -> None:
-        """Measure a value; beyond its limit, or where there is none, say what it means."""
-        name = self.robot_part.names[joint]
-        if math.isnan(value.value):
-            self.check_fail_if_true(
-                condition=True, text=f"{name}: there is no {value.name}; {likely_causes(value.finding)}"
-            )
-        elif self.measure(value.name, value.value, value.symbol, high=value.high).verdict is MeasurementVerdict.FAILED:
-            self.report(
-                f"{name}: {value.name} is {value.value:.3g} {value.symbol}, it is to be {value.high:g} {value.symbol} "
-                f"at most; {likely_causes(value.finding)}"
-            )
 
 
 #: How many states a cycle needs.

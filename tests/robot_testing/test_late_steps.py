@@ -42,7 +42,7 @@ def cycle(beyond, late=""):
     """A step of one degree that goes beyond its target by a share, and comes back."""
     time = np.arange(-0.2, 2.0, 0.01)
     measured = np.clip(time / 0.1, 0.0, 1.0) + beyond * ((time > 0.1) & (time < 0.2))
-    return Cycle(time, measured, np.where(time < 0, 0.0, 1.0), 0.0, 1.0, 0, late)
+    return Cycle(time, measured, np.where(time < 0, 0.0, 1.0), 0.0, 1.0, 0, np.zeros(1), late)
 
 
 def test_a_late_step_within_its_limits_counts(judging):

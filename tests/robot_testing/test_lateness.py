@@ -1,9 +1,9 @@
-"""Whether the loop of a test has kept up."""
+"""Whether the loop of a test has kept up, and heard and was heard in time."""
 
 import numpy as np
 import pytest
 
-from rtf.robot_testing.lateness import lateness
+from rtf.robot_testing.lateness import lateness, staleness, tardiness
 
 
 def test_a_loop_that_keeps_its_period_is_not_late():
@@ -22,3 +22,34 @@ def test_a_loop_that_stands_still_or_is_slow_is_late(beats, words):
     said = lateness(beats, 0.01)
     assert words in said
     assert "its period is 10 ms" in said
+
+
+def test_states_are_late_by_their_own_usual_age():
+    """Which is whatever two clocks say; so one clock may be a day ahead."""
+    ages = 86400.0 + np.tile([0.001, 0.006, 0.011], 30)
+    assert staleness(ages, 0.01) == staleness([], 0.01) == ""
+    assert "a state came 30 ms later than usual" in staleness([*ages, 86400.036], 0.01)
+
+
+TOLD = [(0.01 * beat, 5.0 + beat) for beat in range(20)]
+STAMPS = np.arange(0.0, 0.2, 0.005)
+
+
+def driven(delays):
+    """What a board drives at each stamp, that hears of each command so much later."""
+    heard = np.array([time for time, _ in TOLD]) + delays
+    return [5.0 + np.flatnonzero(heard <= stamp + 1e-9)[-1] for stamp in STAMPS]
+
+
+def test_commands_that_arrive_are_in_time():
+    """A little later each, as on any network; and of a board that drives something of its own nothing is known."""
+    assert tardiness(TOLD, STAMPS, driven(np.r_[0.0, np.full(19, 0.003)]), 0.01) == ""
+    assert tardiness(TOLD, STAMPS, np.full(STAMPS.size, 77.0), 0.01) == ""
+    assert tardiness(TOLD[:1], STAMPS, np.full(STAMPS.size, 5.0), 0.01) == ""
+
+
+def test_a_board_that_goes_on_with_an_old_command_was_told_late():
+    """And it is said for how long it went on with one that had been replaced."""
+    delays = np.zeros(20)
+    delays[8:12] = [0.04, 0.03, 0.02, 0.01]
+    assert "a command took 35 ms to its board" in tardiness(TOLD, STAMPS, driven(delays), 0.01)

@@ -1,0 +1,65 @@
+"""Judging what was measured of a joint: each value with the most that it may be, and what it points to to be more."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from rtf.robot_testing.causes import likely_causes
+from rtf.testing.verdict import MeasurementVerdict
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.testing import TestCase
+
+
+class Judged(NamedTuple):
+    """A value with the most that it may be; NaN where there is none. ``finding`` is what it points to to be more.
+
+    Without a bound it is only measured.
+    """
+
+    name: str
+    value: float
+    symbol: str
+    high: float = math.inf
+    finding: str = ""
+
+    @property
+    def beyond(self) -> bool:
+        """Whether it is too much."""
+        return self.value > self.high
+
+    @property
+    def text(self) -> str:
+        """The value in words."""
+        return f"{self.name} is {self.value:.3g} {self.symbol}"
+
+
+def judge_values(test: TestCase, name: str, values: Sequence[Judged], late: str = "") -> None:
+    """Measure values of a joint of that ``name``; what is beyond its bound, or is not there, fails the test.
+
+    ``late`` says how the test did not keep up with the robot. Then what is beyond is not held against the robot: the
+    values are measured without bounds, and the test ends as inconclusive.
+    """
+    if late and any(value.beyond for value in values):
+        for value in values:
+            if not math.isnan(value.value):
+                test.measure(value.name, value.value, value.symbol)
+        test.inconclusive(f"{name}: {', '.join(value.text for value in values if value.beyond)}; but {late}")
+    for value in values:
+        _judge(test, name, value)
+
+
+def _judge(test: TestCase, name: str, value: Judged) -> None:
+    if math.isnan(value.value):
+        test.check_fail_if_true(
+            condition=True, text=f"{name}: there is no {value.name}; {likely_causes(value.finding)}"
+        )
+        return
+    high = value.high if math.isfinite(value.high) else None
+    if test.measure(value.name, value.value, value.symbol, high=high).verdict is MeasurementVerdict.FAILED:
+        test.report(
+            f"{name}: {value.text}, it is to be {value.high:g} {value.symbol} at most; {likely_causes(value.finding)}"
+        )
