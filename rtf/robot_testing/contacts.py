@@ -43,6 +43,8 @@ _BEFORE, _AFTER = 0.055, 0.025
 _KEPT = 50
 #: Stamps of which one is nearer to the next, s, are taken to be so far apart.
 _SHORTEST = 1e-3
+#: A sensor of which nothing comes for so long, s, while states do, is silent: it sends a hundred messages a second.
+_SILENT = 1.0
 #: Forces of which the middle one counts: a single one that is wrong is no contact.
 _MIDDLE_OF = 3
 _GRAVITY = 9.81
@@ -151,6 +153,7 @@ class ContactWatch:
         self._heavy = np.array([not _LIGHT.search(name) for name in board.axis_names()])
         self._states: deque[tuple[float, ExtendedState]] = deque(maxlen=_KEPT)
         self._looks: deque[_Look] = deque()
+        self._heard: tuple[Delivery | None, float] | None = None  # the last message, and the state it came with, s
         self._free: _Look | None = None  # how it was before it struck something that it may still touch
         board.observe(lambda stamp, state: self._states.append((stamp, state)))
 
@@ -162,8 +165,9 @@ class ContactWatch:
     def look(self, limit: float) -> Strike | None:
         """What it strikes, once a contact: whether the force has changed by more than ``limit`` N without a reason.
 
-        Raises NoForcesError where the sensor is none.
+        Raises NoForcesError where the sensor is none, or has fallen silent.
         """
+        self._listen()
         now = self._now()
         if now is None or (self._looks and now.time <= self._looks[-1].time):
             return None  # nothing new
@@ -185,6 +189,16 @@ class ContactWatch:
         speeds = np.abs([look.speeds for look in early]).mean(axis=0)
         looks.clear()
         return Strike(force, speeds)
+
+    def _listen(self) -> None:
+        """Notice when nothing comes any more. By the states' time, as two clocks may differ."""
+        if not self._states:
+            return
+        time, last = self._states[-1][0], next(iter(self.forces.newest(1)), None)
+        if self._heard is None or last is not self._heard[0]:
+            self._heard = last, time
+        elif time - self._heard[1] > _SILENT:
+            raise NoForcesError(f"nothing has come from {self.source} for {_SILENT:g} s")
 
     def _unexplained(self, now: _Look, before: _Look) -> float:
         """What is left of a change of force (N) when all joints have done their worst together."""

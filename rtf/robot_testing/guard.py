@@ -157,11 +157,15 @@ class MotionGuard:
 
     def watch(self) -> None:
         """Look whether every joint does what it may; stop the one that does not, and raise GuardError."""
-        board = self.board
-        positions = board.encoders()
+        positions = self.board.encoders()
         if self.snapshot.limits:
             outside = (positions < self._low) | (positions > self._high)
             self._judge(outside, positions, "is at {:.1f} deg, beyond its limits")
+        self._watch_motion()
+
+    def _watch_motion(self) -> None:
+        """All but where joints are: one that is to come back may be anywhere."""
+        board = self.board
         if self.fastest is not None:
             speeds = np.abs(board.encoder_speeds())
             self._judge(speeds > self.limits.speed * self.fastest, speeds, "turns at {:.0f} deg/s, too fast")
@@ -276,7 +280,7 @@ class MotionGuard:
                 self._report(f"{self._names[joint]} was in fault, and is forced out of it")
 
     def _park(self) -> None:
-        """Bring joints that are somewhere else to where they were."""
+        """Bring joints that are somewhere else to where they were; all are stopped when one does what it may not."""
         board, before = self.board, self.snapshot.positions
         away = [int(j) for j in np.flatnonzero(np.abs(board.encoders() - before) > _ARRIVED)]
         held = [j for j in away if self.snapshot.modes[j] is not ControlMode.IDLE and j not in self._given_up]
@@ -291,6 +295,11 @@ class MotionGuard:
                 late = [self._names[j] for j in held if abs(board.encoder(j) - before[j]) > _ARRIVED]
                 raise GuardError(f"{', '.join(late)} did not come back to where it was within {PARKING_TIME:g} s")
             self._clock.sleep(_PACE)
+            try:
+                self._watch_motion()
+            except GuardError as error:
+                board.stop(held)
+                raise GuardError(f"on the way back {error}", error.joint) from None
 
     def _restore_modes(self) -> None:
         board, before = self.board, self.snapshot

@@ -203,6 +203,16 @@ def test_port_that_sends_something_else_is_told_once(limb: Limb, sent: dict[str,
     assert limb.said == [f"/fake/left_arm is not watched for contacts: {SENSOR} sends {said_of_it}"]
 
 
+def test_sensor_that_falls_silent_is_told_once(limb: Limb):
+    """Whoever reads the log knows that nobody felt what came then."""
+    for _ in range(150):
+        limb.time.sleep(0.01)
+        limb.server.publish(limb.time.now())
+        limb.server.settle()
+        limb.guard.watch()
+    assert limb.said == [f"/fake/left_arm is not watched for contacts: nothing has come from {SENSOR} for 1 s"]
+
+
 def test_streams_that_are_behind_each_other_are_brought_together(limb: Limb):
     """Forces of a moment of which the state is not there yet wait for it."""
     limb.device.speed = 60.0

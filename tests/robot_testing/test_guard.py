@@ -195,3 +195,15 @@ def test_board_that_is_gone_is_tried_once(bench: Bench):
     ) as caught:
         guard.restore()
     assert str(caught.value).count("cannot be reached again") == 1
+
+
+def test_joint_that_does_what_it_may_not_on_its_way_back_stops_all(bench: Bench):
+    """Nobody looks on when a robot is put back: the guard does. Where joints are is no matter, as they come back."""
+    guard = bench.guard()
+    bench.device.position_move([50.0, 50.0], [0, 2])
+    bench.time.sleep(10.0)
+    bench.measure("joint_velocities", 2, -76.0)
+    with pytest.raises(RobotError, match=r"on the way back joint2 \(/fake joint 2\) turns at 76 deg/s, too fast"):
+        guard.restore()
+    assert bench.device.motion_done()
+    assert bench.device.encoders([0]) > 40.0
