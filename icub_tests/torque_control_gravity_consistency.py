@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 #: The parts of an iCub, all of which decide what hangs where.
 _PARTS = ("head", "torso", "left_arm", "right_arm", "left_leg", "right_leg")
-#: Each posture is come to from both sides, from so far (deg), so that friction cancels out; and how fast (deg/s).
+#: All joints come to each posture from both sides, from so far (deg), so that friction cancels out; how fast (deg/s).
 _APPROACH, _APPROACH_SPEED = 2.0, 10.0
 #: How long joints come to rest, and for how long they are measured then, s.
 _REST, _MEASURING = 0.3, 0.2
@@ -76,6 +76,7 @@ class TorqueControlGravityConsistency(RobotTest):
         part = self.robot_part
         measured: list[FloatArray] = []
         wanted: list[FloatArray] = []
+        hold(part, self.chosen)
         for place, joint in enumerate(self.chosen):
             self.progress(place / len(self.chosen), part.names[joint])
             with self.subresult(f"{part.names[joint]} in all postures"):
@@ -100,8 +101,9 @@ class TorqueControlGravityConsistency(RobotTest):
 
     def _measure(self, part: Part, joint: int, position: float, side: float) -> tuple[FloatArray, FloatArray]:
         """Come to a position from one side; the measured torques of the chosen joints, and the model's."""
-        bring(self, part, [joint], [position + side * _APPROACH], speed=self.speed, tolerance=1.0)
-        bring(self, part, [joint], [position], speed=_APPROACH_SPEED, tolerance=1.0)
+        for away, speed in ((side * _APPROACH, self.speed), (0.0, _APPROACH_SPEED)):
+            self._move_others(part, joint, away, speed)
+            bring(self, part, [joint], [position + away], speed=speed, tolerance=1.0)
         part.wait(_REST)
         torques = mean_torques(part, _MEASURING)
         here: dict[str, float] = {}
@@ -109,6 +111,13 @@ class TorqueControlGravityConsistency(RobotTest):
             here.update(zip(one.names, one.board.encoders().tolist(), strict=True))
         model = self.gravity.torques(here)
         return torques[self.chosen], np.array([model[part.names[chosen]] for chosen in self.chosen])
+
+    def _move_others(self, part: Part, joint: int, away: float, speed: float) -> None:
+        """Send the other chosen joints so far from home, for friction hides in what rests; nobody waits for them."""
+        others = [one for one in self.chosen if one != joint]
+        places = np.clip(part.home[others] + away, part.low[others], part.high[others])
+        part.board.set_reference_speeds([speed] * len(others), others)
+        part.board.position_move(places, others)
 
     def _judge_all(self, part: Part, measured: FloatArray, wanted: FloatArray) -> None:
         # Both sides of a posture follow each other: their mean is without friction.

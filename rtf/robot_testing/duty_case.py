@@ -8,8 +8,9 @@ import numpy as np
 
 from rtf.errors import RtfError
 from rtf.robot.errors import RobotError
+from rtf.robot_testing.causes import likely_causes
 from rtf.robot_testing.courses import singly, work
-from rtf.robot_testing.duty_ramp import LIMIT_MARGIN, Ramp, away_from_limits, limp
+from rtf.robot_testing.duty_ramp import BASELINE, LEAST_CREEP, LIMIT_MARGIN, Ramp, away_from_limits, limp
 from rtf.robot_testing.guard import GuardError, Limits
 from rtf.robot_testing.joints_case import HOMING, JointsTest
 from rtf.robot_testing.part import PACE
@@ -170,10 +171,7 @@ class DutyTest(JointsTest):
 
     def _drive(self, motor: LimpMotor, sign: float, *, held: bool) -> Course[Ramp]:
         if not (yield from motor.rest(held=held)):
-            self.inconclusive(
-                f"{self.robot_part.names[motor.joint]} does not come to rest without its controller; test it where "
-                "gravity does not move it"
-            )
+            self.inconclusive(_restless(self.robot_part.names[motor.joint], *motor.restless))
         steps = self._steps_of[motor.joint]
         return (yield from motor.ramp(sign, **steps._asdict(), margin=LIMIT_MARGIN))
 
@@ -183,3 +181,15 @@ class DutyTest(JointsTest):
                 time, duty, turned, shown = ramp.rows.T
                 columns = {"duty": (duty, "%"), "motor": (turned, "deg"), "joint": (shown, "deg")}
                 self.record(f"{name} duty cycle", time=(time, "s"), **columns)
+
+
+def _restless(name: str, motor: float, joint: float) -> str:
+    """Why nothing can be said of a motor whose encoders went so far (deg) where they should rest."""
+    seen = (
+        f"{name} does not come to rest without its controller: within {BASELINE:g} s its motor goes {motor:.2f} deg "
+        f"and the joint {joint:.2f} deg, by their encoders"
+    )
+    if min(motor, joint) < LEAST_CREEP:
+        word = "joint" if motor < joint else "motor"
+        return f"{seen}: that of the {word} is noisy, or the other one frozen; {likely_causes('noise', 'frozen')}"
+    return f"{seen}; test it where gravity does not move it"

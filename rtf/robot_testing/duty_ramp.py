@@ -36,6 +36,8 @@ _ENTERING = 1.0
 #: Way beyond which the holding duty cycle does not hold, deg; and speeds below which a joint is calm, and rests, deg/s.
 #: The latter is so small that a whole ramp adds no more than a part of what counts.
 _HELD, _CALM, _AT_REST = 1.0, 1.0, 0.2
+#: Motion within ``BASELINE`` that is no rest, and to and fro that is more than a healthy encoder's jitter, deg.
+LEAST_CREEP, _JITTER = _AT_REST * BASELINE, 0.2
 #: What is added first against a joint that creeps away, %; half of it when that was too much.
 _CATCH = 1.0
 #: A duty cycle that stays the same is told again so soon, s, lest a lost command keeps the motor from it.
@@ -86,6 +88,7 @@ class LimpMotor:
         self.part = part
         self.joint = joint
         self.holding = 0.0  # %
+        self.restless = (0.0, 0.0)  # the ways of motor and joint, to and fro, when it was seen last without rest, deg
         self._factor = float(transmission.factors[joint])
         self._transmission = transmission
         self._told, self._told_at = 0.0, -np.inf
@@ -153,7 +156,7 @@ class LimpMotor:
             gone = here - before
             if np.abs(here - first).max() > _HELD:
                 return False
-            if np.abs(gone).max() >= _AT_REST * BASELINE:
+            if np.abs(gone).max() >= LEAST_CREEP:
                 away = float(np.sign(gone[np.abs(gone).argmax()]))
                 change /= 2.0 if away == -way else 1.0
                 self.holding, way = self.holding - away * change, away
@@ -167,11 +170,14 @@ class LimpMotor:
         clock = self.part.clock
         end = clock.now() + SETTLING
         while clock.now() < end:
-            before, until_then = np.array(self._where()), clock.now() + BASELINE
+            looks, until_then = [self._where()], clock.now() + BASELINE
             while clock.now() < until_then:
                 yield from self._drive(self.holding)
-            if np.abs(np.array(self._where()) - before).max() < _AT_REST * BASELINE:
+                looks.append(self._where())
+            ways, crept = np.ptp(looks, axis=0), np.abs(np.subtract(looks[-1], looks[0]))
+            if crept.max() < LEAST_CREEP and ways.max() < _JITTER:
                 return True
+            self.restless = float(ways[0]), float(ways[1])
         return False
 
     def ramp(

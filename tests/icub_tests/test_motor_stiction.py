@@ -20,6 +20,7 @@ SUITE = f"""
   <parameter name="repeat">1</parameter> MotorStiction </test>
 <test name="right"> <parameter name="part">right_arm</parameter> <parameter name="joints">(2)</parameter>
   <parameter name="repeat">4</parameter> <parameter name="maxStiction">4.5</parameter> MotorStiction </test>
+<test name="noisy"> {ELBOW} <parameter name="inject">"encoder_noise l_elbow"</parameter> MotorStiction </test>
 <test name="backwards"> {ELBOW} <parameter name="outputStep">-1</parameter> MotorStiction </test>
 """
 
@@ -73,6 +74,12 @@ def test_a_joint_at_the_edge_of_its_friction_is_caught(outcome):
     for event in ramps:
         with np.load(outcome.folder / event.path) as data:
             assert abs(data["duty"][0]) > 0.1
+
+
+def test_an_encoder_that_jitters_is_named(outcome):
+    """Its joint is never seen at rest, and it is not gravity that moves it: the motor rests."""
+    assert outcome.verdict("noisy") is Verdict.INCONCLUSIVE
+    assert "that of the joint is noisy" in outcome.detail("noisy")
 
 
 def test_a_motor_far_from_the_limit_is_tested_once(outcome):

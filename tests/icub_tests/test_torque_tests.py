@@ -22,6 +22,7 @@ SUITE = "".join([
     entry("gravity", "TorqueControlGravityConsistency", **ROLL),
     entry("gravity-bias", "TorqueControlGravityConsistency", "torque_bias l_shoulder_roll", **ROLL),
     entry("gravity-sign", "TorqueControlGravityConsistency", "torque_scale l_shoulder_roll factor=-1", **ROLL),
+    entry("gravity-friction", "TorqueControlGravityConsistency", "friction l_elbow", **{**ROLL, "joints": "(1 3)"}),
     entry("gravity-no-model", "TorqueControlGravityConsistency", **ROLL, model="nowhere.urdf"),
     entry("impedance", "TorqueControlStiffDampCheck", **ELBOW),
     entry("impedance-scale", "TorqueControlStiffDampCheck", "torque_scale l_elbow factor=1.5", **ELBOW),
@@ -56,6 +57,15 @@ def test_gravity_is_measured(outcome, measured):
     (offset,) = measured(outcome, "gravity", "offset")
     assert gain.value == pytest.approx(1.0, abs=0.2)
     assert offset.value == pytest.approx(0.0, abs=0.5)
+
+
+def test_friction_is_not_taken_for_gravity(outcome, measured):
+    """Not even in a joint that is only held while another one goes from posture to posture."""
+    assert outcome.verdict("gravity-friction") is Verdict.PASSED, outcome.detail("gravity-friction")
+    assert {one.subject for one in measured(outcome, "gravity-friction", "greatest error")} == {
+        "l_shoulder_roll",
+        "l_elbow",
+    }
 
 
 def test_a_push_is_answered_by_stiffness_and_damping(outcome, measured):
