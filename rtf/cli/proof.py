@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rtf.cli.arguments import count
 from rtf.cli.network.options import make_parser
 from rtf.testing.verdict import ExitCode
 
@@ -28,7 +30,6 @@ def proof(words: Sequence[str]) -> ExitCode:
     """Run the command; returns 0 when every claim holds, 1 otherwise."""
     options = _parse(words)
     from rtf.robot_testing.proof import write_matrix
-    from rtf.robot_testing.proof.suites import write_suites
 
     cases = _cases(options)
     if options.list:
@@ -36,9 +37,13 @@ def proof(words: Sequence[str]) -> ExitCode:
         print(f"{len(cases)} cases")
         return ExitCode.PASSED
     folder = Path(options.folder).absolute()
-    folder.mkdir(parents=True, exist_ok=True)
-    files, by_test = write_suites(cases, folder, options.jobs)
-    code = _run(options, folder, files)
+    if options.resume and (folder / "run").exists():
+        code, by_test = _resume(folder)
+    elif cases:
+        code, by_test = _run(cases, folder, options.jobs)
+    else:
+        print("rtf proof: no case is selected; --list shows them", file=sys.stderr)
+        return ExitCode.USAGE
     if code in (ExitCode.INTERRUPTED, ExitCode.USAGE, ExitCode.INTERNAL):
         print("PROOF INTERRUPTED  go on with it by: rtf proof --resume")
         return code
@@ -63,44 +68,64 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
         "--others", action="store_true", help="also every test on every fault that it claims nothing of"
     )
     parser.add_argument("--list", action="store_true", help="list the cases and run nothing")
-    parser.add_argument("-j", "--jobs", type=int, default=os.cpu_count() or 1, help="simulators at a time")
+    parser.add_argument("-j", "--jobs", metavar="N", type=count, default=os.cpu_count() or 1, help="robots at a time")
     parser.add_argument("--folder", metavar="DIR", default="rtf-runs/proof", help="where suites and results are kept")
     parser.add_argument(
         "--output", metavar="FILE", help="where the matrix is written (default: proof.md in the folder)"
     )
-    parser.add_argument("--resume", action="store_true", help="go on with a proof that was interrupted")
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with the proof in the folder, with the cases that it was begun with",
+    )
     return parser.parse_args(words)
 
 
 def _cases(options: argparse.Namespace) -> list[Case]:
+    cases = _claimed(options.test, fast=options.fast, others=options.others)
+    return [case for case in cases if not options.fault or case.fault in options.fault]
+
+
+def _claimed(tests: Sequence[str] = (), *, fast: bool, others: bool) -> list[Case]:
+    """The cases of these tests; of all of them, if none is named."""
     from rtf.robot_testing.proof import cases_of, others_of, read_claims, read_reasons
     from rtf.testing.plugins import shipped_folder
 
     folder = shipped_folder("test") / "claims"
-    reasons = read_reasons(folder / "others" / "reasons.toml") if options.others else ()
+    reasons = read_reasons(folder / "others" / "reasons.toml") if others else ()
     cases: list[Case] = []
     for file in sorted(folder.glob("*.toml")):
         claims = read_claims(file)
-        if not options.test or claims.test in options.test:
-            cases += cases_of(claims, fast=options.fast)
-            cases += others_of(claims, reasons) if options.others else ()
-    return [case for case in cases if not options.fault or case.fault in options.fault]
+        if not tests or claims.test in tests:
+            cases += cases_of(claims, fast=fast)
+            cases += others_of(claims, reasons) if others else ()
+    return cases
 
 
-def _run(options: argparse.Namespace, folder: Path, files: Sequence[Path]) -> ExitCode:
-    """Have the ordinary runner do it; a proof that is gone on with has its run already."""
+def _run(cases: Sequence[Case], folder: Path, jobs: int) -> tuple[ExitCode, dict[str, Case]]:
+    """Have the ordinary runner do it."""
     import shutil
 
     from rtf.cli import testrunner
+    from rtf.robot_testing.proof import write_suites
 
+    folder.mkdir(parents=True, exist_ok=True)
+    files, by_test = write_suites(cases, folder)
     run = folder / "run"
-    if options.resume and run.exists():
-        return ExitCode(testrunner.main(["--resume", str(run)]))
     if run.exists():
         shutil.rmtree(run)
     suites = [word for file in files for word in ("--suite", str(file))]
-    words = [*suites, "--run-folder", str(run), "-j", str(len(files)), "--answer", "default", "-q"]
-    return ExitCode(testrunner.main(words))
+    words = [*suites, "--run-folder", str(run), "-j", str(jobs), "--answer", "default", "-q"]
+    return ExitCode(testrunner.main(words)), by_test
+
+
+def _resume(folder: Path) -> tuple[ExitCode, dict[str, Case]]:
+    """Go on with the run that is there, as it was begun: its suites say which cases it consists of."""
+    from rtf.cli import testrunner
+    from rtf.robot_testing.proof import read_suites
+
+    by_test = read_suites(folder, _claimed(fast=False, others=True))
+    return ExitCode(testrunner.main(["--resume", str(folder / "run")])), by_test
 
 
 def _findings(run: Path, by_test: dict[str, Case]) -> list[Finding]:

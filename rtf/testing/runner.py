@@ -15,6 +15,7 @@ import signal
 import sys
 import threading
 import traceback
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,6 +34,7 @@ from rtf.testing.events import (
 )
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.attempt import GRACE, Limits
+from rtf.testing.plugins import facts_of
 from rtf.testing.suite.model import Isolation, TestEntry, Timeouts
 from rtf.testing.verdict import ExitCode, Verdict
 
@@ -43,7 +45,9 @@ if TYPE_CHECKING:
     from rtf.testing.events import Asked
     from rtf.testing.isolation.launch import Launched
     from rtf.testing.plan import PlannedSuite, PlannedTest
+    from rtf.testing.plugins import PluginRef
     from rtf.testing.reporting import Broadcast
+    from rtf.testing.suite.model import FixtureEntry
 from rtf.testing.interrupts import Interrupts, alarm
 from rtf.testing.lane import Lane
 
@@ -264,14 +268,23 @@ class Run:
         if self.options.jobs <= 1 or len(groups) <= 1 or self.options.conduct is not None:
             self._run_lane(self.suites)
             return
+        waiting = deque(groups)
         with ThreadPoolExecutor(max_workers=self.options.jobs, thread_name_prefix="rtf-lane") as pool:
-            for future in [pool.submit(self._run_lane, group) for group in groups]:
+            for future in [pool.submit(self._run_groups, waiting) for _ in range(min(self.options.jobs, len(groups)))]:
                 while True:
                     try:
                         future.result(timeout=0.2)  # a signal handler runs only between the main thread's waits
                         break
                     except TimeoutError:
                         continue
+
+    def _run_groups(self, waiting: deque[list[PlannedSuite]]) -> None:
+        """Run one group after the other, a lane for each, as long as some are waiting; several threads do."""
+        while suites := _next_of(waiting):
+            if self.stop_reason():  # nothing is begun any more; a single nursery is enough to say so of all
+                while more := _next_of(waiting):
+                    suites = [*suites, *more]
+            self._run_lane(suites)
 
     def _run_lane(self, suites: Sequence[PlannedSuite]) -> None:
         try:
@@ -320,11 +333,24 @@ class Run:
         return "a test failed before (--fail-fast)" if self.failed_fast.is_set() else ""
 
 
+def _next_of(waiting: deque[list[PlannedSuite]]) -> list[PlannedSuite]:
+    """The next group, or none: another thread may have taken the last one."""
+    with contextlib.suppress(IndexError):
+        return waiting.popleft()
+    return []
+
+
 def groups_sharing_fixtures(suites: Sequence[PlannedSuite]) -> list[list[PlannedSuite]]:
-    """Suites that use a fixture in common must not run at the same time; the groups keep the order of the plan."""
-    groups: list[tuple[set[tuple[str, str]], list[PlannedSuite]]] = []
-    for planned in suites:
-        keys = {(entry.plugin, entry.param) for entry in planned.suite.fixtures}
+    """Suites that use a fixture in common must not run at the same time; the groups keep the order of the plan.
+
+    Two fixtures of one plug-in are two only where each is given a ``param``, and another one. Any other difference, be
+    it their names, ``<parameter>`` or what they depend on, may well be one robot that is written in two ways.
+    """
+    used = [[(_plugin_of(entry, found), entry.param) for entry, found in planned.fixtures] for planned in suites]
+    there_once = {plugin for of_suite in used for plugin, param in of_suite if not param}
+    groups: list[tuple[set[tuple[tuple[str, str], str]], list[PlannedSuite]]] = []
+    for planned, of_suite in zip(suites, used, strict=True):
+        keys = {(plugin, "" if plugin in there_once else param) for plugin, param in of_suite}
         joined = [group for group in groups if group[0] & keys]
         members = [member for group in joined for member in group[1]]
         merged = (keys.union(*(group[0] for group in joined)), [*members, planned])
@@ -332,6 +358,14 @@ def groups_sharing_fixtures(suites: Sequence[PlannedSuite]) -> list[list[Planned
         groups.append(merged)
     order = {id(planned): index for index, planned in enumerate(suites)}
     return [sorted(members, key=lambda planned: order[id(planned)]) for _, members in groups]
+
+
+def _plugin_of(entry: FixtureEntry, found: PluginRef | str) -> tuple[str, str]:
+    """The file and the class of a fixture, by whichever of its names the suite calls it."""
+    if isinstance(found, str):  # there is none of that name
+        return entry.plugin, ""
+    facts = facts_of(found)
+    return found.path, facts.class_name if facts is not None else ""
 
 
 def most_memory() -> int:

@@ -17,12 +17,15 @@ from rtf.robot_testing.proof import (
     cases_of,
     judge,
     read_claims,
+    read_suites,
     write_matrix,
     write_suites,
 )
 from rtf.testing.events import Message, TestEnded, TestPlanned
+from rtf.testing.plan import Planner
 from rtf.testing.plugins import shipped_folder
 from rtf.testing.results import TestResult
+from rtf.testing.runner import groups_sharing_fixtures
 from rtf.testing.suite.xml import load_suite
 from rtf.testing.verdict import Severity, Verdict
 
@@ -110,8 +113,7 @@ def test_suites_are_those_of_the_runner(tmp_path: Path):
         Case("JointLimits", Expectation.HEALTHY, parameters={"part": "head", "joints": [0, 1], "name": '<&">'}),
         Case("CameraTest", Expectation.FOUND, "camera_black", "left"),
     ]
-    files, by_test = write_suites(cases, tmp_path, 2)
-    assert len(files) == 2
+    files, by_test = write_suites(cases, tmp_path)
     loaded = {test.id: test for file in files for test in load_suite(file).suite.tests}
     assert {*loaded} == {*by_test}
     assert {case.name for case in by_test.values()} == {case.name for case in cases}
@@ -119,6 +121,29 @@ def test_suites_are_those_of_the_runner(tmp_path: Path):
     assert given[cases[0].name] == {"inject": "jam l_elbow torque=400.0", "part": "left_arm"}
     assert given[cases[1].name] == {"part": "head", "joints": "(0 1)", "name": '<&">'}
     assert any('name="cameras">auto<' in file.read_text() for file in files)
+
+
+def healthy(count: int) -> list[Case]:
+    """So many cases."""
+    return [Case("Imu", Expectation.HEALTHY, parameters={"name": '<&">', "n": n}) for n in range(count)]
+
+
+def test_each_suite_has_a_robot_of_its_own(tmp_path: Path):
+    """So that the runner may run all of them at the same time, each with a few of the cases."""
+    files, by_test = write_suites(healthy(14), tmp_path)
+    planned = Planner().plan([load_suite(file).suite for file in files])
+    assert [len(suite.tests) for suite in planned] == [6, 6, 2]
+    assert len(groups_sharing_fixtures(planned)) == 3
+    assert [*by_test.values()] == healthy(14)
+
+
+def test_written_suites_tell_their_cases(tmp_path: Path):
+    """A proof is gone on with as it was begun, and nothing of an earlier one is left in the folder."""
+    write_suites(healthy(20), tmp_path)
+    _, by_test = write_suites(healthy(8), tmp_path)
+    assert read_suites(tmp_path, healthy(9)) == by_test
+    with pytest.raises(ClaimsError, match=r"proof-1\.xml: nobody claims 'Imu on the healthy robot n=6"):
+        read_suites(tmp_path, healthy(6))
 
 
 def result(verdict: Verdict, *failures: str) -> TestResult:
@@ -184,3 +209,13 @@ def test_a_part_of_the_proof_may_be_asked_for(tmp_path: Path):
     assert count == f"{len(cases)} cases"
     assert cases
     assert all(case.split()[:4] == ["found", "SensorsDuplicateReadings", "on", "duplicate"] for case in cases)
+
+
+def test_a_proof_of_nothing_is_refused(tmp_path: Path):
+    """And what an earlier one has left in the folder stays."""
+    kept = tmp_path / "rtf-runs" / "proof" / "run"
+    kept.mkdir(parents=True)
+    command = [sys.executable, "-m", "rtf.cli.tools", "proof", "--test", "NoSuchTest"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100, cwd=tmp_path, check=False)
+    assert (done.returncode, done.stderr) == (4, "rtf proof: no case is selected; --list shows them\n")
+    assert kept.exists()

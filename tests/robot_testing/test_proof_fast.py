@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.robot_testing.proof import cases_of, read_claims
+from rtf.testing import journal
+from rtf.testing.events import SuiteEnded, SuiteStarted
 from rtf.testing.plugins import shipped_folder
 
 if TYPE_CHECKING:
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 
 CLAIMS = [read_claims(file) for file in sorted((shipped_folder("test") / "claims").glob("*.toml"))]
 TESTS = [claims.test for claims in CLAIMS if [*cases_of(claims, fast=True)]]
-#: So that no test takes minutes; a simulator starts for each.
+#: So that no test takes minutes.
 SHARES = 2
 
 
@@ -36,6 +38,20 @@ def test_what_the_tests_claim_holds(share: int, tmp_path: Path):
     matrix = (tmp_path / "proof" / "proof.md").read_text()
     assert [name for name in tests if f"| {name} |" not in matrix] == []
     assert ("| duplicate | network | SensorsDuplicateReadings |" in matrix) is ("SensorsDuplicateReadings" in tests)
+
+
+@pytest.mark.timeout(200)
+def test_two_robots_are_tested_at_the_same_time(tmp_path: Path):
+    """Each in a lane of its own; a proof that is gone on with keeps to its cases, whatever is asked for then."""
+    proof = [sys.executable, "-m", "rtf.cli.tools", "proof"]
+    words = ["-j", "2", "--test", "SensorsDuplicateReadings"]
+    for more in (words, ["--resume", "-j", "1"]):
+        done = subprocess.run([*proof, *more], cwd=tmp_path, capture_output=True, text=True, timeout=95, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert done.stdout.splitlines()[-1] == "PROOF PASSED  all 8 claims hold"
+    events = [*journal.read(tmp_path / "rtf-runs" / "proof" / "run")]
+    told = [event.kind for event in events if isinstance(event, SuiteStarted | SuiteEnded)]
+    assert told[:4] == ["suite_started", "suite_started", "suite_ended", "suite_ended"]
 
 
 def test_every_test_of_the_robot_takes_part():

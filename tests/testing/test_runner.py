@@ -26,7 +26,7 @@ from rtf.testing.interrupts import Interrupts
 from rtf.testing.isolation.children import Nursery, NurseryLostError
 from rtf.testing.plan import Planner, load_files
 from rtf.testing.reporting import Broadcast, Reporter, ReportOptions
-from rtf.testing.runner import Run, RunOptions
+from rtf.testing.runner import Run, RunOptions, groups_sharing_fixtures
 from rtf.testing.verdict import ExitCode, FixtureState, Verdict
 
 if TYPE_CHECKING:
@@ -175,6 +175,42 @@ def test_suites_that_share_a_fixture_never_overlap(tmp_path: Path):
         assert words == [f"up{one}", f"down{one}"] * (len(words) // 2)
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "apart"),
+    [
+        ('<fixture name="a" param="--word 1">rig</fixture>', '<fixture name="a" param="--word 2">rig</fixture>', True),
+        ('<fixture name="a" param="--word 1">rig</fixture>', '<fixture name="b" param="--word 1">rig</fixture>', False),
+        ('<fixture name="a">rig</fixture>', '<fixture name="b">rig</fixture>', False),
+        ('<fixture name="a">rig</fixture>', '<fixture name="a" param="--word 1">rig</fixture>', False),
+        (
+            '<fixture name="a"><parameter name="word">1</parameter>rig</fixture>',
+            '<fixture name="a"><parameter name="word">2</parameter>rig</fixture>',
+            False,
+        ),
+        ('<fixture name="a">rig</fixture>', '<fixture name="a">Rig</fixture>', False),
+        ('<fixture name="a">rig.py</fixture>', '<fixture name="a">../suite/rig</fixture>', False),
+        ('<fixture name="a">rig</fixture>', '<fixture name="a">Bench</fixture>', True),
+        ('<fixture name="a">nowhere</fixture>', '<fixture name="a">nowhere</fixture>', False),
+        (
+            '<fixture name="s" param="--word 1">rig</fixture><fixture name="r" depends="s">Bench</fixture>',
+            '<fixture name="s" param="--word 2">rig</fixture><fixture name="r" depends="s">Bench</fixture>',
+            False,
+        ),
+    ],
+)
+def test_what_may_be_one_rig_is_taken_for_one(tmp_path: Path, first: str, second: str, apart: bool):
+    """Only a ``param`` tells fixtures of one plug-in apart, and only if each has one: a robot is there once."""
+    rig = "from rtf.testing import FixtureManager\n\nclass Rig(FixtureManager):\n    plugin_name = 'rig'\n"
+    suites = {"a.xml": first, "b.xml": second}
+    write_files(
+        tmp_path / "suite",
+        {"rig.py": f"{rig}\nclass Bench(FixtureManager):\n    pass\n"}
+        | {name: f'<suite name="{name}">{inside}<test>t.py</test></suite>' for name, inside in suites.items()},
+    )
+    loaded = load_files([(tmp_path / "suite" / name, True) for name in suites], {})
+    assert len(groups_sharing_fixtures(Planner().plan(loaded.suites))) == (2 if apart else 1)
+
+
 def test_results_of_many_lanes_are_complete_and_in_one_order(tmp_path: Path):
     """Twelve suites in three lanes: every test ends once, numbers have no gap, each suite counts its own."""
     suites = {f"s{index}": "<test>t.py</test>" * 5 for index in range(12)}
@@ -186,6 +222,19 @@ def test_results_of_many_lanes_are_complete_and_in_one_order(tmp_path: Path):
     assert [event.seq for event in outcome.events] == [*range(1, len(outcome.events) + 1)]
     assert all(event.counts == {"passed": 5} for event in outcome.of(SuiteEnded))
     assert open_files() == before, "each lane gives its descriptors back"
+
+
+def test_what_is_not_begun_any_more_costs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """After a stop each of the lanes starts processes once more at most, however many suites there are."""
+    started: list[Nursery] = []
+    start = Nursery.start
+    monkeypatch.setattr(Nursery, "start", lambda nursery: [started.append(nursery), start(nursery)])
+    suites = {f"s{index}": "<test>t.py</test>" for index in range(12)}
+    outcome = run_suites(tmp_path, suites, jobs=2, fail_fast=True, t__py=test_file("self.check(False, 'no')"))
+    assert outcome.exit_code == ExitCode.FAILURES
+    assert len(outcome.of(SuiteEnded)) == len(outcome.results.tests) == 12
+    assert {test.verdict for test in outcome.results.tests.values()} == {Verdict.FAILED, Verdict.NOT_RUN}
+    assert len(started) <= 4
 
 
 def test_lane_that_breaks_leaves_the_others_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -9,7 +9,7 @@ from rtf.robot_testing.proof.cases import Case, Expectation, cases_of, others_of
 from rtf.robot_testing.proof.claims import Claims, ClaimsError, Reason, read_claims, read_reasons
 from rtf.robot_testing.proof.judging import Finding, Judgement, judge
 from rtf.robot_testing.proof.matrix import write_matrix
-from rtf.robot_testing.proof.suites import write_suites
+from rtf.robot_testing.proof.suites import read_suites, write_suites
 
 __all__ = [
     "Case",
@@ -24,6 +24,7 @@ __all__ = [
     "others_of",
     "read_claims",
     "read_reasons",
+    "read_suites",
     "write_matrix",
     "write_suites",
 ]

@@ -1,57 +1,77 @@
-"""The cases as suites for the ordinary runner: a simulator for each suite, and as many suites as may run at a time."""
+"""The cases as suites for the ordinary runner, which runs as many of them at a time as it is told: each has a robot.
+
+What came before a case leaves its traces in a robot: where its joints stand, and how far its chance has gone. So which
+cases share one does not depend on how many run at a time, and what a test measures is the same on every machine.
+
+The runner takes two fixtures for two only when each has a ``param``, and another one. So each name server has a name of
+its own and each simulator a clock of its own; the ports of the robots are called the same.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape, quoteattr
 
+from rtf.robot_testing.proof.claims import ClaimsError
+from rtf.testing.suite.xml import load_suite
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     from rtf.robot_testing.proof.cases import Case
 
+#: How many cases share a robot. It starts and ends in two seconds, and a case takes about five.
+_CASES = 6
+_FILES = "proof-*.xml"
 _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <!-- Made by `rtf proof`. -->
-<suite name={name}>
-    <fixture name={names}> yarpserver </fixture>
-    <fixture name={robot} depends={names}>
+<suite name="proof-{number}">
+    <fixture name="names-{number}" param="--namespace /proof-{number}"> yarpserver </fixture>
+    <fixture name="robot-{number}" depends="names-{number}" param="--clock /proof-{number}/clock">
         <parameter name="cameras">{cameras}</parameter>
         simulator
     </fixture>
 """
 
 
-def write_suites(cases: Sequence[Case], folder: Path, lanes: int) -> tuple[list[Path], dict[str, Case]]:
-    """Write the cases into so many suites; returns the files, and each case by the id of its test in the run."""
-    groups: list[list[Case]] = [[] for _ in range(max(1, lanes))]
-    # Cases of one test next to each other, divided evenly: the slow ones are then in all of the suites.
-    for place, case in enumerate(cases):
-        groups[place % len(groups)].append(case)
+def write_suites(cases: Sequence[Case], folder: Path) -> tuple[list[Path], dict[str, Case]]:
+    """Write the cases into suites, in place of those of an earlier proof in the folder.
+
+    Returns the files, and each case by the id of its test in the run.
+    """
+    for file in folder.glob(_FILES):
+        file.unlink()
     files: list[Path] = []
     by_test: dict[str, Case] = {}
-    for number, group in enumerate(groups):
-        if not group:
-            continue
-        name = f"proof-{number}"
-        files.append(folder / f"{name}.xml")
-        files[-1].write_text(_suite(name, number, group, by_test), encoding="utf-8")
+    for number, first in enumerate(range(0, len(cases), _CASES)):
+        files.append(folder / f"proof-{number}.xml")
+        files[-1].write_text(_suite(number, cases[first : first + _CASES], by_test), encoding="utf-8")
     return files, by_test
 
 
-def _suite(name: str, number: int, cases: Sequence[Case], by_test: dict[str, Case]) -> str:
+def read_suites(folder: Path, cases: Iterable[Case]) -> dict[str, Case]:
+    """Which of the cases those of the written suites are, by the ids of their tests.
+
+    Raises ClaimsError when one of them is claimed no more.
+    """
+    by_name = {case.name: case for case in cases}
+    by_test: dict[str, Case] = {}
+    for file in sorted(folder.glob(_FILES)):
+        suite = load_suite(file).suite
+        for test in suite.tests if suite is not None else ():
+            if test.description not in by_name:
+                raise ClaimsError(f"{file}: nobody claims {test.description!r} any more: begin the proof anew")
+            by_test[test.id] = by_name[test.description]
+    return by_test
+
+
+def _suite(number: int, cases: Sequence[Case], by_test: dict[str, Case]) -> str:
     cameras = "auto" if any(case.needs_cameras for case in cases) else "no"
-    parts = [
-        _HEAD.format(
-            name=quoteattr(name),
-            names=quoteattr(f"names-{number}"),
-            robot=quoteattr(f"robot-{number}"),
-            cameras=cameras,
-        )
-    ]
+    parts = [_HEAD.format(number=number, cameras=cameras)]
     for place, case in enumerate(cases):
         test = f"case-{place}"
-        by_test[f"{name}/{test}"] = case
+        by_test[f"proof-{number}/{test}"] = case
         parts.append(_test(test, case))
     return "".join([*parts, "</suite>\n"])
 
