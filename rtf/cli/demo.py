@@ -7,6 +7,7 @@ simulated robot that moves, and the battery: all tests of a lab on the simulated
 
 from __future__ import annotations
 
+import os
 import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 
     from rtf.testing.results import RunResult
 
-#: The suites of the battery.
-_BATTERY = ("streams", "sensors", "basics", "encoders", "motors", "control", "stress")
+#: The suites of the battery: the longest first, so that the others run beside it.
+_BATTERY = ("control", "encoders", "motors", "basics", "stress", "sensors", "streams")
 
 
 class _Shown(NamedTuple):
@@ -136,6 +137,7 @@ def _battery(runs: Path) -> _Shown:
     page = ["--web-reporter", "--web-port", "0", "--history", str(runs / "battery-history.sqlite")]
     runs.mkdir(parents=True, exist_ok=True)
     words = ["--runs", str(runs), "--answer", "default", "--junit", str(runs / "battery-junit.xml")]
+    words += ["--jobs", str(len(os.sched_getaffinity(0)))]
     code = ExitCode(testrunner.main([*suites, *words, *page]))
     results = _results(runs / "latest")
     tests = results.tests.values()

@@ -2,7 +2,10 @@
 
 A suite's fixtures are locked while they are up. Each worker has at most one suite up, and locks in one order, so no
 two can wait for each other; and the kernel unlocks what a worker that died had locked. One file serves all workers
-of a session: each fixture is a byte of it, by a hash of what it is.
+of a session: each fixture is a byte of it, by a hash of what it is, and so is each plug-in.
+
+As with ``testrunner -j`` two fixtures of one plug-in are two only where each is given a ``param``, and another one: one
+without has the plug-in for itself, and those with one share it.
 """
 
 from __future__ import annotations
@@ -12,8 +15,9 @@ import os
 from hashlib import blake2b
 from typing import TYPE_CHECKING
 
+from rtf.testing.plugins import bare_name
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable
     from pathlib import Path
 
     from rtf.testing.suite.model import TestSuite
@@ -32,12 +36,12 @@ class FixtureLocks:
 
     def acquire(self, suite: TestSuite) -> None:
         """Wait until no other worker has one of this suite's fixtures up. A signal's exception ends the wait."""
-        offsets = sorted(_offsets(suite))
-        if offsets and self._descriptor < 0:
+        locks = sorted(locks_of(suite).items())
+        if locks and self._descriptor < 0:
             flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
             self._descriptor = os.open(self._path, flags, 0o600)
-        for offset in offsets:
-            fcntl.lockf(self._descriptor, fcntl.LOCK_EX, 1, offset)
+        for offset, kind in locks:
+            fcntl.lockf(self._descriptor, kind, 1, offset)
             self._held.append(offset)
 
     def release(self) -> None:
@@ -53,7 +57,17 @@ class FixtureLocks:
             self._descriptor = -1
 
 
-def _offsets(suite: TestSuite) -> Iterable[int]:
+def locks_of(suite: TestSuite) -> dict[int, int]:
+    """Where to lock, and in which way: what is shared, and what is for this worker alone."""
+    locks: dict[int, int] = {}
     for entry in suite.fixtures:
-        what = f"{entry.plugin}\0{entry.param}".encode()
-        yield int.from_bytes(blake2b(what, digest_size=_HASHED).digest())
+        plugin = bare_name(entry.plugin).lower()
+        alone = not entry.param or locks.get(_offset(plugin)) == fcntl.LOCK_EX
+        locks[_offset(plugin)] = fcntl.LOCK_EX if alone else fcntl.LOCK_SH
+        if entry.param:
+            locks[_offset(f"{plugin}\0{entry.param}")] = fcntl.LOCK_EX
+    return locks
+
+
+def _offset(what: str) -> int:
+    return int.from_bytes(blake2b(what.encode(), digest_size=_HASHED).digest())
