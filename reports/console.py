@@ -5,6 +5,9 @@ line a test; 1 messages and measurements, too; 2 what fixtures and tests wrote, 
 Into a pipe, a file or a CI log nothing moves and, unless ``FORCE_COLOR`` says so, nothing is coloured. Whatever a test
 says is shown with its control characters written out.
 
+What several tests or incidents have in common is said once. The tracebacks of tests whose fixture was lost, and of
+parameters that do not fit, tell of RTF and not of a mistake in the test; they are shown from verbosity 1 on.
+
 The option ``reports`` names the files that other reporters write, separated by ``:``; they are listed at the end. With
 ``summary`` ``no`` the end is the verdict alone.
 """
@@ -14,6 +17,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, TextIO
 
 from rtf.testing.events import (
@@ -64,6 +68,15 @@ _SLOW = 1.0
 _SLOWEST = 5
 _TAIL_LINES = 5
 _VERDICT_WIDTH = 12
+_NAMED = 3  # more tests that were not begun for one reason are counted, not named
+
+#: What being asked to stop does, and what being asked again would; after that nothing is waited for.
+_STAGES = {
+    1: "the running test goes on to its end, then the run stops; once more stops the test now",
+    2: "stopping the running test; once more kills it",
+}
+#: A parameter that does not fit: the message says where it was given, which a place in RTF's own code does not.
+_WRONG_PARAMETER = "ParameterError: "
 
 
 class ConsoleReporter(Reporter):
@@ -79,6 +92,8 @@ class ConsoleReporter(Reporter):
         self._err_coloured = False
         self._region: Region | None = None
         self._suite = ""
+        self._reason = ""  # why tests were not begun, as it was said last
+        self._incidents_said: dict[tuple[str, str], FixtureIncident] = {}  # the last of each fixture of a suite
         self._handlers = self._choose_handlers(options.verbosity)
 
     def open(self) -> None:
@@ -188,11 +203,17 @@ class ConsoleReporter(Reporter):
             self._print_error(shown(event.traceback.rstrip("\n")))
 
     def _interrupted(self, event: Interrupted, _results: RunResult) -> None:
-        stages = {1: "stopping after the running test", 2: "stopping the running test"}
-        what = stages.get(event.stage, "killing what still runs")
+        what = _STAGES.get(event.stage, "killing what still runs")
         self._print_error(f"interrupted by {shown(event.source)}: {what}", _WARNING)
 
     def _incident(self, event: FixtureIncident, _results: RunResult) -> None:
+        fixture = (event.suite, event.fixture)
+        last = self._incidents_said.get(fixture)
+        self._incidents_said[fixture] = event
+        if last is not None and _same_incident(last) == _same_incident(event):
+            again = f"fixture {shown(event.fixture)} #{event.incarnation} in {event.phase}: the same again"
+            self._print(self._styled(again, _BAD))
+            return
         self._print(self._styled(f"fixture {shown(report_text.incident(event))}", _BAD))
         if self.options.verbosity < 0:
             return
@@ -206,7 +227,10 @@ class ConsoleReporter(Reporter):
     def _fixture(self, event: FixtureChanged, _results: RunResult) -> None:
         name = f"fixture {shown(event.fixture)} #{event.incarnation}"
         if event.state is FixtureState.FAILED:
-            self._print(self._styled(f"{name} is given up: {shown(event.detail)}", _BAD))
+            last = self._incidents_said.get((event.suite, event.fixture))
+            told = last is not None and event.detail.startswith(last.cause)
+            why = event.detail.removeprefix(last.cause) if last is not None and told else f": {event.detail}"
+            self._print(self._styled(f"{name} is given up{shown(why)}", _BAD))
         elif self.options.verbosity > 0 or (self.options.verbosity == 0 and event.incarnation > 1):
             words = {FixtureState.STARTING: "is being restarted" if event.incarnation > 1 else "is being set up"}
             words[FixtureState.READY] = "is back" if event.incarnation > 1 else "is ready"
@@ -245,8 +269,12 @@ class ConsoleReporter(Reporter):
         word = self._styled(f"{verdict:<{_VERDICT_WIDTH}}", style)
         elapsed = f"  {report_text.duration(event.duration)}" if event.attempt else ""
         self._print(f"  {word}  {name}{elapsed}{again}")
-        if event.verdict is not Verdict.PASSED and event.detail:
+        if event.verdict is Verdict.PASSED or not event.detail:
+            return
+        if event.attempt or event.detail != self._reason:
             self._print(f"      {one_line(event.detail)}{self._where(test)}")
+        if not event.attempt:
+            self._reason = event.detail
 
     @staticmethod
     def _where(test: TestResult) -> str:
@@ -308,30 +336,56 @@ class ConsoleReporter(Reporter):
         bad = [test for test in results.tests.values() if test.verdict is not None and not test.verdict.good]
         if bad or any(suite.problems for suite in results.suites.values()):
             self._print(self._styled("\nFailures", _BOLD))
+        alike: dict[tuple[Verdict, tuple[str, ...]], list[TestResult]] = {}
         for test in bad:
             verdict = test.verdict or Verdict.NOT_RUN
-            self._print(f"  {self._styled(verdict, _STYLES.get(verdict, _BAD))}  {one_line(test.id)}")
-            for message in test.problems:
-                self._indented(problem(message), "      ")
-            left_out = test.problem_count - len(test.problems)
-            if left_out:
-                self._print(f"      … {left_out} more in the journal")
-            if not test.problems:
-                self._indented(test.last.detail if test.last else "", "      ")
-                planned = place(test.planned.file, test.planned.line)
-                if planned:
-                    self._print(f"        at {planned}")
+            alike.setdefault((verdict, self._reasons(test, verdict)), []).append(test)
+        for (verdict, reasons), tests in alike.items():
+            self._alike(verdict, tests)
+            for reason in reasons:
+                self._indented(reason, "      ")
+            planned = tests[0].planned
+            if not tests[0].problems and len(tests) == 1 and planned.file:
+                self._print(f"        at {place(planned.file, planned.line)}")
         for suite in results.suites.values():
             for message in suite.problems:
                 self._print(f"  {self._styled(str(message.severity), _BAD)}  suite {one_line(suite.name)}")
                 self._indented(problem(message), "      ")
 
+    def _alike(self, verdict: Verdict, tests: list[TestResult]) -> None:
+        """Name tests of which the same is to be said; of those that were not begun the number says enough."""
+        word = self._styled(verdict, _STYLES.get(verdict, _BAD))
+        if len(tests) > _NAMED and not verdict.ran and not any(test.problems for test in tests):
+            self._print(f"  {word}  {len(tests)} tests: {one_line(tests[0].id)} … {one_line(tests[-1].id)}")
+            return
+        for test in tests:
+            self._print(f"  {word}  {one_line(test.id)}")
+
+    def _reasons(self, test: TestResult, verdict: Verdict) -> tuple[str, ...]:
+        """Why a test is not good: what it said, else the sentence of its end; nothing twice."""
+        ending = test.last.detail if test.last else ""
+        lost = verdict is Verdict.FIXTURE_LOST
+        reasons = [ending] if ending and (lost or not test.problems) else []
+        for message in test.problems:
+            ours = lost or message.detail.startswith(_WRONG_PARAMETER)
+            brief = ours and self.options.verbosity <= 0
+            reasons.append(problem(replace(message, traceback="") if brief else message))
+        left_out = test.problem_count - len(test.problems)
+        if left_out:
+            reasons.append(f"… {left_out} more in the journal")
+        return tuple(dict.fromkeys(reasons))
+
     def _incidents(self, results: RunResult) -> None:
-        incidents = [event for suite in results.suites.values() for event in suite.incidents]
-        if incidents:
+        alike: dict[tuple[str, str], list[FixtureIncident]] = {}
+        for suite in results.suites.values():
+            for event in suite.incidents:
+                sentence_of_any = report_text.incident(replace(event, incarnation=0))
+                alike.setdefault((suite.id, sentence_of_any), []).append(event)
+        if alike:
             self._print(self._styled("\nFixture incidents", _BOLD))
-        for event in incidents:
-            self._print(f"  {one_line(report_text.incident(event))}")
+        for first, *more in alike.values():
+            again = f"  (and {len(more)} more like it, up to #{more[-1].incarnation})" if more else ""
+            self._print(f"  {one_line(report_text.incident(first))}{again}")
 
     def _slowest(self, results: RunResult) -> None:
         least = 0.0 if self.options.verbosity > 0 else _SLOW
@@ -354,3 +408,8 @@ class ConsoleReporter(Reporter):
         word = self._styled(str(verdict).upper(), f"1;{'32' if verdict is Verdict.PASSED else _BAD}")
         blank = "\n" if self.options.verbosity >= 0 else ""
         self._print(f"{blank}{word}  {report_text.counts(results.counts())}{elapsed}")
+
+
+def _same_incident(event: FixtureIncident) -> FixtureIncident:
+    """The incident without what tells it from the same one of another incarnation."""
+    return replace(event, incarnation=0, time=0.0, seq=0)

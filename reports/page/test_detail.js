@@ -16,6 +16,8 @@ export class TestDetail {
     this.reason = free("", "span", { class: "verdict-reason" });
     this.name = free("", "h2");
     this.about = free("", "p");
+    this.fault = free("", "strong");
+    this.injected = h("p", { class: "narrowed" }, "fault injected: ", this.fault);
     this.attempts = h("div", { class: "attempts", role: "group", "aria-label": "Attempts" });
     this.narrow = h("p", { class: "narrowed" });
     this.element = h("article", { class: "test" },
@@ -23,7 +25,7 @@ export class TestDetail {
         h("p", { class: "crumbs" }, h("a", { href: linkTo(test.suite) }, free(page.model.suites.get(test.suite)?.name ?? test.suite)),
           h("span", { class: "dim", text: "/" }), free(test.id.slice(test.suite.length + 1), "span", { class: "dim" }),
           h("a", { class: "crumbs-end", href: linkToLog(test.id), text: "log of this test" })),
-        this.name, h("p", { class: "verdict-line" }, this.verdict, this.reason), this.about, this.attempts, this.narrow),
+        this.name, h("p", { class: "verdict-line" }, this.verdict, this.reason), this.injected, this.about, this.attempts, this.narrow),
       this.body);
   }
 
@@ -43,6 +45,8 @@ export class TestDetail {
     setText(this.name, test.name);
     setText(this.about, test.description);
     this.about.hidden = !test.description;
+    setText(this.fault, injectedFault(attempt));
+    this.injected.hidden = !this.fault.textContent;
     const state = attempt === test.attempt ? test.state : attempt.ended?.outcome ?? "running";
     setBadge(this.verdict, state);
     setText(this.reason, verdictReason(test, attempt));
@@ -104,6 +108,12 @@ export class TestDetail {
     row?.classList.add("pointed");
     row?.scrollIntoView({ block: "center" });
   }
+}
+
+/** The fault of a simulated robot that the test began with, by its parameter; empty for none. */
+function injectedFault(attempt) {
+  const value = attempt?.parameters.find((one) => one.name === "inject")?.value ?? "";
+  return value.replace(/^"(.*)"$/, "$1");
 }
 
 /** The sentence behind a verdict. */

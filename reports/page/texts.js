@@ -25,7 +25,7 @@ const WORDS = {
   "run.running": ["running {n} of {all}", "Test {n} von {all}", "prova {n} di {all}"],
   "run.gone": ["did not end", "nicht zu Ende", "non terminata"],
   "run.unreadable": ["{n} lines of the journal could not be read", "{n} Zeilen des Journals sind unlesbar", "{n} righe del giornale sono illeggibili"],
-  "run.stopping1": ["stops after this test", "endet nach diesem Test", "si ferma dopo questa prova"],
+  "run.stopping1": ["stops after this test; Stop → Now stops it at once", "endet nach diesem Test; Anhalten → Sofort beendet ihn gleich", "si ferma dopo questa prova; Ferma → Subito la ferma adesso"],
   "run.stopping2": ["is being stopped", "wird angehalten", "si sta fermando"],
   "run.test": ["1 test", "1 Test", "1 prova"],
   "run.tests": ["{n} tests", "{n} Tests", "{n} prove"],

@@ -11,7 +11,8 @@ from rtf.testing.verdict import ExitCode
 
 _EPILOG = """\
 commands (each has its own --help):
-  testrunner describe NAME      what a test or fixture is for, and its parameters
+  testrunner describe           which tests there are; with --fixture: which fixtures
+  testrunner describe NAME      what one of them is for, and its parameters
   testrunner validate SUITE...  everything that is wrong in suite files, before anything moves
   testrunner report RUN ...     write reports of a run that is over
   testrunner page RUN           the page of a run that is over, or still going on
@@ -148,7 +149,7 @@ def _which(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--tags", metavar="EXPRESSION", help="tests whose tags match")
     group.add_argument("--last-failed", action="store_true", help="tests that did not pass in the last run")
     group.add_argument("--shuffle", metavar="SEED", type=int, help="shuffle the tests of each suite, reproducibly")
-    group.add_argument("--list", action="store_true", help="list the tests and run nothing")
+    group.add_argument("--list", action="store_true", help="list the tests of what is to be run, and run nothing")
     group.add_argument("--dry-run", action="store_true", help="load plug-ins, check parameters, and run nothing")
 
 

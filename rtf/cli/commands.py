@@ -12,15 +12,20 @@ from rtf.testing.verdict import ExitCode, Severity
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rtf.testing.plugins import PluginRef
+
 
 def describe(words: Sequence[str]) -> ExitCode:
     """Print what a plug-in is for, and its parameters."""
     from rtf.testing import plugins
     from rtf.testing.inspection import describe_in_text, inspect_plugin, markdown
 
-    parser = Parser(prog="testrunner describe", description="What a test or fixture is for, and its parameters.")
-    parser.add_argument("name", nargs="?", help="name or file of a plug-in; without it: the names of all")
-    parser.add_argument("--fixture", action="store_true", help="a fixture manager, not a test")
+    parser = Parser(
+        prog="testrunner describe",
+        description="Which tests or fixtures there are; or of one, by its name, what it is for and its parameters.",
+    )
+    parser.add_argument("name", nargs="?", metavar="NAME", help="name or file of a plug-in; without it all are listed")
+    parser.add_argument("--fixture", action="store_true", help="fixture managers, not tests")
     parser.add_argument("--markdown", action="store_true", help="the parameters as a Markdown table")
     options = parser.parse_args(words)
     kind = "fixture" if options.fixture else "test"
@@ -31,8 +36,16 @@ def describe(words: Sequence[str]) -> ExitCode:
     if found.problems:
         print(f"{ref.path}: {'; '.join(found.problems)}", file=sys.stderr)
         return ExitCode.USAGE
-    print(markdown(found) if options.markdown else "\n".join(describe_in_text(ref, found)))
+    print(markdown(found) if options.markdown else "\n".join(_with_safety(ref, describe_in_text(ref, found))))
     return ExitCode.PASSED
+
+
+def _with_safety(ref: PluginRef, lines: list[str]) -> list[str]:
+    """What a test does to the robot, as ``--list`` says it, below its name and file."""
+    from rtf.testing.plugins import facts_of
+
+    facts = facts_of(ref)
+    return [*lines[:2], f"  safety: {facts.safety}", *lines[2:]] if facts is not None and facts.safety else lines
 
 
 def _list_plugins(kind: str) -> ExitCode:
@@ -80,8 +93,13 @@ def validate(words: Sequence[str]) -> ExitCode:
     errors = sum(item.severity is Severity.ERROR for item in found)
     warnings = len(found) - errors
     tests = sum(len(planned.tests) for planned in plan.suites)
-    print(f"{len(plan.suites)} suites, {tests} tests: {errors} errors, {warnings} warnings")
+    size = f"{_counted(len(plan.suites), 'suite')}, {_counted(tests, 'test')}"
+    print(f"{size}: {_counted(errors, 'error')}, {_counted(warnings, 'warning')}")
     return ExitCode.USAGE if errors or (options.strict and warnings) else ExitCode.PASSED
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' if number != 1 else ''}"
 
 
 def report(words: Sequence[str]) -> ExitCode:

@@ -25,6 +25,8 @@ COMMANDS = {
     "page": "page",
 }
 
+_WHICH_TESTS = "'testrunner describe' says which tests there are"
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code. Nothing is imported that the command does not need."""
@@ -61,6 +63,8 @@ def _run(words: list[str]) -> int:
     if options.resume:
         return _resume(options)
     if not (options.test or options.tests or options.suite or options.suites):
+        if options.list:
+            parser.error(f"--list needs --suite, --suites, --test or --tests; {_WHICH_TESTS}")
         parser.print_help()
         return int(ExitCode.USAGE)
     return _execute(options, words)

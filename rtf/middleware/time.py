@@ -209,8 +209,15 @@ class _Member:
     def _ask(self, *words: object) -> Bottle:
         reply = self._client.call(Bottle(words))
         if reply is None or reply.get(0) != Vocab("ok"):
-            raise ConnectError(f"the clock refused {words[0]}: {as_string((reply or Bottle()).get(1))}")
+            raise ConnectError(f"the clock refused {words[0]!r}: {_reason(reply)}")
         return reply
 
     def close(self) -> None:
         self._client.close()
+
+
+def _reason(reply: Bottle | None) -> str:
+    """Why it was refused, by an answer that need not be a clock's; never empty."""
+    if not reply:
+        return "it gave no answer; has its simulator ended?"
+    return as_string(reply.get(1)) or f"it answered {reply.to_text()}, which no clock does"

@@ -4,8 +4,8 @@ A suite's fixtures are locked while they are up. Each worker has at most one sui
 two can wait for each other; and the kernel unlocks what a worker that died had locked. One file serves all workers
 of a session: each fixture is a byte of it, by a hash of what it is, and so is each plug-in.
 
-As with ``testrunner -j`` two fixtures of one plug-in are two only where each is given a ``param``, and another one: one
-without has the plug-in for itself, and those with one share it.
+Two fixtures are two as with ``testrunner -j`` (:mod:`rtf.testing.sharing`): one without a ``param`` has its plug-in for
+itself, and those with one share it.
 """
 
 from __future__ import annotations
@@ -15,12 +15,11 @@ import os
 from hashlib import blake2b
 from typing import TYPE_CHECKING
 
-from rtf.testing.plugins import bare_name
-
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
-    from rtf.testing.suite.model import TestSuite
+    from rtf.testing.sharing import Use
 
 #: Bytes of the hash: an offset in a file fits into 63 bits.
 _HASHED = 7
@@ -34,9 +33,9 @@ class FixtureLocks:
         self._descriptor = -1
         self._held: list[int] = []
 
-    def acquire(self, suite: TestSuite) -> None:
-        """Wait until no other worker has one of this suite's fixtures up. A signal's exception ends the wait."""
-        locks = sorted(locks_of(suite).items())
+    def acquire(self, uses: Iterable[Use]) -> None:
+        """Wait until no other worker has one of a suite's fixtures up. A signal's exception ends the wait."""
+        locks = sorted(locks_of(uses).items())
         if locks and self._descriptor < 0:
             flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
             self._descriptor = os.open(self._path, flags, 0o600)
@@ -57,15 +56,15 @@ class FixtureLocks:
             self._descriptor = -1
 
 
-def locks_of(suite: TestSuite) -> dict[int, int]:
+def locks_of(uses: Iterable[Use]) -> dict[int, int]:
     """Where to lock, and in which way: what is shared, and what is for this worker alone."""
     locks: dict[int, int] = {}
-    for entry in suite.fixtures:
-        plugin = bare_name(entry.plugin).lower()
-        alone = not entry.param or locks.get(_offset(plugin)) == fcntl.LOCK_EX
-        locks[_offset(plugin)] = fcntl.LOCK_EX if alone else fcntl.LOCK_SH
-        if entry.param:
-            locks[_offset(f"{plugin}\0{entry.param}")] = fcntl.LOCK_EX
+    for thing, param in uses:
+        place = _offset(thing)
+        alone = not param or locks.get(place) == fcntl.LOCK_EX
+        locks[place] = fcntl.LOCK_EX if alone else fcntl.LOCK_SH
+        if param:
+            locks[_offset(f"{thing}\0{param}")] = fcntl.LOCK_EX
     return locks
 
 

@@ -14,6 +14,7 @@ from rtf.pytest_suites.properties import properties
 from rtf.pytest_suites.session import SuiteSession
 from rtf.pytest_suites.warnings import SuiteFileWarning
 from rtf.testing.report.text import place, shown
+from rtf.testing.sharing import uses
 from rtf.testing.suite.values import NameBook
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ class SuiteFile(pytest.File):
             return
         conductor = self.conductor
         if self.shared.locks is not None:
-            self.shared.locks.acquire(self.planned.suite)
+            self.shared.locks.acquire(uses(self.planned))
         self._begun = True
         conductor.begin_suite(self.planned)
 

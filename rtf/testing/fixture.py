@@ -40,11 +40,13 @@ class FixtureUnusable(FixtureCollapsed):
 class FixtureManager(Declared):
     """Brings up something that tests need, says whether it is still there, and brings it down.
 
-    ``plugin_name`` is the name suites use (default: the class name), ``aliases`` are further ones.
+    ``plugin_name`` is the name suites use (default: the class name), ``aliases`` are further ones. What it ``occupies``
+    is there once, such as ``robot``: suites with fixtures that occupy the same never run at the same time.
     """
 
     plugin_name: ClassVar[str] = ""
     aliases: ClassVar[tuple[str, ...]] = ()
+    occupies: ClassVar[str] = ""
 
     _host: Host
     _environment: str = ""

@@ -120,8 +120,14 @@ class Parameter(Generic[T]):
 
     @property
     def type_name(self) -> str:
-        """The type for people, such as ``list of float``."""
+        """The type as authors declare it, such as ``list of float``."""
         return f"list of {self.element.__name__}" if self.is_list else self.element.__name__.lower()
+
+    @property
+    def noun(self) -> str:
+        """The type for people who need not know Python, such as ``list of numbers``."""
+        noun = _NOUNS[self.element]
+        return f"list of {noun}s" if self.is_list else noun
 
     def range_text(self) -> str:
         """What is allowed, for people; empty when everything is."""
@@ -140,11 +146,16 @@ class Parameter(Generic[T]):
 
     # From values to what the test sees -----------------------------------------------------------------------------
 
-    def convert(self, group: Bottle) -> T:
-        """Make the value of everything that followed the key. Raises ValueError with what is wrong."""
+    def convert(self, group: Bottle, text: str | None = None) -> T:
+        """Make the value of everything that followed the key. Raises ValueError with what is wrong.
+
+        ``text`` is the value as it was written, where it stood alone: that is what a single text is.
+        """
         if self.element is Bottle and not self.is_list:
             return group  # type: ignore[return-value]
         values: list[Value] = list(group)
+        if self.kind is str and text and text.strip() and not _is_quoted(text, values):
+            values = [text.strip()]
         if self.is_list:
             if len(values) == 1 and isinstance(values[0], Bottle):
                 values = list(values[0])
@@ -152,14 +163,16 @@ class Parameter(Generic[T]):
         if len(values) != 1:
             if not values:
                 raise ValueError("has no value")
-            raise ValueError(f"is one {self.type_name}, not {len(values)} values; put a text with blanks in quotes")
+            mend = "; put a text with blanks in quotes" if self.kind is str else ""
+            raise ValueError(f"is one {self.noun}, not {len(values)} values{mend}")
         return self._element(values[0], None)  # type: ignore[return-value]
 
     def _element(self, value: Value, index: int | None) -> object:
         where = "" if index is None else f"element {index}: "
         made = _ELEMENTS[self.element](value)
         if made is None:
-            raise ValueError(f"{where}{to_text(value)} is no {self.element.__name__}")
+            mend = ": write true or false" if self.element is bool else ""
+            raise ValueError(f"{where}{to_text(value)} is no {_NOUNS[self.element]}{mend}")
         if isinstance(made, int | float) and not isinstance(made, bool):
             low, high = self.low, self.high
             if math.isnan(made) or (low is not None and made < low) or (high is not None and made > high):
@@ -171,6 +184,10 @@ class Parameter(Generic[T]):
             hint = f"; did you mean {near[0]!r}?" if near else ""
             raise ValueError(f"{where}{made!r} is none of {', '.join(map(repr, self.choices))}{hint}")
         return made
+
+
+def _is_quoted(text: str, values: list[Value]) -> bool:
+    return len(values) == 1 and text.lstrip().startswith('"')
 
 
 def _unit(symbol: str) -> str:
@@ -202,6 +219,16 @@ _ELEMENTS: dict[type[object], Callable[[Value], object | None]] = {
 }
 
 
+#: The types of elements, for people.
+_NOUNS: dict[type[object], str] = {
+    bool: "truth value",
+    int: "whole number",
+    float: "number",
+    str: "text",
+    Bottle: "list",
+}
+
+
 def value_text(value: object) -> str:
     """Write a value in text form."""
     if isinstance(value, Bottle):
@@ -215,11 +242,12 @@ def value_text(value: object) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """One value of one layer: the key as written, what followed it, and where."""
+    """One value of one layer: the key as written, what followed it, and where; ``text`` where that stood alone."""
 
     key: str
     group: Bottle
     source: str
+    text: str | None = None
 
 
 class Declared:
@@ -321,13 +349,13 @@ def _layers(
         if key not in _CONTROL_KEYS:
             yield Given(key, group.tail(), f"param of {place}" if place else "param")
     for key, text in parameters:
-        yield Given(key, _parse(text), f"<parameter> of {place}" if place else "<parameter>")
+        yield Given(key, _parse(text), f"<parameter> of {place}" if place else "<parameter>", text)
     for key, text in overrides:
-        yield Given(key, _parse(text), "--set")
+        yield Given(key, _parse(text), "--set", text)
 
 
 def _parse(text: str) -> Bottle:
-    """Read a value that stands alone: a text with blanks is one string, as on a command line."""
+    """Read a value that stands alone: words that are all texts are one, with its blanks, as on a command line."""
     bottle = Bottle.parse(text)
     if len(bottle) > 1 and all(isinstance(value, str) for value in bottle):
         return Bottle([text])
@@ -391,7 +419,7 @@ class _Filling:
     def _convert(self, name: str, given: Given) -> None:
         parameter = self._declared[name]
         try:
-            value = parameter.convert(given.group)
+            value = parameter.convert(given.group, given.text)
         except ValueError as error:
             self._problems.append(f"{given.key}: {error} ({given.source})")
             return
@@ -400,7 +428,7 @@ class _Filling:
 
     def _default(self, name: str, parameter: Parameter[Any]) -> None:
         if parameter.required:
-            self._problems.append(f"{parameter.key}: must be given ({parameter.type_name}; {parameter.description})")
+            self._problems.append(f"{parameter.key}: must be given ({parameter.noun}; {parameter.description})")
             return
         value = parameter.default
         if parameter.is_list and not isinstance(value, list | tuple):
@@ -431,7 +459,8 @@ class _Filling:
         if wanted is not None and have != wanted:
             reason = f" (as many as {parameter.length})" if isinstance(parameter.length, str) else ""
             source = self._sources[name]
-            self._problems.append(f"{parameter.key}: has {have} values, must have {wanted}{reason} ({source})")
+            values = "value" if have == 1 else "values"
+            self._problems.append(f"{parameter.key}: has {have} {values}, must have {wanted}{reason} ({source})")
 
     def _rows(self) -> list[dict[str, str]]:
         return [

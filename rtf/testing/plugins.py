@@ -1,7 +1,8 @@
 """Find a plug-in by name along the search path, and load it.
 
 A plug-in is a file. A name in a suite is resolved without running any of it: a path relative to the suite's folder, a
-file of that name, or a Python file that declares the name or an alias, in this order, folder by folder:
+file of that name, or a Python file that declares the name or an alias, in this order, folder by folder. A script in Lua
+of old suites may so be a Python file that has its name, with ``.lua``, as an alias. The folders:
 
 1. the suite's folder,
 2. each folder of ``RTF_PLUGIN_PATH`` (separated by ``:``),
@@ -160,9 +161,15 @@ def _in_folder(kind: str, name: str, language: str | None, folder: Path, tried: 
             tried.append(f"{candidate}: neither .py nor .lua nor executable (chmod +x mends that)")
         else:
             tried.append(str(candidate))
-    if language in (None, "python"):
-        return _declaring_file(kind, bare_name(name), folder, tried)
+    if language in (None, "python", "lua"):
+        return _declaring_file(kind, _declared_name(name, language), folder, tried)
     return None
+
+
+def _declared_name(name: str, language: str | None) -> str:
+    """The name a Python file may declare for this one: the bare one; with its ending for what was a script in Lua."""
+    bare = bare_name(name)
+    return f"{bare}.lua" if language == "lua" and not bare.endswith(".lua") else bare
 
 
 def bare_name(name: str) -> str:
@@ -203,6 +210,7 @@ class ClassFacts:
     timeout: float | None = None
     description: str = ""
     safety: str = ""
+    occupies: str = ""
 
 
 _declared: dict[tuple[str, int], dict[str, ClassFacts]] = {}
@@ -212,6 +220,7 @@ def declared_names(path: Path) -> dict[str, ClassFacts]:
     """The plug-in names a Python file declares, and the class of each, read without running it.
 
     A class declares its own name, its ``plugin_name`` and its ``aliases``, as far as they are written as plain strings.
+    One whose name begins with ``_`` is no plug-in.
     """
     key = (str(path), path.stat().st_mtime_ns)
     found = _declared.get(key)
@@ -230,7 +239,7 @@ def _read_names(path: Path) -> dict[str, ClassFacts]:
         return {}  # whoever names this file gets the error; a search must not stumble over it
     names: dict[str, ClassFacts] = {}
     for node in tree.body:
-        if isinstance(node, ast.ClassDef) and node.bases:
+        if isinstance(node, ast.ClassDef) and node.bases and not node.name.startswith("_"):
             facts, also = _class_facts(node)
             for name in (node.name, *also):
                 names[name] = facts
@@ -260,11 +269,12 @@ def _class_facts(node: ast.ClassDef) -> tuple[ClassFacts, list[str]]:
         float(timeout) if isinstance(timeout, int | float) else None,
         (ast.get_docstring(node) or "").partition("\n")[0],
         str(literals.get("safety", "")),
+        str(literals.get("occupies", "")),
     )
     return facts, [*_strings(literals.get("plugin_name")), *_strings(literals.get("aliases"))]
 
 
-_FACTS = frozenset({"plugin_name", "aliases", "tags", "requires", "timeout", "safety"})
+_FACTS = frozenset({"plugin_name", "aliases", "tags", "requires", "timeout", "safety", "occupies"})
 
 
 def _strings(value: object) -> tuple[str, ...]:

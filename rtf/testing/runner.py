@@ -34,7 +34,7 @@ from rtf.testing.events import (
 )
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.attempt import GRACE, Limits
-from rtf.testing.plugins import facts_of
+from rtf.testing.sharing import groups_sharing_fixtures
 from rtf.testing.suite.model import Isolation, TestEntry, Timeouts
 from rtf.testing.verdict import ExitCode, Verdict
 
@@ -45,9 +45,7 @@ if TYPE_CHECKING:
     from rtf.testing.events import Asked
     from rtf.testing.isolation.launch import Launched
     from rtf.testing.plan import PlannedSuite, PlannedTest
-    from rtf.testing.plugins import PluginRef
     from rtf.testing.reporting import Broadcast
-    from rtf.testing.suite.model import FixtureEntry
 from rtf.testing.interrupts import Interrupts, alarm
 from rtf.testing.lane import Lane
 
@@ -338,34 +336,6 @@ def _next_of(waiting: deque[list[PlannedSuite]]) -> list[PlannedSuite]:
     with contextlib.suppress(IndexError):
         return waiting.popleft()
     return []
-
-
-def groups_sharing_fixtures(suites: Sequence[PlannedSuite]) -> list[list[PlannedSuite]]:
-    """Suites that use a fixture in common must not run at the same time; the groups keep the order of the plan.
-
-    Two fixtures of one plug-in are two only where each is given a ``param``, and another one. Any other difference, be
-    it their names, ``<parameter>`` or what they depend on, may well be one robot that is written in two ways.
-    """
-    used = [[(_plugin_of(entry, found), entry.param) for entry, found in planned.fixtures] for planned in suites]
-    there_once = {plugin for of_suite in used for plugin, param in of_suite if not param}
-    groups: list[tuple[set[tuple[tuple[str, str], str]], list[PlannedSuite]]] = []
-    for planned, of_suite in zip(suites, used, strict=True):
-        keys = {(plugin, "" if plugin in there_once else param) for plugin, param in of_suite}
-        joined = [group for group in groups if group[0] & keys]
-        members = [member for group in joined for member in group[1]]
-        merged = (keys.union(*(group[0] for group in joined)), [*members, planned])
-        groups = [group for group in groups if not group[0] & keys]
-        groups.append(merged)
-    order = {id(planned): index for index, planned in enumerate(suites)}
-    return [sorted(members, key=lambda planned: order[id(planned)]) for _, members in groups]
-
-
-def _plugin_of(entry: FixtureEntry, found: PluginRef | str) -> tuple[str, str]:
-    """The file and the class of a fixture, by whichever of its names the suite calls it."""
-    if isinstance(found, str):  # there is none of that name
-        return entry.plugin, ""
-    facts = facts_of(found)
-    return found.path, facts.class_name if facts is not None else ""
 
 
 def most_memory() -> int:

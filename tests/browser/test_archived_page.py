@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from archives import archive_of, numbered, put
-from rtf.testing.events import Attached, RunStarted, SuitePlanned, TestPlanned, TestStarted
+from rtf.testing.events import Attached, ParametersResolved, RunStarted, SuitePlanned, TestPlanned, TestStarted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -188,6 +188,27 @@ def test_a_run_that_was_killed_is_shown_as_such(tmp_path: Path, visit: Any, shoo
     expect(page.get_by_text("is being stopped")).to_have_count(0)
     expect(state_of(page, "one")).to_contain_text("interrupted")
     shoot(page, "archive-killed")
+
+
+def test_a_fault_that_was_injected_stands_in_the_heading(tmp_path: Path, visit: Any):
+    """Else a robot that was made to fail looks like one that fails; it is a text as any other."""
+    fault = {"name": "inject", "value": '"crash <b>- delay=1"', "unit": "", "source": "--set"}
+    events = [
+        RunStarted(run="r", version="1"),
+        SuitePlanned(suite="s", name="s"),
+        TestPlanned(test="s/one", suite="s", name="one"),
+        TestPlanned(test="s/two", suite="s", name="two"),
+        TestStarted(test="s/one"),
+        ParametersResolved(test="s/one", parameters=(fault,)),
+        TestStarted(test="s/two"),
+        ParametersResolved(test="s/two", parameters=(fault | {"value": '""'},)),
+    ]
+    page = visit(f"{archive_of(put(tmp_path / 'run', *numbered(events))).as_uri()}#s/one", offline=True)
+    heading = page.get_by_role("region", name="Details").locator("header").first
+    expect(heading).to_contain_text("fault injected: crash <b>- delay=1")
+    state_of(page, "two").click()
+    expect(heading.get_by_role("heading", name="two", exact=True)).to_be_visible()
+    expect(heading.get_by_text("fault injected")).to_be_hidden()
 
 
 def test_what_was_too_large_is_said(tmp_path: Path, visit: Any):

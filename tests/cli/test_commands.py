@@ -12,7 +12,10 @@ from harness import run_command, write_files
 from rtf.testing.verdict import ExitCode
 
 ELBOW = """
+from enum import Enum
 from rtf.testing import TestCase, FixtureManager, Parameter
+class Safety(Enum):
+    MOTION = 1
 class Elbow(TestCase):
     '''Reaches a target.
 
@@ -20,6 +23,7 @@ class Elbow(TestCase):
     '''
     plugin_name = "elbow-reach"
     tags = ("motion",)
+    safety = Safety.MOTION
     speed = Parameter(float, "reference speed", unit="deg/s", default=20.0, low=1.0, high=100.0)
     part = Parameter(str, "part of the robot")
     def run(self):
@@ -44,6 +48,7 @@ def test_describe_prints_the_declared_parameters(folder: Path):
     assert "speed" in done.stdout
     assert "within [1, 100] deg/s" in done.stdout
     assert "required" in done.stdout
+    assert "  safety: motion\n" in done.stdout
 
 
 def test_describe_writes_markdown_for_the_documentation(folder: Path):
@@ -102,7 +107,7 @@ def test_validate_loses_no_finding_to_a_plug_in_that_crashes(folder: Path):
     done = run_command(folder, "validate", "bombs.xml")
     assert "test 9: its process ended while it was being loaded: killed by SIGABRT" in done.stderr
     assert "test quick: speed: " in done.stderr
-    assert "1 suites, 3 tests: 2 errors, 0 warnings" in done.stdout
+    assert "1 suite, 3 tests: 2 errors, 0 warnings" in done.stdout
 
 
 def test_report_rebuilds_reports_from_the_journal(folder: Path):

@@ -68,6 +68,14 @@ def test_without_a_selection_help_is_shown_and_it_is_an_error(folder: Path):
     done = run_command(folder)
     assert done.exit_code == ExitCode.USAGE
     assert "usage: testrunner" in done.stdout
+    assert "testrunner describe   " in done.stdout
+
+
+def test_a_list_of_nothing_says_what_lists_all(folder: Path):
+    """Who asks which tests there are is told who knows."""
+    done = run_command(folder, "--list")
+    assert done.exit_code == ExitCode.USAGE
+    assert "'testrunner describe' says which tests there are" in done.stderr
 
 
 @pytest.mark.parametrize(

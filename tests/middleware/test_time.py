@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf import clock
-from rtf.bottle import Bottle
+from rtf.bottle import Bottle, Vocab
 from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.errors import MiddlewareError, PortClosedError
+from rtf.middleware.errors import ConnectError, MiddlewareError, PortClosedError
 from rtf.middleware.lockstep import LockstepServer
 from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.rpc import RpcClient, RpcServer
 from rtf.middleware.time import LockstepClock, NetworkClock
 from waiting import eventually
 
@@ -204,6 +204,27 @@ class TestLockstep:
             for question in ("", "until 99 1.0", "dance", "leave 7", "join"):
                 reply = client.call(Bottle.parse(question), timeout=5)
                 assert reply is not None
+
+    @pytest.mark.parametrize(
+        ("reply", "reason"),
+        [
+            (Bottle(), "it gave no answer; has its simulator ended?"),
+            (Bottle([Vocab("fail"), "join first"]), "join first"),
+            (Bottle([Vocab("fail")]), "it answered [fail], which no clock does"),
+        ],
+    )
+    def test_a_refusal_has_a_reason(self, network: Network, reply: Bottle, reason: str):
+        """Also when who answers gives none."""
+
+        def answer(question: Bottle) -> Bottle:
+            return Bottle([Vocab("ok"), 1, 0.0]) if question.get(0) == "join" else reply
+
+        with RpcServer("/clock/rpc", answer, network=network):
+            time = LockstepClock("/clock/rpc", "tester", network=network)
+            with pytest.raises(ConnectError) as caught:
+                time.sleep(1.0)
+            time.close()
+        assert str(caught.value) == f"the clock refused 'until': {reason}"
 
 
 class TestNetworkClock:

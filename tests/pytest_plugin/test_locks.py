@@ -1,17 +1,13 @@
 """Which suites wait for each other where tests are spread over several workers."""
 
 import fcntl
-from types import SimpleNamespace
 
 import pytest
 
 from rtf.pytest_suites.locks import locks_of
+from rtf.testing.sharing import Use
 
-
-def suite(*fixtures):
-    """A suite with such fixtures: a plug-in, and its ``param`` behind a blank."""
-    rows = [text.partition(" ") for text in fixtures]
-    return SimpleNamespace(fixtures=[SimpleNamespace(plugin=plugin, param=param) for plugin, _, param in rows])
+ROBOT, FIRST, SECOND = Use("robot", ""), Use("robot", "--x 1"), Use("robot", "--x 2")
 
 
 def exclude(one, other):
@@ -23,17 +19,16 @@ def exclude(one, other):
 @pytest.mark.parametrize(
     ("one", "other", "wait"),
     [
-        (["robot"], ["robot"], True),
-        (["robot --x 1"], ["robot --x 1"], True),
-        (["robot --x 1"], ["robot --x 2"], False),
-        (["robot"], ["robot --x 2"], True),
-        (["robot"], ["simulator"], False),
-        (["robot --x 1", "robot"], ["robot --x 2"], True),
-        (["robot", "robot --x 1"], ["robot --x 2"], True),
-        (["fixtures/robot.py"], ["Robot"], True),
+        ([ROBOT], [ROBOT], True),
+        ([FIRST], [FIRST], True),
+        ([FIRST], [SECOND], False),
+        ([ROBOT], [SECOND], True),
+        ([ROBOT], [Use("simulator", "")], False),
+        ([FIRST, ROBOT], [SECOND], True),
+        ([ROBOT, FIRST], [SECOND], True),
     ],
 )
 def test_two_fixtures_of_a_plug_in_are_two_only_with_params_that_differ(one, other, wait):
     """As with lanes; a robot may be written in two ways."""
-    assert exclude(suite(*one), suite(*other)) is wait
-    assert exclude(suite(*other), suite(*one)) is wait
+    assert exclude(one, other) is wait
+    assert exclude(other, one) is wait

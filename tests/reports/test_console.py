@@ -175,8 +175,105 @@ def test_what_is_no_test_goes_to_standard_error(console: Callable[..., Any], sto
     """Diagnostics, interrupts, and the framework's own errors."""
     story.begin(("arm", 0)).add(Interrupted(source="SIGINT", stage=1), InternalError(text="broke", traceback="trace"))
     assert (
-        console(story).err == "interrupted by SIGINT: stopping after the running test\ninternal error: broke\ntrace\n"
+        console(story).err == "interrupted by SIGINT: the running test goes on to its end, then the run stops; "
+        "once more stops the test now\ninternal error: broke\ntrace\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("stage", "said"),
+    [(2, "stopping the running test; once more kills it"), (3, "killing what still runs")],
+)
+def test_an_interrupt_says_what_once_more_would_do(console: Callable[..., Any], story: Story, stage: int, said: str):
+    """Who wants it to end now need not guess."""
+    story.begin(("arm", 0)).add(Interrupted(source="SIGINT", stage=stage))
+    assert console(story).err == f"interrupted by SIGINT: {said}\n"
+
+
+@pytest.fixture
+def blocked_story(story: Story) -> Story:
+    """A fixture that never comes up, and all that stood on it."""
+    story.begin(("arm", 5), fixtures=("names",)).start("arm")
+    for incarnation in (1, 2, 3):
+        story.incident("arm", "names", "no answer", incarnation=incarnation, phase=Phase.SETUP, signal="", output="")
+    story.fixture("arm", "names", FixtureState.FAILED, 3, detail="no answer (2 restarts used up)")
+    for number in range(1, 6):
+        detail = "fixture names is not usable: no answer (2 restarts used up)"
+        story.test(f"arm/t{number}", Verdict.BLOCKED, attempt=0, detail=detail, reason="fixture")
+    return story.end("arm", Verdict.BLOCKED).finish()
+
+
+def test_what_many_tests_have_in_common_is_said_once(
+    console: Callable[..., Any], blocked_story: Story, reports: Reports
+):
+    """A suite of a hundred tests without a name server is read on one screen."""
+    expected = f"""\
+fixture names #1 in setup: no answer
+fixture names #2 in setup: the same again
+fixture names #3 in setup: the same again
+fixture names #3 is given up (2 restarts used up)
+Suite arm
+  blocked       t1
+      fixture names is not usable: no answer (2 restarts used up)
+  blocked       t2
+  blocked       t3
+  blocked       t4
+  blocked       t5
+
+Failures
+  blocked  5 tests: arm/t1 … arm/t5
+      fixture names is not usable: no answer (2 restarts used up)
+
+Fixture incidents
+  names #1 in setup: no answer  (and 2 more like it, up to #3)
+
+Reports
+  {reports.folder}
+
+BLOCKED  5 blocked in 12.5 s
+"""
+    assert expected == console(blocked_story).out
+
+
+def test_few_tests_are_named_and_the_same_is_not_said_twice(
+    console: Callable[..., Any], story: Story, check_failed: Callable[..., Message]
+):
+    """Names of tests that failed are never left out; what they say alike is said under the last."""
+    story.begin(("arm", 5)).start("arm")
+    for number in range(1, 5):
+        test = f"arm/t{number}"
+        story.test(test, Verdict.FAILED, check_failed(test), check_failed(test), detail="too far")
+    story.test("arm/t5", Verdict.FAILED, check_failed("arm/t5", "too slow"), detail="too slow")
+    out = console(story.end("arm", Verdict.FAILED).finish()).out
+    failures = out.partition("\nFailures\n")[2].partition("\n\n")[0]
+    assert failures.startswith("  failed  arm/t1\n  failed  arm/t2\n  failed  arm/t3\n  failed  arm/t4\n      checks:")
+    assert failures.count("checks: too far") == 1
+    assert failures.count("checks: too slow") == 1
+
+
+@pytest.mark.parametrize("verbosity", [0, 1])
+def test_tracebacks_of_rtf_itself_are_for_the_curious(console: Callable[..., Any], story: Story, verbosity: int):
+    """Of a lost fixture and of a wrong parameter; a mistake in the test shows where it is."""
+    story.begin(("arm", 3)).start("arm")
+    for number, (verdict, detail, line) in enumerate(
+        [
+            (Verdict.FIXTURE_LOST, "ConnectError: gone", "in rtf.py"),
+            (Verdict.ERROR, "ParameterError: 1 problem:\n  speed: fast is no number", "in parameters.py"),
+            (Verdict.ERROR, "ValueError: boom", "in reach.py"),
+        ],
+        start=1,
+    ):
+        test = f"arm/t{number}"
+        trace = f"Traceback (most recent call last)\n  {line}\n"
+        said = Message(severity=Severity.ERROR, title="exception", detail=detail, test=test, traceback=trace)
+        ending = "sim: it died" if verdict is Verdict.FIXTURE_LOST else detail
+        story.test(test, verdict, said, detail=ending, reason="error")
+    out = console(story.end("arm", Verdict.FAILED).finish(), verbosity=verbosity).out
+    failures = out.partition("\nFailures\n")[2]
+    for sentence in ("sim: it died", "ConnectError: gone", "speed: fast is no number", "ValueError: boom"):
+        assert sentence in failures
+    assert "in reach.py" in failures
+    assert ("in rtf.py" in failures, "in parameters.py" in failures) == (verbosity > 0, verbosity > 0)
 
 
 def test_failures_of_suites_and_fixtures_are_always_shown(console: Callable[..., Any], story: Story):

@@ -96,8 +96,8 @@ def test_every_problem_is_told_at_once():
     assert found == [
         "cycles: 0 is not at least 1 (param)",
         "mode: 'tork' is none of 'position', 'torque'; did you mean 'torque'? (param)",
-        "plot: maybe is no bool (param)",
-        "part: must be given (str; part of the robot)",
+        "plot: maybe is no truth value: write true or false (param)",
+        "part: must be given (text; part of the robot)",
         "speed: has 3 values, must have 2 (as many as joints) (param)",
     ]
 
@@ -113,6 +113,40 @@ def test_a_text_without_quotes_is_explained():
     """Several words where one is wanted: the message says how to write it."""
     (found,) = problems("--part left arm")
     assert "put a text with blanks in quotes" in found
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        ("crash - delay=1", "crash - delay=1"),
+        ("007", "007"),
+        ('say "no" twice', 'say "no" twice'),
+        ('"left arm"', "left arm"),
+        ('""', ""),
+        ("(head torso)", "(head torso)"),
+    ],
+)
+@pytest.mark.parametrize("layer", ["parameters", "overrides"])
+def test_a_text_that_stands_alone_is_taken_as_it_is(layer: str, written: str, meant: str):
+    """Whatever is in it: numbers, dashes, quotes; only quotes around the whole are no part of it."""
+    test, _ = resolve("", **{layer: (("part", written),)})
+    assert test.part == meant
+
+
+@pytest.mark.parametrize(
+    ("key", "written", "said"),
+    [
+        ("cycles", "1.5", "1.5 is no whole number"),
+        ("cycles", "1 2", "is one whole number, not 2 values"),
+        ("speed", "fast", "element 0: fast is no number"),
+        ("plot", "maybe", "maybe is no truth value: write true or false"),
+        ("part", "", "has no value"),
+    ],
+)
+def test_types_are_named_in_words(key: str, written: str, said: str):
+    """Who writes a suite need not know Python."""
+    (found,) = problems("" if key == "part" else "--part arm", parameters=((key, written),))
+    assert found == f"{key}: {said} (<parameter>)"
 
 
 def test_a_file_whose_rest_is_lost_is_an_error(tmp_path: Path):

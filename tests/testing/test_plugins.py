@@ -71,6 +71,28 @@ def test_facts_are_known_without_running_the_file(folder: Path):
     assert facts.description == "Sweeps the limits."
 
 
+def test_private_classes_are_no_plugins(folder: Path):
+    """What a test keeps its values in does not hide what the test says of itself."""
+    private = "\nfrom typing import NamedTuple\nclass _Side(NamedTuple):\n    sign: int\n"
+    (folder / "limits_of_joints.py").write_text(NATIVE.replace("timeout = 12", "safety = Safety.MOTION") + private)
+    facts = plugins.facts_of(find("test", "limits_of_joints.py", beside=folder))
+    assert facts is not None
+    assert (facts.class_name, facts.safety) == ("JointLimits", "motion")
+    with pytest.raises(PluginNotFoundError):
+        find("test", "_Side", beside=folder)
+
+
+@pytest.mark.parametrize(("name", "type_"), [("sweep.lua", None), ("sweep.lua", "lua"), ("sweep", "lua")])
+def test_an_alias_may_be_the_name_of_a_script_in_lua(folder: Path, name: str, type_: str | None):
+    """Old suites name the script; where there is none, the Python plug-in that declares its name is meant."""
+    (folder / "limits_of_joints.py").write_text(NATIVE.replace('"limits"', '"sweep.lua"'))
+    ref = find("test", name, type_, beside=folder)
+    assert (Path(ref.path).name, ref.language) == ("limits_of_joints.py", "python")
+    assert type(plugins.load_test(ref)).__name__ == "JointLimits"
+    (folder / "sweep.lua").write_text("return {}")
+    assert find("test", name, type_, beside=folder).language == "lua"
+
+
 def test_the_suites_folder_comes_before_the_plugin_path(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The nearest file of a name wins."""
     other = tmp_path / "other"

@@ -26,7 +26,8 @@ from rtf.testing.interrupts import Interrupts
 from rtf.testing.isolation.children import Nursery, NurseryLostError
 from rtf.testing.plan import Planner, load_files
 from rtf.testing.reporting import Broadcast, Reporter, ReportOptions
-from rtf.testing.runner import Run, RunOptions, groups_sharing_fixtures
+from rtf.testing.runner import Run, RunOptions
+from rtf.testing.sharing import groups_sharing_fixtures
 from rtf.testing.verdict import ExitCode, FixtureState, Verdict
 
 if TYPE_CHECKING:
@@ -190,6 +191,11 @@ def test_suites_that_share_a_fixture_never_overlap(tmp_path: Path):
         ('<fixture name="a">rig</fixture>', '<fixture name="a">Rig</fixture>', False),
         ('<fixture name="a">rig.py</fixture>', '<fixture name="a">../suite/rig</fixture>', False),
         ('<fixture name="a">rig</fixture>', '<fixture name="a">Bench</fixture>', True),
+        ('<fixture name="a" param="--x 1">robot</fixture>', '<fixture name="b" param="--x 2">robot</fixture>', False),
+        ('<fixture name="a" param="--x 1">robot</fixture>', '<fixture name="b">robotinterface</fixture>', False),
+        ('<fixture name="a">robot</fixture>', "<test>JointLimits</test>", False),
+        ("<test>JointLimits</test>", "<test>ControlModes</test>", False),
+        ("<test>JointLimits</test>", "<test>PortsFrequency</test>", True),
         ('<fixture name="a">nowhere</fixture>', '<fixture name="a">nowhere</fixture>', False),
         (
             '<fixture name="s" param="--word 1">rig</fixture><fixture name="r" depends="s">Bench</fixture>',
