@@ -11,8 +11,9 @@ from rtf.bottle import Dialect, Property
 from rtf.errors import RtfError
 from rtf.middleware.types import IMAGE
 from rtf.robot.client.frame_grabber import FrameGrabberClient
-from rtf.robot_testing import Safety, likely_causes
+from rtf.robot_testing import MotionGuard, Part, likely_causes
 from rtf.robot_testing.pictures import png
+from rtf.robot_testing.simulated import is_simulated
 from rtf.robot_testing.stream_test import RateTest
 from rtf.robot_testing.streams import within
 from rtf.testing import Parameter
@@ -47,7 +48,6 @@ class CameraTest(RateTest):
 
     aliases = ("cameraTest", "camera", "Camera")
     tags = ("streams", "camera")
-    safety = Safety.MOTION
 
     port = Parameter(str, "the camera's port; none: all of the robot", default="", key="portname", aliases=("port",))
     time = Parameter(
@@ -71,9 +71,6 @@ class CameraTest(RateTest):
     max_repeated = Parameter(float, "pictures that may be equal to the one before", unit="%", default=60.0, low=0.0)
     eyes = Parameter(str, "the part that the simulated eyes belong to", default="head")
 
-    def _ask_for_leave(self) -> None:
-        """Nothing moves on a real robot, so nobody is asked."""
-
     def setup(self) -> None:
         """Find the cameras."""
         super().setup()
@@ -92,7 +89,9 @@ class CameraTest(RateTest):
         if there:
             self.listen(self.time)
         windows = {name: within(self.listener.recorders[name].messages, self.warm_up, self.time) for name in there}
-        turned = self._turned(there) if self.simulated and self._stands(windows.values()) else {}
+        # Nothing is turned but what the simulator itself moves: a real robot is never touched.
+        simulated = is_simulated(self.network, self.robot_name, self.eyes)
+        turned = self._turned(there) if simulated and self._stands(windows.values()) else {}
         for name in there:
             with self.subresult(name):
                 self._judge(name, turned.get(name))
@@ -119,7 +118,7 @@ class CameraTest(RateTest):
     def _turned(self, names: Sequence[str]) -> dict[str, list[Message]]:
         """Turn the eyes and back; returns the pictures that came meanwhile."""
         before = {name: len(self.listener.recorders[name].messages) for name in names}
-        part = self.open_part(self.eyes)
+        part = self._open_eyes()
         joints = [part.joint(name) for name in _EYES]
         start = part.board.encoders(joints)
         try:
@@ -128,6 +127,15 @@ class CameraTest(RateTest):
         finally:
             part.move(start, joints, speed=_TURNING_SPEED)
         return {name: self.listener.recorders[name].messages[before[name] :] for name in names}
+
+    def _open_eyes(self) -> Part:
+        """The part of the simulated eyes, with a guard of its own: this test as such moves nothing."""
+        still = self.open_part(self.eyes)
+        guard = MotionGuard(
+            still.board, f"/{self.robot_name}/{self.eyes}", clock=self.clock, report=self.report, limits=self.limits
+        )
+        self.add_cleanup(guard.restore)
+        return Part(self.eyes, still.board, self.clock, guard)
 
     # Judging -----------------------------------------------------------------------------------------------------
 
@@ -141,10 +149,9 @@ class CameraTest(RateTest):
         self._judge_size(name, seen)
         self._attach(name)
         least = min(one.spread for one in seen) / 2.55
-        dark = self.measure("contrast", least, "%", low=self.contrast)
-        if dark.verdict is MeasurementVerdict.FAILED:
-            self.report(f"pictures of {name} show nothing: all pixels are alike; {likely_causes('camera dark')}")
-        else:
+        hint = f"pictures of {name} show nothing: all pixels are alike; {likely_causes('camera dark')}"
+        contrast = self.measure("contrast", least, "%", low=self.contrast, hint=hint)
+        if contrast.verdict is not MeasurementVerdict.FAILED:
             self._judge_content(name, found if turned is None else turned)
 
     def _judge_size(self, name: str, seen: Sequence[_Seen]) -> None:
@@ -158,8 +165,8 @@ class CameraTest(RateTest):
 
     def _measure_side(self, side: str, found: int, wanted: int) -> None:
         limit = wanted or None
-        if self.measure(side, found, "px", low=limit, high=limit).verdict is MeasurementVerdict.FAILED:
-            self.report(f"the {side} is {found} and should be {wanted}; {likely_causes('camera size')}")
+        hint = f"the {side} is {found} and should be {wanted}; {likely_causes('camera size')}"
+        self.measure(side, found, "px", low=limit, high=limit, hint=hint)
 
     def _wanted_size(self, name: str) -> tuple[int, int]:
         """The size that the parameters say; else that the camera itself says, which it may not know."""
@@ -178,10 +185,8 @@ class CameraTest(RateTest):
 
     def _judge_content(self, name: str, found: Sequence[Message]) -> None:
         self.assert_true(len(found) > 1, f"{len(found)} pictures came while the eyes of {name} were turned")
-        if self.measure("repeated pictures", _repeated(found), "%", high=self.max_repeated).verdict is (
-            MeasurementVerdict.FAILED
-        ):
-            self.report(f"pictures of {name} do not go on; {likely_causes('camera frozen')}")
+        hint = f"pictures of {name} do not go on; {likely_causes('camera frozen')}"
+        self.measure("repeated pictures", _repeated(found), "%", high=self.max_repeated, hint=hint)
 
     def _attach(self, name: str) -> None:
         try:

@@ -12,7 +12,6 @@ from rtf.robot_testing.stream_test import RateTest
 from rtf.robot_testing.weights import WeightModel, parts_above
 from rtf.simulator.errors import MissingPackageError
 from rtf.testing import Parameter
-from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
@@ -30,7 +29,7 @@ class FtSensorTest(RateTest):
     that the robot is in. The robot should stand still and touch nothing there.
     """
 
-    aliases = ("ftSensorTest", "FtSensor", "ftsensor", "ftSensorTests")
+    aliases = ("ftSensorTest", "FtSensor", "ftsensor", "ftSensorTests", "ftsensor-tests")
     tags = ("sensors", "force-torque")
 
     port = Parameter(str, "the sensor's port; none: all of the robot", default="", key="portname", aliases=("port",))
@@ -93,34 +92,27 @@ class FtSensorTest(RateTest):
 
     def _judge_noise(self, name: str, values: FloatArray) -> None:
         self.measure("greatest force", float(np.abs(values[:, :3]).max()), "N", high=self.saturation)
-        dead: list[str] = []
-        loud: list[str] = []
         for axis, (what, symbol) in enumerate(zip(_NAMES, _UNITS, strict=True)):
             high = self.force_noise if symbol == "N" else self.torque_noise
             deviation = float(values[:, axis].std(ddof=1))
-            measured = self.measure(f"noise of {what}", deviation, symbol, low=self.least_noise, high=high)
-            if measured.verdict is MeasurementVerdict.FAILED:
-                (dead if deviation < self.least_noise else loud).append(what)
-        if dead:
-            self.report(f"{name}: {', '.join(dead)} does not change at all; {likely_causes('sensor frozen')}")
-        if loud:
-            self.report(f"{name}: {', '.join(loud)} is noisy; {likely_causes('noise')}")
+            dead = f"does not change at all; {likely_causes('sensor frozen')}"
+            loud = f"is noisy; {likely_causes('noise')}"
+            hint = f"{name}: {what} {dead if deviation < self.least_noise else loud}"
+            self.measure(f"noise of {what}", deviation, symbol, low=self.least_noise, high=high, hint=hint)
 
     def _judge_load(self, name: str, mean: FloatArray) -> None:
         expected = self._expected(name)
-        off = []
         for axis, (what, symbol) in enumerate(zip(_NAMES, _UNITS, strict=True)):
             tolerance = self.force_tolerance if symbol == "N" else self.torque_tolerance
             if expected is None:
                 self.measure(what, mean[axis], symbol)
                 continue
             low, high = expected[axis] - tolerance, expected[axis] + tolerance
-            if self.measure(what, mean[axis], symbol, low, high).verdict is MeasurementVerdict.FAILED:
-                off.append(f"{what} by {mean[axis] - expected[axis]:+.2f} {symbol}")
-        if off:
-            self.report(
-                f"{name} does not show the weight that hangs at it: {', '.join(off)}; {likely_causes('offset')}"
+            hint = (
+                f"{name} does not show the weight that hangs at it: {what} by {mean[axis] - expected[axis]:+.2f} "
+                f"{symbol}; {likely_causes('offset')}"
             )
+            self.measure(what, mean[axis], symbol, low, high, hint=hint)
 
     def _expected(self, name: str) -> FloatArray | None:
         """The load; None where nobody knows it."""

@@ -230,6 +230,7 @@ class Imu(StreamTest):
 
     def _judge(self, unit: _Unit, felt: _Felt) -> None:
         turning = turns_of(felt.expected, felt.times, _WINDOW)
+        self._wrong = False
         self._judge_orientation(felt)
         expected, found = [], []
         if felt.speeds is not None:
@@ -239,8 +240,8 @@ class Imu(StreamTest):
             up, measured = self._judge_gravity(unit, felt.expected, felt.accelerations, np.linalg.norm(turning, axis=1))
             expected.append(up * _AT_REST)
             found.append(measured * _AT_REST)
-        if self.failing and found:
-            self._hint(unit, np.concatenate(expected), np.concatenate(found))
+        if self._wrong and found:
+            self._explain(unit, np.concatenate(expected), np.concatenate(found))
 
     def _judge_orientation(self, felt: _Felt) -> None:
         heading = vertical_turn(felt.orientations, felt.expected)
@@ -299,16 +300,18 @@ class Imu(StreamTest):
         return up, found / np.maximum(size, 1e-9)[:, None]
 
     def _off(self, name: str, value: float, symbol: str, high: float) -> None:
-        if self.measure(name, value, symbol, high=high).verdict is MeasurementVerdict.FAILED:
-            self.report(f"{name} is {value:.3g} {symbol}; {likely_causes('orientation')}")
+        hint = f"{name} is {value:.3g} {symbol}; {likely_causes('orientation')}"
+        measured = self.measure(name, value, symbol, high=high, hint=hint)
+        self._wrong |= measured.verdict is MeasurementVerdict.FAILED
 
-    def _hint(self, unit: _Unit, expected: FloatArray, found: FloatArray) -> None:
+    def _explain(self, unit: _Unit, expected: FloatArray, found: FloatArray) -> None:
         """Say by which turn of the unit all that it feels would be explained."""
         vector = np.degrees(rotation_vector(turn_between(found, expected)))
         angle = float(np.linalg.norm(vector))
-        self.report(
+        self.check(
+            False,
             f"{unit.name} feels as if it were mounted turned by {angle:.1f} deg about "
-            f"({', '.join(f'{part:.2f}' for part in vector / max(angle, 1e-9))}) of its frame {unit.frame}"
+            f"({', '.join(f'{part:.2f}' for part in vector / max(angle, 1e-9))}) of its frame {unit.frame}",
         )
 
 

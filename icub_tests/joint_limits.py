@@ -11,7 +11,6 @@ from rtf.robot_testing.courses import work
 from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.joints_case import JointsTest
 from rtf.testing import Parameter
-from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import Pid
@@ -171,19 +170,17 @@ class JointLimits(JointsTest):
             wanted = self.wanted[side.name][joint]
             self.measure(f"{side.name} limit", side.limit, "deg", low=wanted - _SAME, high=wanted + _SAME)
         missing = sign * (side.limit - reached.position)
-        measured = self.measure(f"short of the {side.name} limit", missing, "deg", high=tolerance)
-        if measured.verdict is MeasurementVerdict.FAILED:
-            self.report(
-                f"{name} stops at {reached.position:.2f} deg, {missing:.2f} deg short of its {side.name} limit of "
-                f"{side.limit:g} deg; {likely_causes('short of limit')}"
-            )
+        hint = (
+            f"{name} stops at {reached.position:.2f} deg, {missing:.2f} deg short of its {side.name} limit of "
+            f"{side.limit:g} deg; {likely_causes('short of limit')}"
+        )
+        self.measure(f"short of the {side.name} limit", missing, "deg", high=tolerance, hint=hint)
         excess = sign * (asked.position - side.limit)
-        measured = self.measure(f"beyond the {side.name} limit", excess, "deg", high=tolerance)
-        if measured.verdict is MeasurementVerdict.FAILED:
-            self.report(
-                f"{name} goes {excess:.2f} deg beyond its {side.name} limit of {side.limit:g} deg; "
-                f"{likely_causes('beyond limit')}"
-            )
+        hint = (
+            f"{name} goes {excess:.2f} deg beyond its {side.name} limit of {side.limit:g} deg; "
+            f"{likely_causes('beyond limit')}"
+        )
+        self.measure(f"beyond the {side.name} limit", excess, "deg", high=tolerance, hint=hint)
         if missing <= tolerance:
             self._judge_push(joint, side, sign * (asked.output - reached.output))
 
@@ -195,19 +192,18 @@ class JointLimits(JointsTest):
             return
         allowed = _PUSH * min(abs(pid.kp) * self.beyond[joint], full) / full
         percent = 100.0 * push / full
-        measured = self.measure(
-            f"push beyond the {side.name} limit", percent, "%", high=100.0 * max(allowed, _LEAST_PUSH)
+        high = 100.0 * max(allowed, _LEAST_PUSH)
+        hint = (
+            f"{self.robot_part.names[joint]} pushes on at its {side.name} limit of {side.limit:g} deg with "
+            f"{percent:.0f} % of its output when asked to go beyond; {likely_causes('beyond limit')}"
         )
-        if measured.verdict is MeasurementVerdict.FAILED:
-            self.report(
-                f"{self.robot_part.names[joint]} pushes on at its {side.name} limit of {side.limit:g} deg with "
-                f"{percent:.0f} % of its output when asked to go beyond; {likely_causes('beyond limit')}"
-            )
+        self.measure(f"push beyond the {side.name} limit", percent, "%", high=high, hint=hint)
 
     def _judge_return(self, joint: int) -> None:
         part = self.robot_part
         here, home = part.board.encoder(joint), float(part.home[joint])
-        self.measure("away from home afterwards", abs(here - home), "deg", high=max(self.near[joint], _HOME))
+        hint = f"{part.names[joint]} comes back to {here:.2f} deg, not to {home:.2f}; {likely_causes('weak')}"
+        self.measure("away from home afterwards", abs(here - home), "deg", high=max(self.near[joint], _HOME), hint=hint)
 
     def _keep(self, trace: Trace) -> None:
         """Record what each joint did while it had its turn."""

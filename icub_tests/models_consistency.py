@@ -13,7 +13,6 @@ from rtf.robot_testing.descriptions import read_description
 from rtf.robot_testing.kinematics import rotation_vector
 from rtf.robot_testing.simulated_kinematics import SimulatedKinematics
 from rtf.testing import Parameter, TestCase
-from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -83,7 +82,7 @@ class ModelsConsistency(TestCase):
         self, link: str, name: str, values: FloatArray, symbol: str, high: float, postures: list[dict[str, float]]
     ) -> None:
         worst = int(np.argmax(values))
-        if self.measure(name, float(values[worst]), symbol, high=high).verdict is MeasurementVerdict.FAILED:
-            chain = self.first.chain(link)
-            posture = ", ".join(f"{joint} {math.degrees(postures[worst][joint]):.1f}" for joint in chain)
-            self.report(f"{link} differs most at (deg) {posture}; {likely_causes('model')}")
+        chain = self.first.chain(link)
+        posture = ", ".join(f"{joint} {math.degrees(postures[worst][joint]):.1f}" for joint in chain)
+        hint = f"{link} differs most at (deg) {posture}; {likely_causes('model')}"
+        self.measure(name, float(values[worst]), symbol, high=high, hint=hint)

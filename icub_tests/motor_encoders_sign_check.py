@@ -24,9 +24,12 @@ class MotorEncodersSignCheck(DutyTest):
     the very sign that is wrong, it is tested from where it hangs.
     """
 
-    aliases = ("motorEncodersSignCheck", "MotorEncodersSignCheck", "motorEncoderSignCheck")
+    aliases = (
+        "MotorEncodersSignChecks", "motorEncodersSignCheck", "motorEncoderSignCheck", "motorEncoders-signCheck",
+    )  # fmt: skip
     safety = Safety.EFFORT
     tags = ("motion", "encoders", "motors", "sign")
+    apart = ("speed",)  # taken and not needed
 
     pwm_start = Parameter(
         list[float], "duty cycle with which it begins", unit="%", default=[0.0], low=0.0, high=100.0, key="pwmStart"
@@ -83,15 +86,15 @@ class MotorEncodersSignCheck(DutyTest):
     def _judge_way(self, name: str, word: str, sign: float, steps: Steps, ramp: Ramp) -> None:
         least = _SHARE * steps.threshold
         motor, joint = sign * ramp.motor, sign * ramp.joint
-        self.measure(f"motor follows a {word} duty cycle", motor, "deg", low=least)
-        self.measure(f"joint follows a {word} duty cycle", joint, "deg", low=least)
+        hint = f"{name}, {word} duty cycle: {_diagnosis(motor, joint, least)}"
+        self.measure(f"motor follows a {word} duty cycle", motor, "deg", low=least, hint=hint)
+        # What is said of both is said once.
+        self.measure(f"joint follows a {word} duty cycle", joint, "deg", low=least, hint=hint if motor >= least else "")
         self.measure(f"first motion with a {word} duty cycle", ramp.breakaway, "%")
-        if min(motor, joint) < least:
-            self.report(f"{name}, {word} duty cycle: {_diagnosis(motor, joint, least)}")
 
 
 def _diagnosis(motor: float, joint: float, least: float) -> str:
-    """What is wrong when motor and joint go so far where both should go at least ``least`` deg."""
+    """What is wrong when motor and joint go so far where both should go at least ``least`` deg, and one does not."""
     if motor <= -least and joint <= -least:
         return (
             f"motor and joint turn the wrong way, and agree: the motor's wires or its mounting; {likely_causes('sign')}"

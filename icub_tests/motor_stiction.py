@@ -9,7 +9,6 @@ import numpy as np
 from rtf.robot_testing import Safety, confidence, likely_causes
 from rtf.robot_testing.duty_case import DutyTest, Steps
 from rtf.testing import Parameter
-from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
@@ -28,9 +27,10 @@ class MotorStiction(DutyTest):
     and its hand are tested at the same time.
     """
 
-    aliases = ("motorStiction", "MotorStiction")
+    aliases = ("motorStiction", "motor-stiction")
     safety = Safety.EFFORT
     tags = ("motion", "motors", "friction")
+    apart = ("speed",)  # taken and not needed
 
     output_step = Parameter(
         list[float], "by how much the duty cycle grows", unit="%", default=[0.5], low=0.01, high=10.0, key="outputStep"
@@ -80,13 +80,12 @@ class MotorStiction(DutyTest):
         self.measure("set going downwards", float(downwards.mean()), "%")
         self.measure("in the middle, against gravity", float((upwards + downwards).mean() / 2), "%")
         mean, sure = confidence(_stictions(found))
-        measured = self.measure("stiction", mean, "%", high=self._most(joint))
-        if measured.verdict is MeasurementVerdict.FAILED:
-            spread = f" ± {sure:.1f}" if np.isfinite(sure) else ""
-            self.report(
-                f"{name} takes {mean:.1f}{spread} % of duty cycle more than what gravity needs before it moves; "
-                f"{likely_causes('weak')}"
-            )
+        spread = f" ± {sure:.1f}" if np.isfinite(sure) else ""
+        hint = (
+            f"{name} takes {mean:.1f}{spread} % of duty cycle more than what gravity needs before it moves; "
+            f"{likely_causes('weak')}"
+        )
+        self.measure("stiction", mean, "%", high=self._most(joint), hint=hint)
 
     def _most(self, joint: int) -> float:
         """The greatest stiction (%): a motor that is geared to less of its joint needs more for the same friction."""

@@ -35,7 +35,7 @@ class MotorTest(JointsTest):
     measured. Targets are ten degrees from home, towards the middle of the range, unless they are given.
     """
 
-    aliases = ("motorTest", "motor-test", "MotorTests")
+    aliases = ("motorTest", "motor-test", "motor-tests", "MotorTests")
     tags = ("motion", "motors")
     safety = Safety.MOTION
 
@@ -150,13 +150,14 @@ class MotorTest(JointsTest):
                 self.measure("rise", found.rise_time, "s")
             if math.isfinite(found.settling_time):
                 self.measure("settling", found.settling_time, "s")
-            self.measure("overshoot", found.overshoot / 100.0 * way, "deg", high=self.overshoot)
+            beyond = found.overshoot / 100.0 * way
+            hint = f"{name} goes {beyond:.2f} deg beyond its target of {target:.2f} deg; {likely_causes('overshoot')}"
+            self.measure("overshoot", beyond, "deg", high=self.overshoot, hint=hint)
         error = float(positions[-_LAST:].mean()) - target
-        self.measure("final error", error, "deg", low=low, high=high)
-        if not low <= error <= high:
-            moved = abs(float(positions[-1] - positions[0]))
-            finding = "does not move" if moved < _SHORTEST else "weak"
-            self.report(
-                f"{name} ends {error:+.2f} deg from its target of {target:.2f} deg, after it moved {moved:.2f} deg; "
-                f"{likely_causes(finding)}"
-            )
+        moved = abs(float(positions[-1] - positions[0]))
+        finding = "does not move" if moved < _SHORTEST else "weak"
+        hint = (
+            f"{name} ends {error:+.2f} deg from its target of {target:.2f} deg, after it moved {moved:.2f} deg; "
+            f"{likely_causes(finding)}"
+        )
+        self.measure("final error", error, "deg", low=low, high=high, hint=hint)

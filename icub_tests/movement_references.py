@@ -181,9 +181,8 @@ class MovementReferencesTest(JointsTest):
         for joint, value, expected in zip(joints, found, wanted, strict=True):
             name = self.robot_part.names[joint]
             with self.subresult(name):
-                self.measure(what, value, unit, low=expected - tolerance, high=expected + tolerance)
-                if abs(value - expected) > tolerance:
-                    self.report(f"{name}: {what} is {value:g} {unit}, not {expected:g}; {likely_causes('references')}")
+                hint = f"{name}: {what} is {value:g} {unit}, not {expected:g}; {likely_causes('references')}"
+                self.measure(what, value, unit, low=expected - tolerance, high=expected + tolerance, hint=hint)
 
 
 #: How exactly a speed is taken, as a share of it: the worst healthy joint is within a fifth.

@@ -9,6 +9,7 @@ import numpy as np
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Limits, Safety, likely_causes
 from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ class OpenLoopConsistency(JointsTest):
     is still to be read. Joints fall a little meanwhile, and are brought home.
     """
 
-    aliases = ("OpenloopConsistency", "openLoopConsistency", "openloopConsistency")
+    aliases = ("OpenloopConsistency", "openLoopConsistency", "openloopConsistency", "openloop-consistency")
     tags = ("references", "effort")
     safety = Safety.EFFORT
     limits = Limits(speed=10.0, current=None, contact=None)  # light joints fall fast
@@ -34,7 +35,19 @@ class OpenLoopConsistency(JointsTest):
     def setup(self) -> None:
         """Open the part and bring its joints home."""
         super().setup()
+        self.chosen = self._with_those_that_share_motors(self.chosen)
         self.bring_home()
+
+    def _with_those_that_share_motors(self, joints: list[int]) -> list[int]:
+        """Motors that are coupled are driven together: the controller of one joint would drive the motor of another."""
+        part, chosen = self.robot_part, set[int]()
+        sharing, waiting = Transmission.read(part.board).sharing, set(joints)
+        while waiting:
+            chosen |= waiting
+            waiting = set[int]().union(*map(sharing, waiting)) - chosen
+        if added := sorted(chosen - {*joints}):
+            self.report(f"driven, too, for they share motors: {', '.join(part.names[joint] for joint in added)}")
+        return sorted(chosen)
 
     def run(self) -> None:
         """Enter PWM mode, drive up and down, and leave it. A joint that has to be stopped is left out from there on."""
@@ -77,9 +90,8 @@ class OpenLoopConsistency(JointsTest):
         for joint, value in zip(self.chosen, values, strict=True):
             name = self.robot_part.names[joint]
             with self.subresult(name):
-                self.measure(what, value, "%", low=duty - self.tolerance, high=duty + self.tolerance)
-                if abs(value - duty) > self.tolerance:
-                    self.report(f"{name}: {what} is {value:.2f} %, not {duty:g}; {likely_causes('references')}")
+                hint = f"{name}: {what} is {value:.2f} %, not {duty:g}; {likely_causes('references')}"
+                self.measure(what, value, "%", low=duty - self.tolerance, high=duty + self.tolerance, hint=hint)
 
 
 #: What a board is given to change a mode, s: those that obey at once wait without power for the one that does not.

@@ -11,6 +11,7 @@ from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, delay_between, fit_line, likely_causes
 from rtf.robot_testing.courses import singly, until, work
 from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.parameter_checks import joint_count
 from rtf.robot_testing.part import PACE
 from rtf.robot_testing.strays import give_up_strays
 from rtf.robot_testing.swinging import Outcome, Swinger, ends_of
@@ -64,9 +65,16 @@ class OpticalEncodersConsistency(JointsTest):
     each other, such as an arm and its hand, swing at the same time, but no two of a board.
     """
 
-    aliases = ("MotorEncodersConsistency", "motorEncodersConsistency", "opticalEncodersConsistency")
+    aliases = (
+        "MotorEncodersConsistency",
+        "motorEncodersConsistency",
+        "opticalEncodersConsistency",
+        "motorEncoders-consistency",
+        "OpticalEncodersConst",
+    )
     tags = ("motion", "encoders", "consistency")
     safety = Safety.MOTION
+    apart = ("matrix",)
 
     high = Parameter(list[float], "upper ends of the swings; none: derived", unit="deg", default=[], key="max")
     low = Parameter(list[float], "lower ends of the swings; none: derived", unit="deg", default=[], key="min")
@@ -89,10 +97,25 @@ class OpticalEncodersConsistency(JointsTest):
     plot_string_3 = Parameter(str, "taken and not needed", default="", key="plotString3")
     plot_string_4 = Parameter(str, "taken and not needed", default="", key="plotString4")
 
+    def parameter_problems(self) -> list[str]:
+        """See the base; and a matrix has to be a square one of the joints."""
+        problems, size = super().parameter_problems(), joint_count(self) or self.matrix_size
+        if self.matrix and size:
+            problems += self._wrong_matrix(size)
+        return problems
+
+    def _wrong_matrix(self, count: int) -> list[str]:
+        if len(self.matrix) in (0, count * count):
+            return []
+        source = self.parameter_source("matrix")
+        return [f"matrix has {len(self.matrix)} numbers; {count} joints need {count * count} ({source})"]
+
     def setup(self) -> None:
         """See how the part is geared, and where its joints swing."""
         super().setup()
         part = self.robot_part
+        wrong = self._wrong_matrix(len(self.chosen))
+        self.assert_error_if_true(wrong, "; ".join(wrong))
         try:
             self.transmission = Transmission.read(part.board)
         except RobotError as error:
@@ -142,10 +165,6 @@ class OpticalEncodersConsistency(JointsTest):
         if not self.matrix:
             return
         count = len(self.chosen)
-        self.assert_error_if_false(
-            len(self.matrix) == count * count,
-            f"matrix has {len(self.matrix)} numbers, where {count} joints need {count * count}",
-        )
         told = self.transmission.coupling[np.ix_(self.chosen, self.chosen)]
         wrong = np.argwhere(np.abs(told - np.reshape(self.matrix, (count, count))) > _SAME)
         for row, column in wrong.tolist():
@@ -205,36 +224,32 @@ class OpticalEncodersConsistency(JointsTest):
         expected = self.transmission.gearbox[joint] * own / factor
         ratio = ratios[joint]
         if own[joint]:
-            self.measure("ratio to what is configured", ratio, low=1 - limit, high=1 + limit)
-            if abs(ratio - 1) > limit:
-                self.report(f"{names[joint]}: {_ratio_hint(ratio)}")
+            hint = f"{names[joint]}: {_ratio_hint(ratio)}"
+            self.measure("ratio to what is configured", ratio, low=1 - limit, high=1 + limit, hint=hint)
         errors = {other: found - float(expected[other]) for other, found in ratios.items() if other != joint}
         if errors:
             worst = max(errors, key=lambda other: abs(errors[other]))
-            self.measure("greatest error of a coupling", errors[worst], low=-limit, high=limit)
-            if abs(errors[worst]) > limit:
-                self.report(
-                    f"{names[joint]}: its motor turns {ratios[worst]:.3f} times with {names[worst]}, in units of its "
-                    f"own gear, and not {expected[worst]:.3f} times; {likely_causes('ratio')}"
-                )
+            hint = (
+                f"{names[joint]}: its motor turns {ratios[worst]:.3f} times with {names[worst]}, in units of its "
+                f"own gear, and not {expected[worst]:.3f} times; {likely_causes('ratio')}"
+            )
+            self.measure("greatest error of a coupling", errors[worst], low=-limit, high=limit, hint=hint)
 
     def _judge_residual(self, joint: int, data: _Data, left: FloatArray) -> bool:
         """Play and noise; whether both are in order, so that finer things can be seen."""
         name = self.robot_part.names[joint]
         speeds, duties = data.joint_speeds[:, joint], data.duties[:, joint]
         play = max(_two_sided(left, speeds, _SURELY), _two_sided(left, duties, _PUSHING))
-        self.measure("play", play, "deg", high=self.backlash)
-        if play > self.backlash:
-            self.report(f"{name}: the motor leads by {play:.2f} deg from side to side; {likely_causes('backlash')}")
+        hint = f"{name}: the motor leads by {play:.2f} deg from side to side; {likely_causes('backlash')}"
+        self.measure("play", play, "deg", high=self.backlash, hint=hint)
         rms = float(np.sqrt(np.mean((left - np.median(left)) ** 2)))
         worst = float(np.abs(left).max())
         self.measure("largest disagreement", worst, "deg")
         if play > self.backlash:
             return False  # play is no noise: it shows in the rms, too, and has been judged
         high = self.noise + play / 2
-        self.measure("rms of the disagreement", rms, "deg", high=high)
-        if rms > high:
-            self.report(f"{name}: joint and motor disagree by {rms:.2f} deg rms; {likely_causes('noise', 'drift')}")
+        hint = f"{name}: joint and motor disagree by {rms:.2f} deg rms; {likely_causes('noise', 'drift')}"
+        self.measure("rms of the disagreement", rms, "deg", high=high, hint=hint)
         return rms <= high
 
     def _judge_speeds(self, joint: int, own: _Data) -> None:
@@ -246,9 +261,8 @@ class OpticalEncodersConsistency(JointsTest):
         ):
             derived = _derived(own.time, positions)
             agreement = fit_line(speeds[1:-1], derived).slope
-            self.measure(f"speed of the {what}, derived by told", agreement, low=1 - limit, high=1 + limit)
-            if not abs(agreement - 1) <= limit:
-                self.report(f"{name}: the speed of the {what} that is told is not that of its positions")
+            hint = f"{name}: the speed of the {what} that is told is not that of its positions"
+            self.measure(f"speed of the {what}, derived by told", agreement, low=1 - limit, high=1 + limit, hint=hint)
         apart = self._delay(joint, own)
         self.measure("delay of the motor after the joint", apart * 1e3, "ms", low=-self.delay, high=self.delay)
 

@@ -52,7 +52,7 @@ class OpticalEncodersDrift(JointsTest):
     joints stop exactly is no matter, for both encoders are compared there.
     """
 
-    aliases = ("opticalEncodersDrift", "OpticalEncodersDrift", "motorEncodersDrift")
+    aliases = ("opticalEncodersDrift", "OpticalEncodersDrift", "motorEncodersDrift", "opticalEncoders-drift")
     tags = ("motion", "encoders", "drift", "long")
     safety = Safety.MOTION
 
@@ -178,33 +178,30 @@ class OpticalEncodersDrift(JointsTest):
         if complaint is not None:
             self.assert_fail(f"{name} {complaint.complaint}; {likely_causes(*complaint.findings)}")
         self.assert_error_if_true(np.isnan(share), f"{name}: no half-swing turns its motor, so it says nothing")
-        self.measure("turn of the motor by the joint's", share, low=_LEAST_TURN)
-        if share < _LEAST_TURN:
-            self.report(f"{name} swings, its motor's encoder does not; {likely_causes('frozen')}")
-        last = float(drift[-1])
-        self.measure("drift at the end", last, "deg", low=-self.drift, high=self.drift)
-        wrong = abs(last) > self.drift
+        hint = f"{name} swings, its motor's encoder does not; {likely_causes('frozen')}"
+        self.measure("turn of the motor by the joint's", share, low=_LEAST_TURN, hint=hint)
+        last, jump = float(drift[-1]), _greatest_jump(drift)
+        how = f"in one jump, at half-swing {swings[jump]:.0f}" if jump else "little by little"
+        hint = (
+            f"{name}: motor and joint encoder are {last:+.3f} deg further apart than in the beginning "
+            f"({last * self.transmission.factors[joint]:+.1f} deg of the rotor), {how}; {likely_causes('drift')}"
+        )
+        self.measure("drift at the end", last, "deg", low=-self.drift, high=self.drift, hint=hint)
         if len(drift) >= _FEWEST:
-            wrong = self._judge_trend(name, swings, drift) or wrong
-        if wrong:
-            jump = _greatest_jump(drift)
-            how = f"in one jump, at half-swing {swings[jump]:.0f}" if jump else "little by little"
-            self.report(
-                f"{name}: motor and joint encoder are {last:+.3f} deg further apart than in the beginning "
-                f"({last * self.transmission.factors[joint]:+.1f} deg of the rotor), {how}; {likely_causes('drift')}"
-            )
+            self._judge_trend(name, swings, drift, "" if abs(last) > self.drift else f"; {hint}")
         self.record("drift", half_swings=(swings, "count"), drift=(drift, "deg"))
 
-    def _judge_trend(self, name: str, swings: FloatArray, drift: FloatArray) -> bool:
-        """The line through the drift: whether it surely leads beyond what is allowed in all of the half-swings."""
+    def _judge_trend(self, name: str, swings: FloatArray, drift: FloatArray, hint: str) -> None:
+        """Judge whether the line through the drift surely leads beyond what is allowed; ``hint`` ends the failure."""
         line = fit_line(swings, drift)
         self.measure("trend in 100 half-swings", _HUNDRED * line.slope, "deg")
         self.measure("interval of the trend (99 %)", _HUNDRED * line.slope_interval, "deg")
         surely = max(0.0, abs(line.slope) - line.slope_interval) * max(self.cycles, _HUNDRED)
-        return not self.check(
-            surely <= self.drift,
+        holds = surely <= self.drift
+        self.check(
+            holds,
             f"{name}: the trend is at least {surely:.3f} deg in {max(self.cycles, _HUNDRED):.0f} half-swings, with a "
-            f"confidence of 99 %; {self.drift:g} deg are allowed",
+            f"confidence of 99 %; {self.drift:g} deg are allowed{'' if holds else hint}",
         )
 
 

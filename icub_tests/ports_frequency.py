@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from rtf.bottle import Bottle
+from rtf.bottle import Bottle, as_float
 from rtf.robot_testing.stream_test import RateTest
 from rtf.testing import Parameter
 
@@ -42,6 +42,14 @@ class PortsFrequency(RateTest):
     frequency = Parameter(float, "the rate of ports of which nothing else is said", unit="Hz", default=100.0, low=0.01)
     tolerance = Parameter(float, "how far off a rate may be, likewise", unit="Hz", default=5.0, low=0.0)
 
+    def parameter_problems(self) -> list[str]:
+        """See the base; a section [PORTS] names ports, each on a line that can be understood."""
+        problems = [problem for line in self.lines(self.ports) for problem in _wrong_line(line)]
+        source = self.parameter_source("PORTS")
+        if not len(self.ports) and source != "default":
+            problems.append("[PORTS] names no port; leave it out, and all streams of the robot are judged")
+        return [*(f"{problem} ({source})" for problem in problems), *super().parameter_problems()]
+
     def setup(self) -> None:
         """Find out which ports, and connect to all of them."""
         super().setup()
@@ -55,20 +63,11 @@ class PortsFrequency(RateTest):
         if self.port:
             return [_Expected(self.port, self.frequency, self.tolerance, optional=False)]
         if len(self.ports):
-            return [self._line(line) for line in self.lines(self.ports)]
+            return [
+                _Expected(str(name), as_float(rate), as_float(tolerance), optional=bool(words))
+                for name, rate, tolerance, *words in self.lines(self.ports)
+            ]
         return [_Expected(name, self.frequency, self.tolerance, optional=False) for name in self.known_ports(*_ENDINGS)]
-
-    def _line(self, parts: list[Value]) -> _Expected:
-        numbers = [float(part) for part in parts[1:3] if isinstance(part, int | float)]
-        words = parts[3:]
-        if not isinstance(parts[0], str) or len(numbers) != 2 or words not in ([], [_OPTIONAL]):  # noqa: PLR2004
-            self.assert_error(
-                f"[PORTS] {Bottle(parts).to_text()}: a line is a port, its rate and the tolerance in Hz, and perhaps "
-                f"{_OPTIONAL}, such as: /icub/head/state:o 100 5"
-            )
-        if numbers[0] <= 0 or numbers[1] < 0:
-            self.assert_error(f"[PORTS] {parts[0]}: {numbers[0]:g} Hz with a tolerance of {numbers[1]:g} Hz is no rate")
-        return _Expected(parts[0], numbers[0], numbers[1], optional=bool(words))
 
     def run(self) -> None:
         """Listen to all, and judge each."""
@@ -80,3 +79,15 @@ class PortsFrequency(RateTest):
             with self.subresult(one.name):
                 found = self.judged(self.listener.recorders[one.name].messages, self.time)
                 self.judge(found, one.rate, one.tolerance)
+
+
+def _wrong_line(parts: list[Value]) -> list[str]:
+    """What is wrong with a line of [PORTS]."""
+    numbers = [float(part) for part in parts[1:3] if isinstance(part, int | float)]
+    if not parts or not isinstance(parts[0], str) or len(numbers) != 2 or parts[3:] not in ([], [_OPTIONAL]):  # noqa: PLR2004
+        mend = f"a line is a port, its rate and the tolerance in Hz, and perhaps {_OPTIONAL}, such as: "
+        return [f"[PORTS] {Bottle(parts).to_text()}: {mend}/icub/head/state:o 100 5"]
+    rate, tolerance = numbers
+    if not rate > 0 or not tolerance >= 0:
+        return [f"[PORTS] {parts[0]}: {rate:g} Hz with a tolerance of {tolerance:g} Hz is no rate"]
+    return []

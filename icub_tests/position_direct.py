@@ -15,7 +15,6 @@ from rtf.robot_testing.pacing import paced
 from rtf.robot_testing.positioning import bring, late_joints, starting_point
 from rtf.robot_testing.sine import RampedSine, fit_sine
 from rtf.testing import Parameter
-from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -215,12 +214,11 @@ class PositionDirect(RobotTest):
             )
 
     def _judge_lost(self, name: str, lost: float) -> None:
-        measured = self.measure("commands lost", lost, "", high=0.0)
-        if measured.verdict is MeasurementVerdict.FAILED:
-            self.report(
-                f"{name} has not taken {lost:.0f} of {_PROBES} commands, which came {_PROBE_TIME:g} s apart; "
-                f"{likely_causes('lost commands')}"
-            )
+        hint = (
+            f"{name} has not taken {lost:.0f} of {_PROBES} commands, which came {_PROBE_TIME:g} s apart; "
+            f"{likely_causes('lost commands')}"
+        )
+        self.measure("commands lost", lost, "", high=0.0, hint=hint)
 
     def _judge(self, name: str, joint: int, column: int, run: _Run) -> None:
         """Errors over all of it; delay and shape where the sine is whole."""
@@ -264,9 +262,8 @@ class PositionDirect(RobotTest):
         amplitude = float(self.sine.amplitudes[column])
         fit = fit_sine(run.looked_at[whole], run.taken[whole, column], self.frequency)
         self.measure("amplitude of the references at the board", fit.amplitude / amplitude, "", 1 - _GAIN, 1 + _GAIN)
-        measured = self.measure("shape error of the references at the board", fit.rms, "deg", high=self.shape)
-        if measured.verdict is MeasurementVerdict.FAILED:
-            self.report(f"{name}: the board was told something else than was sent; {likely_causes('lost commands')}")
+        hint = f"{name}: the board was told something else than was sent; {likely_causes('lost commands')}"
+        self.measure("shape error of the references at the board", fit.rms, "deg", high=self.shape, hint=hint)
 
 
 #: Samples to compare signals with, s; states that a swing needs; by how much an amplitude may differ from 1.

@@ -29,7 +29,7 @@ class PositionStress(JointsTest):
     """
 
     plugin_name = "position-stress"
-    aliases = ("PositionStress", "positionStress", "posiotion-stress")
+    aliases = ("position-stress.lua", "PositionStress", "positionStress", "posiotion-stress")
     tags = ("motion", "stress")
     safety = Safety.MOTION
 
@@ -100,13 +100,11 @@ class PositionStress(JointsTest):
         reach = float(positions.max() - positions.min())
         # In the shortest wait a joint at its speed comes so far; half of it is what a board may need to begin.
         least = 0.5 * min(self.shortest * self.speeds[place], float(self.top[place] - self.bottom[place]))
-        self.measure("range", reach, "deg", low=least)
-        if reach < least:
-            self.report(f"{name} moves by {reach:.2f} deg only; {likely_causes('does not move')}")
+        hint = f"{name} moves by {reach:.2f} deg only; {likely_causes('does not move')}"
+        self.measure("range", reach, "deg", low=least, hint=hint)
         away = float(positions[-1]) - home
-        self.measure("away from where it began", away, "deg", low=-self.tolerance, high=self.tolerance)
-        if abs(away) > self.tolerance:
-            self.report(f"{name} is {away:+.2f} deg from where it began; {likely_causes('weak')}")
+        hint = f"{name} is {away:+.2f} deg from where it began; {likely_causes('weak')}"
+        self.measure("away from where it began", away, "deg", -self.tolerance, self.tolerance, hint=hint)
 
     def _go(self, joint: int, end: float, wait: float) -> Course[list[str]]:
         """One command; the board has to say that it is the target, whatever becomes of it. What is wrong with that."""

@@ -129,12 +129,8 @@ class TorqueControlConsistency(RobotTest):
         if not self.check_fail_if_false(kept, f"{name} is not in torque mode at {what}; {likely_causes('mode')}"):
             return
         off = float(told - wanted)
-        self.measure(f"reference that is read back, {what}", off, "Nm", low=-self.tolerance, high=self.tolerance)
-        if abs(off) > self.tolerance:
-            self.report(f"{name} was told {wanted:.3f} Nm and keeps {told:.3f} Nm; {likely_causes('lost commands')}")
+        hint = f"{name} was told {wanted:.3f} Nm and keeps {told:.3f} Nm; {likely_causes('lost commands')}"
+        self.measure(f"reference that is read back, {what}", off, "Nm", -self.tolerance, self.tolerance, hint=hint)
         missing = float(measured - wanted)
-        self.measure(f"measured minus told, {what}", missing, "Nm", low=-self.answer, high=self.answer)
-        if abs(missing) > self.answer:
-            self.report(
-                f"{name} was told {wanted:.2f} Nm and shows {measured:.2f} Nm; {likely_causes('torque answer')}"
-            )
+        hint = f"{name} was told {wanted:.2f} Nm and shows {measured:.2f} Nm; {likely_causes('torque answer')}"
+        self.measure(f"measured minus told, {what}", missing, "Nm", low=-self.answer, high=self.answer, hint=hint)

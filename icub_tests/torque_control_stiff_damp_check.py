@@ -13,7 +13,6 @@ from rtf.robot_testing.positioning import bring, hold, starting_point
 from rtf.robot_testing.torque import torque_joints
 from rtf.simulator.control import SimulatorControl
 from rtf.testing import Parameter
-from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -172,12 +171,11 @@ class TorqueControlStiffDampCheck(RobotTest):
         self._require_motion(name, what, reach, least, symbol)
         line = fit_line(moved, torques)
         low, high = 1.0 - self.slope / 100.0, 1.0 + self.slope / 100.0
-        found = self.measure(f"{what}, share of what was set", -line.slope / wanted, "", low, high)
-        if found.verdict is MeasurementVerdict.FAILED:
-            self.report(
-                f"{name}: {what} is {-line.slope:.4g} Nm{'' if what == 'stiffness' else ' s'}/deg, and was set to "
-                f"{wanted:.4g}; {likely_causes('impedance')}"
-            )
+        hint = (
+            f"{name}: {what} is {-line.slope:.4g} Nm{'' if what == 'stiffness' else ' s'}/deg, and was set to "
+            f"{wanted:.4g}; {likely_causes('impedance')}"
+        )
+        self.measure(f"{what}, share of what was set", -line.slope / wanted, "", low, high, hint=hint)
         correlation = abs(line.correlation) if math.isfinite(line.correlation) else 0.0
         self.measure(f"correlation of torque, {what}", correlation, "", low=self.correlation)
 

@@ -29,6 +29,7 @@ _LONGEST = (
     "browser/test_for_everybody.py",
     "browser/test_live_page.py",
     "page/test_live_run.py",
+    "icub_tests/test_stimuli.py",
     "icub_tests/test_torque_tests.py",
     "browser/test_hostile_texts.py",
     "simulator/test_part.py",

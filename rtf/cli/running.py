@@ -38,8 +38,31 @@ def make_plan(options: argparse.Namespace) -> Plan:
     """Load, complete, select and order. Raises SuiteError for what the command line gets wrong."""
     loaded = _load(options)
     planner = Planner()
-    suites = _select(planner.complete(loaded.suites), options)
-    return Plan(planner.plan(suites), loaded.diagnostics, loaded.has_errors)
+    suites = planner.plan(_select(planner.complete(loaded.suites), options))
+    if options.list or options.dry_run:
+        return Plan(suites, loaded.diagnostics, loaded.has_errors)
+    suites, diagnostics = _with_fixtures(suites, planner, options)
+    return Plan(suites, (*loaded.diagnostics, *diagnostics), loaded.has_errors)
+
+
+def _with_fixtures(
+    suites: tuple[PlannedSuite, ...], planner: Planner, options: argparse.Namespace
+) -> tuple[tuple[PlannedSuite, ...], tuple[Diagnosed, ...]]:
+    """The plan with what its tests ask for that no file names: ``--test`` and ``--tests`` have no fixtures else."""
+    if all(planned.suite.file for planned in suites):
+        return suites, ()
+    from rtf.testing.alone import with_fixtures
+
+    made: list[PlannedSuite] = []
+    diagnostics: list[Diagnosed] = []
+    for planned in suites:
+        if planned.suite.file:
+            made.append(planned)
+            continue
+        suite, said = with_fixtures(planned, options.overrides)
+        made += planner.plan([suite])
+        diagnostics += said
+    return tuple(made), tuple(diagnostics)
 
 
 def _load(options: argparse.Namespace) -> Loaded:

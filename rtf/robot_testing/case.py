@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import math
 import os
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 from rtf import clock
 from rtf.middleware.network import default_network
-from rtf.middleware.time import LockstepClock, clock_from_environment
+from rtf.middleware.time import CLOCK_VARIABLE, LockstepClock, clock_from_environment
 from rtf.robot.client.control_board import connect
 from rtf.robot.errors import RefusedError, RobotError
 from rtf.robot_testing.contacts import CHANNELS, ContactWatch, Forces, NoForcesError, force_port
 from rtf.robot_testing.guard import Limits, MotionGuard
+from rtf.robot_testing.listening_board import listen_to
+from rtf.robot_testing.parameter_checks import refuse, wrong_fault, wrong_lists
 from rtf.robot_testing.part import TOLERANCE, Part
 from rtf.robot_testing.safety import Safety
+from rtf.robot_testing.simulated import is_simulated
 from rtf.simulator.control import SimulatorControl
 from rtf.testing import Parameter, TestCase
 from rtf.testing.leave import has_leave
 from rtf.testing.parameters import ParameterError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from rtf.clock import Clock
     from rtf.middleware.network import Network
@@ -37,10 +41,13 @@ class RobotTest(TestCase):
     """A test of a robot. ``setup`` opens the robot; whoever overrides it calls it first.
 
     ``safety`` says what the test does to the robot. On a real one everything but listening has to be allowed
-    (``testrunner --allow-motion``), and the operator is asked whether the robot may move.
+    (``testrunner --allow-motion``), and the operator is asked whether the robot may move. Without it the boards of its
+    parts can only be asked.
     """
 
     safety: ClassVar[Safety] = Safety.STILL
+    #: Parameters that are lists of numbers, and yet have not one value for all joints, or one for each.
+    apart: ClassVar[tuple[str, ...]] = ()
     limits: ClassVar[Limits] = Limits()
 
     robot = Parameter(str, "name of the robot; without it that of the fixture", default="")
@@ -51,17 +58,40 @@ class RobotTest(TestCase):
     network: Network
     clock: Clock
     _parts: dict[str, Part]
+    _may_move = False
+
+    def check_parameters(self, folder: str) -> None:
+        """See Declared."""
+        super().check_parameters(folder)
+        refuse(self, self.parameter_problems())
+
+    def parameter_problems(self) -> list[str]:
+        """What is wrong with the parameters, whatever the robot is; who derives may know more."""
+        lists = wrong_lists(self, self.apart) if "joints" in self.declarations() else []
+        return [*lists, *wrong_fault(self)]
+
+    def alone_fixtures(self) -> Sequence[tuple[str, Mapping[str, str]]]:
+        """See TestCase: whoever moves a robot stands on the fixture that puts it back, whatever becomes of the test.
+
+        In lockstep that one would hold the time. There the simulator belongs to whoever has set it up so.
+        """
+        if self.safety is Safety.STILL or os.environ.get(CLOCK_VARIABLE, "").startswith("lockstep:"):
+            return ()
+        return (("robot", {"robot": self._name_of_robot(), "parts": "*"}),)
+
+    def _name_of_robot(self) -> str:
+        return (self.robot or os.environ.get(ROBOT_VARIABLE) or _DEFAULT_ROBOT).strip("/")
 
     def setup(self) -> None:
         """Find the robot and its time, and ask whether it may move."""
-        self.robot_name = (self.robot or os.environ.get(ROBOT_VARIABLE) or _DEFAULT_ROBOT).strip("/")
+        self.robot_name = self._name_of_robot()
         self.network = default_network()
         self._parts = {}
         self.clock = clock_from_environment(self.network)
         used = clock.use(self.clock)
         used.__enter__()
         self.add_cleanup(used.__exit__, None, None, None)
-        if self.safety is not Safety.STILL:
+        if self.safety is not Safety.STILL and not self.simulated:
             self._ask_for_leave()
         if self.inject:
             self._inject()
@@ -78,18 +108,20 @@ class RobotTest(TestCase):
         except RobotError as error:
             self.assert_error(f"inject: {error}")
 
-    @property
+    @cached_property
     def simulated(self) -> bool:
-        """Whether the robot is a simulated one: it answers as a simulator."""
-        return self.network.names.query(f"/{self.robot_name}/simulator/rpc:i") is not None
+        """Whether the robot is a simulated one: its simulator answers, when first asked. Its parts are asked apart."""
+        return is_simulated(self.network, self.robot_name)
 
     def _ask_for_leave(self) -> None:
-        if self.simulated:
+        """Skip the test, or the sub-result, unless a real robot may move. Whoever said yes is not asked again."""
+        if self._may_move:
             return
         if not has_leave():
             self.skip(f"/{self.robot_name} is no simulated robot, and it would move: testrunner --allow-motion lets it")
         if not self.confirm(f"/{self.robot_name} is about to move. Is nobody within its reach, and may it?"):
             self.skip("the operator does not want the robot to move")
+        self._may_move = True
 
     def open_part(self, name: str) -> Part:
         """A part of the robot, opened when first asked for and put back at the end. Ends as an error without it."""
@@ -104,12 +136,15 @@ class RobotTest(TestCase):
     def _open(self, name: str) -> Part:
         # In step with a simulator nothing may still be on its way when the time goes on.
         carrier = "tcp" if isinstance(self.clock, LockstepClock) else "fast_tcp"
-        board = connect(f"/{self.robot_name}/{name}", carrier=carrier, network=self.network)
+        place = f"/{self.robot_name}/{name}"
+        moves = self.safety is not Safety.STILL
+        if moves and not is_simulated(self.network, self.robot_name, name):
+            self._ask_for_leave()  # a simulator answers, and this part is served by somebody else
+        board = (connect if moves else listen_to)(place, carrier=carrier, network=self.network)
         self.add_cleanup(board.close)
         self.sleep(_FIRST_STATE)
         guard = forces = None
-        if self.safety is not Safety.STILL:
-            place = f"/{self.robot_name}/{name}"
+        if moves:
             forces = self._listen_to_forces(place)
             guard = MotionGuard(
                 board,

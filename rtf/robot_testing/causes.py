@@ -23,7 +23,12 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a wrong zero of the encoder",
     ),
     "beyond limit": ("a board that does not keep its limits", "a wrong zero of the encoder"),
-    "does not move": ("a broken motor cable", "a mechanical block", "an amplifier that is off or dead"),
+    "does not move": (
+        "a broken motor cable",
+        "a mechanical block",
+        "an amplifier that is off or dead",
+        "a wrong zero or scale of the encoder, so that the joint is at its stop",
+    ),
     "does not start": ("a command that was lost", "a board that says yes and does nothing"),
     "weak": ("a weak motor or a low supply voltage", "more friction than usual", "gains that are too small"),
     "jitter": ("a loaded machine or network", "a board that is late"),
@@ -46,8 +51,16 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "lost commands": ("a loaded network", "a board that drops commands"),
     "lag": ("gains that are too small", "commands or answers that are late", "a weak motor"),
     "torque answer": ("a wrong factor of the torque sensing", "a weak or dead motor", "a wrong model of the motor"),
-    "torque gain": ("a wrong factor or sign of the torque sensing", "a wrong mass in the model"),
-    "torque offset": ("a torque sensing that was not calibrated", "something that hangs on the robot, or holds it"),
+    "torque gain": (
+        "a wrong factor or sign of the torque sensing",
+        "a wrong mass in the model",
+        "a wrong zero or scale of the encoder",
+    ),
+    "torque offset": (
+        "a torque sensing that was not calibrated",
+        "something that hangs on the robot, or holds it",
+        "a wrong zero or scale of the encoder",
+    ),
     "impedance": ("a wrong factor of the torque sensing", "a board that reckons in other units", "a weak motor"),
     "references": ("a command that was lost", "a board that answers with something else than what it was told"),
 }

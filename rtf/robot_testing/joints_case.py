@@ -9,6 +9,7 @@ from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import NotSupportedError
 from rtf.robot_testing.case import RobotTest
 from rtf.robot_testing.guard import GuardError
+from rtf.robot_testing.parameter_checks import swapped_ends
 from rtf.robot_testing.part import TOLERANCE
 from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
@@ -33,6 +34,11 @@ class JointsTest(RobotTest):
 
     robot_part: Part
     chosen: list[int]
+
+    def check_parameters(self, folder: str) -> None:
+        """See Declared. Ends that are swapped are told of and taken as they are, for files of old have such."""
+        super().check_parameters(folder)
+        self.parameter_warnings += (*swapped_ends(self),)
 
     def setup(self) -> None:
         """Open the part and choose its joints."""

@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.robot_testing.causes import likely_causes
-from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,7 +58,8 @@ def _judge(test: TestCase, name: str, value: Judged) -> None:
         )
         return
     high = value.high if math.isfinite(value.high) else None
-    if test.measure(value.name, value.value, value.symbol, high=high).verdict is MeasurementVerdict.FAILED:
-        test.report(
-            f"{name}: {value.text}, it is to be {value.high:g} {value.symbol} at most; {likely_causes(value.finding)}"
-        )
+    hint = ""
+    if high is not None:
+        causes = likely_causes(value.finding)
+        hint = f"{name}: {value.text}, it is to be {high:g} {value.symbol} at most; {causes}"
+    test.measure(value.name, value.value, value.symbol, high=high, hint=hint)

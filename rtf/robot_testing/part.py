@@ -11,6 +11,7 @@ import numpy as np
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RefusedError
 from rtf.robot_testing.courses import finish, pause, until
+from rtf.robot_testing.listening_board import ListeningBoard, UndeclaredMotionError
 from rtf.robot_testing.trace import Trace
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class Arrival(NamedTuple):
 class Part:
     """One part. ``joints`` are numbers of its axes everywhere; targets and speeds have one value for each of them.
 
-    ``guard`` is None for tests that do not move anything.
+    ``guard`` is None for tests that do not move anything: what would move raises UndeclaredMotionError then.
     """
 
     def __init__(self, name: str, board: RemoteControlBoard, clock: Clock, guard: MotionGuard | None) -> None:
@@ -50,6 +51,8 @@ class Part:
         self.board = board
         self.clock = clock
         self.guard = guard
+        if guard is not None and isinstance(board, ListeningBoard):
+            board.obey()
         self.axes = board.axes()
         self.names = board.axis_names()
         self.history = Trace(_HISTORY)  # the last seconds, for who wants to know what led to a failure
@@ -89,6 +92,7 @@ class Part:
 
     def entering(self, mode: ControlMode, joints: Sequence[int] | None = None, *, timeout: float = 1.0) -> Course[bool]:
         """The same as a course."""
+        self._need_guard("joints would change their modes")
         chosen = list(range(self.axes)) if joints is None else list(joints)
         self.board.set_control_modes([mode] * len(chosen), chosen)
         wanted = ControlMode.IDLE if mode is ControlMode.FORCE_IDLE else mode
@@ -132,6 +136,7 @@ class Part:
         timeout: float | None = None,
     ) -> Course[Arrival]:
         """The same as a course."""
+        self._need_guard("joints would move")
         chosen = list(range(self.axes)) if joints is None else list(joints)
         goal = np.asarray(targets, dtype=np.float64)
         speeds = np.broadcast_to(np.asarray(speed, dtype=np.float64), goal.shape)
@@ -144,6 +149,10 @@ class Part:
             self.clock, lambda: bool((np.abs(self.board.encoders(chosen) - goal) <= tolerance).all()), timeout
         )
         return Arrival(reached, self.board.encoders(chosen), self.clock.now() - begin)
+
+    def _need_guard(self, what: str) -> None:
+        if self.guard is None:
+            raise UndeclaredMotionError(self.name, what)
 
     def go_home(self, *, speed: float = 20.0, tolerance: float = TOLERANCE) -> Arrival:
         """Bring all joints, in position mode, to where they were when the test began."""

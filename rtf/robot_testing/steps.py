@@ -210,13 +210,18 @@ class StepTest(RobotTest):
         behind, last = int((came >= 0).sum()), float(came.max(initial=-math.inf))
         if came.size > _FEWEST_STATES and behind >= FEWEST and last > self.shortest:
             return
+        part = self.robot_part
+        span = float(np.ptp(came)) if came.size > 1 else 0.0
+        rate = (came.size - 1) / span if span > 0 else 0.0
+        until = f", up to {last:.2f} s after it" if behind else ""
         text = (
-            f"{self.robot_part.names[joint]}: {came.size} states came, {behind} of them after the step, up to "
-            f"{last:.2f} s after it; {FEWEST} are needed, and {self.shortest:g} s"
+            f"/{self.robot_name}/{part.name}/stateExt:o: {came.size} states came, {rate:.0f} a second, {behind} of "
+            f"them after the step of {part.names[joint]}{until}; {FEWEST} are needed, and {self.shortest:g} s"
         )
         if late:
             self.inconclusive(f"{text}; but {late}")
-        self.assert_fail(f"{text}; {likely_causes('slow')}")
+        # A step that was not seen says nothing of the controller.
+        self.assert_error(f"{text}; {likely_causes('slow')}")
 
     def _late(self, joint: int, times: list[float], ages: list[float], trace: Trace) -> str:
         """How a cycle was not in time by the doing of this machine; "" where it was. In lockstep it always is."""

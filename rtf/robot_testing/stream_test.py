@@ -14,14 +14,12 @@ from rtf.robot_testing.causes import likely_causes
 from rtf.robot_testing.listening import Listener
 from rtf.robot_testing.streams import Stream, stream_of, within
 from rtf.testing import Parameter
-from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.bottle import Value
     from rtf.robot_testing.listening import Message
-    from rtf.testing.measurement import Measurement
 
 #: How much longer is listened than is judged, s: late messages of the window must not count as lost.
 _GRACE = 0.3
@@ -107,18 +105,18 @@ class RateTest(StreamTest):
         stalled = min(1.0, self.listener.stalled / float(np.ptp(stream.times)))
         self.measure("time in which this machine stood still", 100.0 * stalled, "%")
         low = (rate - tolerance) * (1.0 - stalled)
-        if self._off(self.measure("rate", periods.rate, "Hz", low=low, high=rate + tolerance)):
-            self.report(f"{_rate_text(stream)}; {likely_causes('slow') if periods.rate < rate else ''}".rstrip("; "))
+        causes = f"; {likely_causes('slow')}" if periods.rate < rate else ""
+        self.measure("rate", periods.rate, "Hz", low=low, high=rate + tolerance, hint=f"{_rate_text(stream)}{causes}")
         self.measure("median period", periods.median * 1e3, "ms")
         self.measure("deviation of the periods", periods.deviation * 1e3, "ms")
         # A sender skips a reader that does not read, for as long as that does not.
         stood = max(0.0, *self.listener.late)
-        self.measure("longest period", periods.longest * 1e3, "ms", high=1e3 * (self.max_gap / rate + stood))
-        if self._off(self.measure("lost", stream.loss, "%", high=self.max_loss + 100.0 * stalled)):
-            self.report(f"{stream.lost} messages are missing among {stream.lost + len(stream.messages)}; "
-                        f"{likely_causes('lost')}")  # fmt: skip
-        if self._off(self.measure("duplicates", stream.duplicates, "count", high=self.max_duplicates)):
-            self.report(f"{stream.duplicates} messages came again, with the same number; {likely_causes('duplicate')}")
+        hint = f"nothing comes for {periods.longest * 1e3:.1f} ms; {likely_causes('lost')}"
+        self.measure("longest period", periods.longest * 1e3, "ms", high=1e3 * (self.max_gap / rate + stood), hint=hint)
+        hint = f"{stream.lost} messages are missing among {stream.lost + len(stream.messages)}; {likely_causes('lost')}"
+        self.measure("lost", stream.loss, "%", high=self.max_loss + 100.0 * stalled, hint=hint)
+        hint = f"{stream.duplicates} messages came again, with the same number; {likely_causes('duplicate')}"
+        self.measure("duplicates", stream.duplicates, "count", high=self.max_duplicates, hint=hint)
         self._judge_way(stream)
         self._plot(stream)
         return stream
@@ -135,21 +133,19 @@ class RateTest(StreamTest):
             self.measure(f"jitter of {percent} of 100 messages", stream.jitter(percent / 100) * 1e3, "ms")
         scheduling = 0.0 if self.listener.exact else _SCHEDULING
         own_usual, own_worst = (float(np.quantile(late, share)) * 1e3 for share in (0.5, _JUDGED))
-        if self._off(
-            self.measure(
-                "jitter",
-                stream.sure_jitter(_JUDGED) * 1e3,
-                "ms",
-                high=self.max_jitter * factor + 2 * max(0.0, own_worst) + scheduling,
-            )
-        ):
-            behind = f", and {stream.overtaken} came behind a later one" if stream.overtaken else ""
-            self.report(f"messages come irregularly{behind}; {likely_causes('jitter')}")
+        behind = f", and {stream.overtaken} came behind a later one" if stream.overtaken else ""
+        self.measure(
+            "jitter",
+            stream.sure_jitter(_JUDGED) * 1e3,
+            "ms",
+            high=self.max_jitter * factor + 2 * max(0.0, own_worst) + scheduling,
+            hint=f"messages come irregularly{behind}; {likely_causes('jitter')}",
+        )
         # A robot's stamps are by another machine's clock: the difference of the two looks like latency.
         shared = not isinstance(self.clock, SystemClock)
         high = self.max_latency * factor + 2 * max(0.0, own_usual) if shared else None
-        if self._off(self.measure("latency", float(np.median(stream.delays)) * 1e3, "ms", high=high)):
-            self.report(f"messages come late; {likely_causes('jitter')}")
+        median = float(np.median(stream.delays)) * 1e3
+        self.measure("latency", median, "ms", high=high, hint=f"messages come late; {likely_causes('jitter')}")
 
     def _plot(self, stream: Stream) -> None:
         times = stream.times
@@ -161,10 +157,6 @@ class RateTest(StreamTest):
         )
         counts, edges = np.histogram(np.diff(times) * 1e3, bins=_BINS, range=(0.0, 2e3 * stream.periods.longest or 1.0))
         self.record("histogram of periods", period=((edges[1:] + edges[:-1]) / 2, "ms"), messages=(counts, "count"))
-
-    @staticmethod
-    def _off(measured: Measurement) -> bool:
-        return measured.verdict is MeasurementVerdict.FAILED
 
 
 def _rate_text(stream: Stream) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Self
 
 from rtf.bottle import Bottle, Vocab, as_bool, as_float, as_int, as_list, as_string
 from rtf.middleware.errors import ConnectError, MiddlewareError
+from rtf.middleware.names import Contact
 from rtf.middleware.network import default_network
 from rtf.middleware.rpc import RpcClient
 from rtf.middleware.types.service import succeeded
@@ -24,11 +25,14 @@ _OK, _FAIL = Vocab("ok"), Vocab("fail")
 SLOWEST = 0.1
 #: How a participant is answered that does not wait for a time.
 WORKS = "works"
+#: How the name of its control port ends, and those of the ports by which a board is told to move.
+CONTROL = "/simulator/rpc:i"
+BOARD_ENDS = ("rpc:i", "command:i")
 
 
 def control_port(name: str) -> str:
     """The port at which the simulator of a robot is controlled."""
-    return f"/{name.strip('/')}/simulator/rpc:i"
+    return f"/{name.strip('/')}{CONTROL}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +102,11 @@ class SimulatorControl:
     def status(self) -> SimulatorStatus:
         """How it is."""
         return SimulatorStatus.of(self.ask("status"))
+
+    def serves(self, part: str = "") -> tuple[Contact, ...]:
+        """Where its control port really listens and, with a part, the ports by which that is told to move."""
+        reply = self.ask("serves", *([part] if part else []))
+        return tuple(Contact(as_string(one.get(0)), as_string(one.get(1)), as_int(one.get(2))) for one in _lists(reply))
 
     def faults(self) -> tuple[str, ...]:
         """The kinds of faults."""

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 from rtf import clock
 from rtf.bottle import Bottle, Vocab, as_float, as_list, as_string
 from rtf.errors import RtfError
+from rtf.middleware.carriers.local import ports_here
 from rtf.middleware.rpc import RpcClient, RpcServer
 from rtf.robot.errors import RefusedError
 from rtf.simulator.contacts import touching
-from rtf.simulator.control import SLOWEST, WORKS, control_port
+from rtf.simulator.control import BOARD_ENDS, CONTROL, SLOWEST, WORKS, control_port
 from rtf.simulator.faults.injection import FaultInjector
 from rtf.simulator.faults.kinds import KINDS, find_kind
 
@@ -44,6 +45,7 @@ HELP = (
     "clear [NUMBER]         take a fault out, or all; the answer is how many",
     "active                 the faults that are there: number, kind, target, whether it runs, from when, until when",
     "contacts               the pairs of links that touch now",
+    "serves [PART]          where this port listens, and those of a part's board: groups of name, host and number",
     "pause, continue        stop the time, and let it pass again",
     "step S                 let so many seconds pass while it is paused",
     "reset                  put the robot to its home, at rest and healthy; time goes on",
@@ -70,6 +72,7 @@ class SimulatorService:
             "clear": self._clear,
             "active": lambda _: Bottle([_OK, *self._faults()]),
             "contacts": lambda _: Bottle([_OK, *self._contacts()]),
+            "serves": self._serves,
             **dict.fromkeys(("pause", "continue", "step", "reset"), self._ask_clock),
             "factor": self._factor,
             "quit": self._quit,
@@ -118,6 +121,18 @@ class SimulatorService:
                 Bottle(["broken", broken]),
             ]
         )
+
+    def _serves(self, question: Bottle) -> Bottle:
+        """What really is here, for those who ask where the names lead: registrations may be old, or a stranger's."""
+        wanted = [self.port.name]
+        if len(question) > 1:
+            part, known = _word(question.get(1), "serves: the part"), self.robot.parts
+            if part not in known:
+                raise RefusedError(f"serves: {part[:_ECHO]!r} is no part of this robot; it has {', '.join(known)}")
+            begin = self.port.name.removesuffix(CONTROL)  # the network may have put something before the robot's name
+            wanted += [f"{begin}/{part}/{end}" for end in BOARD_ENDS]
+        here = [port.contact for port in ports_here() if port.name in wanted]
+        return Bottle([_OK, *(Bottle([contact.name, contact.host, contact.port]) for contact in here)])
 
     def _contacts(self) -> list[Bottle]:
         simulation = self.robot.simulation

@@ -80,6 +80,14 @@ class TestCase(Declared):
     def teardown(self) -> None:
         """Undo what ``setup`` did, as far as it came."""
 
+    def alone_fixtures(self) -> Sequence[tuple[str, Mapping[str, str]]]:
+        """The fixtures, each with its parameters, that it stands on when no suite says so: ``testrunner --test``.
+
+        Asked only of a class that declares ``safety``, with its parameters filled, in a process of its own that ends
+        with the answer; nothing has been set up then.
+        """
+        return ()
+
     # What an author calls --------------------------------------------------------------------------------------
 
     @property
@@ -254,10 +262,12 @@ class TestCase(Declared):
         low: float | None = None,
         high: float | None = None,
         marginal: float | None = None,
+        hint: str = "",
     ) -> Measurement:
         """Record a value with its unit; outside its (inclusive) limits it is a failure, and the test goes on.
 
-        ``marginal`` is the width of the zone inside each limit that is shown as a warning.
+        ``marginal`` is the width of the zone inside each limit that is shown as a warning. ``hint`` says in the words
+        of the thing under test what a value outside means, and its likely causes; only a failure carries it.
         """
         measurement = Measurement(name, float(value), unit(symbol), low, high, marginal)
         place = _caller()
@@ -284,7 +294,7 @@ class TestCase(Declared):
             session.message(
                 Severity.FAILURE,
                 "measures",
-                str(measurement),
+                f"{measurement}; {hint}" if hint else str(measurement),
                 place,
                 comparison={
                     "value": measurement.value,

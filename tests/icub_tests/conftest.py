@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import pytest
 
 from harness import Outcome, run_command, write_files
+from stimuli import Recording, run_recorded
 
 if TYPE_CHECKING:
     from rtf.testing.events import Measured
@@ -38,6 +39,20 @@ def run_on_robot(tmp_path_factory: pytest.TempPathFactory) -> Runs:
         return run_command(folder, "--suite", "suite.xml", limit=limit)
 
     return run
+
+
+class Records(Protocol):
+    """What the fixture gives."""
+
+    def __call__(self, tests: str, *parts: str) -> Recording:
+        """Run them to their end, and tell what reached the boards."""
+        ...
+
+
+@pytest.fixture(scope="module")
+def record_on_robot(tmp_path_factory: pytest.TempPathFactory) -> Records:
+    """Runs tests, written as in a suite, on a simulated robot with some parts, whose boards keep what they are told."""
+    return lambda tests, *parts: run_recorded(tmp_path_factory.mktemp("recorded"), tests, parts)
 
 
 @pytest.fixture

@@ -2,6 +2,8 @@
 
 import pytest
 
+from rtf.robot_testing import Safety
+from rtf.robot_testing.catalogue import entries
 from rtf.simulator.errors import RenderingError
 from rtf.simulator.rendering import rendering_back_end
 from rtf.testing.events import Attached
@@ -52,6 +54,12 @@ def test_healthy_cameras_pass(outcome, measured):
         "/icubSim/cam/right",
     ]
     assert all(event.value < 50 for event in measured(outcome, "healthy", "repeated pictures"))
+
+
+def test_nobody_is_asked_for_what_does_not_move():
+    """Only simulated eyes are turned: on a real robot the test is as still as it says."""
+    (camera,) = [entry for entry in entries() if entry.name == "CameraTest"]
+    assert camera.safety is Safety.STILL
 
 
 def test_a_picture_is_kept(outcome):

@@ -5,7 +5,7 @@ import pytest
 
 from rtf.simulator.engine import robot_description
 from rtf.testing.events import Message, SeriesRecorded
-from rtf.testing.verdict import Verdict
+from rtf.testing.verdict import Severity, Verdict
 
 
 def case(name, inject="", **rows):
@@ -62,7 +62,9 @@ def test_the_neck_is_really_moved(outcome, measured):
 def test_a_turned_unit_is_told_by_how_much(outcome):
     """The failure names the unit, and the angle and axis by which it is mounted turned."""
     assert outcome.verdict("turned") is Verdict.FAILED
-    said = [event.detail for event in outcome.of(Message) if "mounted turned" in event.detail]
+    said = [
+        event.detail for event in outcome.of(Message, severity=Severity.FAILURE) if "mounted turned" in event.detail
+    ]
     assert any("head_imu_0" in one and ("by 20." in one or "by 19." in one) for one in said), said
 
 

@@ -51,6 +51,9 @@ def test_a_limit_that_cannot_be_reached_fails_at_its_joint_only(outcome, measure
     assert far.value == pytest.approx(20.0, abs=1.0)
     (near,) = measured(outcome, "wrong-limit", "short of the upper limit", "neck_pitch")
     assert near.value < 0.5
+    said = outcome.detail("wrong-limit")
+    assert "neck_yaw stops at" in said
+    assert "likely: a limit in the configuration beyond the hardware's" in said
 
 
 def test_a_board_that_does_not_keep_its_limits_pushes_against_the_stop(outcome, measured):

@@ -10,7 +10,7 @@ import pytest
 from harness import run_command, write_files
 from rtf import clock
 from rtf.testing.events import Measured, Message
-from rtf.testing.verdict import Verdict
+from rtf.testing.verdict import MeasurementVerdict, Verdict
 
 #: Does on this machine what ssh would do on another; hosts that are down and that ask for a password are known, too.
 SSH = """#!/bin/sh
@@ -62,6 +62,7 @@ def outcome(tmp_path_factory):
         "status": ("system-status", {"time": 0.2}),
         "hosts": ("SystemStatus", {"time": 0.2, "hosts": "((/pc104 40))"}),
         "full": ("SystemStatus", {"time": 0.2, "disk": 100}),
+        "loaded": ("SystemStatus", {"time": 0.2, "cpu": 99, "cpu_mean": 99}),
         "clock": ("SystemStatus", {"time": 0.2, "time_server": server.place}),
         "skin": ("skinWrapperTest", {}),
     }
@@ -122,6 +123,15 @@ def test_this_machine_is_measured(outcome):
     names = {event.name for event in outcome.of(Measured, test="s/status")}
     assert {"processor 0", "all processors", "available memory", "used swap space", "free space"} <= names
     assert any("another machine" in event.detail for event in outcome.of(Message, test="s/hosts"))
+
+
+def test_loads_without_a_limit_are_only_recorded(outcome):
+    """No processor can be loaded by more than 100 %: that is no limit, and no verdict."""
+    verdicts = {event.name: event.verdict for event in outcome.of(Measured, test="s/status")}
+    assert verdicts["processor 0"] is verdicts["all processors"] is MeasurementVerdict.RECORDED
+    verdicts = {event.name: event.verdict for event in outcome.of(Measured, test="s/loaded")}
+    assert verdicts["processor 0"] is not MeasurementVerdict.RECORDED
+    assert verdicts["all processors"] is not MeasurementVerdict.RECORDED
 
 
 def test_limits_are_judged(outcome):

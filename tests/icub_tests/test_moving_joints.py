@@ -34,6 +34,7 @@ SUITE = "".join(
         entry("references-lost", "MovementReferencesTest", "missed_command torso_pitch every=1"),
         entry("references-no-mode", "MovementReferencesTest", "mode_ignored torso_yaw"),
         entry("open-loop", "OpenLoopConsistency"),
+        entry("open-loop-pitch", "OpenLoopConsistency", joints="(2)"),
         entry("open-loop-lost", "OpenLoopConsistency", "missed_command torso_roll every=1"),
         entry("open-loop-no-mode", "OpenLoopConsistency", "mode_ignored torso_yaw"),
         entry("open-loop-strays", "OpenLoopConsistency", "encoder_bias torso_roll bias=60 delay=0.2"),
@@ -120,6 +121,13 @@ def test_the_open_loop_is_driven_both_ways(outcome, measured):
     for when, duty in (("on entering", 0), ("at 1 %", 1), ("at 0 %", 0), ("at -1 %", -1)):
         events = measured(outcome, "open-loop", f"output {when}")
         assert [event.value for event in events] == pytest.approx([duty] * len(NAMES), abs=0.05)
+
+
+def test_joints_that_share_motors_are_driven_together(outcome, measured):
+    """Or the controller of one would drive the motor of the other, which looks as if it were not told the truth."""
+    assert outcome.verdict("open-loop-pitch") is Verdict.PASSED
+    events = measured(outcome, "open-loop-pitch", "output at 1 %")
+    assert {event.subject for event in events} == {"torso_roll", "torso_pitch"}
 
 
 def test_a_joint_that_has_to_be_stopped_is_left_out(outcome, measured):

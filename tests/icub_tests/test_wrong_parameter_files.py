@@ -25,11 +25,32 @@ if TYPE_CHECKING:
 #: Wrong whatever the robot is: the file, the line of it that is meant (0: none), and the mend.
 FILES = {
     "unknown_key": ("part head\nsped 20\n", 2, "did you mean 'speed'?"),
-    "wrong_type": ("part head\nspeed fast\n", 2, "speed: element 0: fast is no float"),
-    "joint_by_name": ("part head\njoints (joint1)\n", 2, "joints: element 0: joint1 is no int"),
+    "wrong_type": ("part head\nspeed fast\n", 2, "speed: element 0: fast is no "),
+    "joint_by_name": ("part head\njoints (joint1)\n", 2, "joints: element 0: joint1 is no "),
     "out_of_range": ("part head\n\nspeed -5\n", 3, "-5 is not at least 0.1 deg/s"),
     "missing_include": ("[include lost.ini]\npart head\n", 1, "there is no file 'lost.ini'; tried "),
     "missing_file": (None, 0, "missing_file.ini: not found\n"),
+    "too_few_values": (
+        "part head\njoints (0 1 2)\nspeed (20 20)\n",
+        3,
+        "speed has 2 values; give one, or one for each",
+    ),
+    "values_of_a_leg": ("joints (0 1 2 3 4 5)\nspeed (9 9 9 9)\n", 2, "speed has 4 values; give one, or one for each"),
+    "values_that_differ": ("lower (1 1)\nupper (9 9 9)\n", 1, "of the 3 joints that upper has values for"),
+    "too_few_targets": ("part head\njoints 3\ntarget 5 5\n", 3, "target has 2 values; give one, or one for each"),
+    "small_matrix": ("joints (0 1 2)\nmatrix (1 0 0 1)\n", 2, "matrix has 4 numbers; 3 joints need 9"),
+    "no_rate": ("[PORTS]\n/bot/head/state:o 100\n", 1, "a line is a port, its rate and the tolerance in Hz"),
+    "no_ports": ("time 1\n\n[PORTS]\n", 3, "[PORTS] names no port; leave it out"),
+    "no_such_fault": ("part head\ninject nonsense\n", 2, "inject: there is no fault 'nonsense'; there are jam, "),
+    "no_such_victim": ('part head\ninject "jam neck_yow"\n', 2, "has no joint 'neck_yow'; did you mean 'neck_yaw'?"),
+    "no_such_number": ('inject "jam l_elbow force=3"\n', 1, "jam has no parameter force; what can be set is torque"),
+}
+#: The tests that some of the files are for; all others are for JointLimits.
+TESTS = {
+    "too_few_targets": "MotorTest",
+    "small_matrix": "OpticalEncodersConsistency",
+    "no_rate": "PortsFrequency",
+    "no_ports": "PortsFrequency",
 }
 #: Wrong for this robot, which has to be asked: the file, the value that is meant, and the mend.
 ROBOT_FILES = {
@@ -64,7 +85,9 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     """The suite, validated without a robot and run on one of three joints that may be moved."""
     folder = tmp_path_factory.mktemp("wrong")
     names = [*FILES, *ROBOT_FILES]
-    tests = "".join(f'\n<test name="{name}" param="--from {name}.ini"> JointLimits </test>' for name in names)
+    tests = "".join(
+        f'\n<test name="{name}" param="--from {name}.ini"> {TESTS.get(name, "JointLimits")} </test>' for name in names
+    )
     texts = {name: text for name, (text, *_) in {**FILES, **ROBOT_FILES}.items() if text is not None}
     write_files(folder, {"suite.xml": f'<suite name="s">{tests}\n</suite>'})
     write_files(folder, {f"{name}.ini": text for name, text in texts.items()})

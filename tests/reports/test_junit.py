@@ -120,6 +120,24 @@ def test_a_failure_without_a_word_is_still_a_failure(story: Story, reports: Repo
         assert element.text.strip()
 
 
+def test_a_failure_of_a_part_is_told_once(story: Story, reports: Reports):
+    """The reason of a test and its first message are one, though the message has a title; what else failed follows."""
+    first = Message(
+        severity=Severity.FAILURE,
+        title="measures",
+        detail="gap = 3 mm",
+        test="arm/t1",
+        subject="lid",
+        file="a.py",
+        line=3,
+    )
+    other = Message(severity=Severity.FAILURE, title="checks", detail="it squeaks", test="arm/t1", subject="lid")
+    story.begin(("arm", 1)).start("arm").test("arm/t1", Verdict.FAILED, first, other, detail="lid: gap = 3 mm")
+    failure = case(read(reports("junit", story.end("arm", Verdict.FAILED).finish())), "t1").find("failure")
+    assert failure.get("message") == "lid: gap = 3 mm"
+    assert failure.text == "lid: measures: gap = 3 mm\n  at a.py:3\nlid: checks: it squeaks"
+
+
 def test_control_characters_are_shown(story: Story, reports: Reports):
     """XML cannot carry them, and leaving them out would leave the rest of a colour code behind."""
     story.begin(("arm", 1)).start("arm").failing("arm/t1", "\x1b[31mred\x00 ]]> \ud800 & <b>")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rtf.robot_testing.steps import Cycle, StepTest
-from rtf.testing.outcome import Inconclusive
+from rtf.testing.outcome import Inconclusive, TestProblem
 from rtf.testing.verdict import MeasurementVerdict
 
 LATE = "the loop of this test stood still for 39 ms"
@@ -17,7 +17,7 @@ class Judging(StepTest):
 
     plugin_name = "judging"
 
-    def measure(self, name, value, unit="", low=None, high=None):
+    def measure(self, name, value, unit="", low=None, high=None, hint=""):
         """Keep it."""
         self.measured_values[name] = high
         wrong = high is not None and value > high
@@ -33,7 +33,7 @@ class Judging(StepTest):
 def judging():
     """One that has not judged anything yet."""
     test = Judging()
-    test.robot_part = SimpleNamespace(names=["elbow"])
+    test.robot_name, test.robot_part = "bot", SimpleNamespace(name="left_arm", names=["elbow"])
     test.measured_values, test.reports, test.failed = {}, [], False
     return test
 
@@ -68,3 +68,23 @@ def test_without_any_step_in_time_nothing_can_be_said(judging):
         judging.judge(0, [cycle(0.5, LATE)])
     assert not judging.failed
     assert set(judging.measured_values.values()) == {None}
+
+
+def test_a_step_of_which_too_few_states_came_cannot_be_judged(judging):
+    """It is named which stream is too slow, and how fast it is: nothing is wrong with the controller."""
+    came = np.arange(-0.5, 2.0, 0.25)
+    with pytest.raises(TestProblem) as problem:
+        judging._judge_number_of_states(0, came, "")
+    said = (
+        "/bot/left_arm/stateExt:o: 10 states came, 4 a second, 8 of them after the step of elbow, up to 1.75 s after it"
+    )
+    assert str(problem.value).startswith(f"{said}; ")
+    assert "likely: a wrong period" in str(problem.value)
+    with pytest.raises(TestProblem, match=r"0 states came, 0 a second, 0 of them after the step of elbow; \d+ are"):
+        judging._judge_number_of_states(0, np.empty(0), "")
+
+
+def test_too_few_states_for_a_test_that_was_late_say_nothing(judging):
+    """They may have come while this machine stood still."""
+    with pytest.raises(Inconclusive, match=r"4 a second.*; but the loop of this test stood still"):
+        judging._judge_number_of_states(0, np.arange(-0.5, 2.0, 0.25), LATE)

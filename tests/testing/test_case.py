@@ -139,6 +139,17 @@ def test_measurement_outside_its_limits_is_a_failure_and_the_test_goes_on(case: 
     assert case._session.tally.verdict() is Verdict.FAILED
 
 
+def test_a_failure_carries_the_hint_and_a_pass_says_nothing(case: Case, sent: list[Event]):
+    """What a value outside its limits means is said where failures are read, and only then."""
+    case.measure("gap", 3, "mm", high=2, hint="the lid is open; likely: a broken hinge")
+    case.measure("gap", 1, "mm", high=2, hint="the lid is open; likely: a broken hinge")
+    case.measure("gap", 3, "mm", hint="the lid is open; likely: a broken hinge")
+    (said,) = [event for event in sent if isinstance(event, Message)]
+    assert said.severity is Severity.FAILURE
+    assert said.detail == "gap = 3 mm, expected at most 2 mm, margin -1 mm; the lid is open; likely: a broken hinge"
+    assert case._session.tally.first == said.detail
+
+
 def test_test_that_only_records_is_measured(case: Case):
     """Data collection is no pass; one check makes it one."""
     case.measure("gap", 3, "mm")

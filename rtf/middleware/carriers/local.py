@@ -30,6 +30,12 @@ def enrol(port: Port) -> None:
     _ports[port.contact.host, port.contact.port] = port
 
 
+def ports_here() -> list[Port]:
+    """The ports of this process that are open, whatever network they are of. From any thread."""
+    ports = [reference() for reference in _ports.valuerefs()]  # unlike values() no matter who opens one meanwhile
+    return [port for port in ports if port is not None and not port.closed]
+
+
 class LocalInput(InputLink):
     """The receiving end: it only knows when it is over, messages pass by it."""
 

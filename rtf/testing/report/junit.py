@@ -163,13 +163,14 @@ class CaseWriter:
         verdict = result.verdict or Verdict.NOT_RUN
         ended = last.ended or result.last
         reason, detail = (ended.reason, ended.detail) if ended is not None else ("", "the run did not come to it")
-        problems = _problems(last) or [problem(message) for message in result.problems]
+        found = _problems(last) or result.problems
+        problems = [problem(one) for one in found]
         message = _filled(detail, problems[0].partition("\n")[0] if problems else "", reason, verdict)
         if verdict not in (Verdict.FAILED, Verdict.ERROR, Verdict.SKIPPED):
             message = f"{verdict}: {message}" if message != verdict else message
         named = verdict is not Verdict.ERROR or not reason
         pairs = [("type", verdict if named else reason), ("message", _cut(message, _MESSAGE_LIMIT))]
-        text = "\n".join(problems if problems and detail in problems[0] else [message, *problems])
+        text = "\n".join(problems if found and _says(found[0], detail) else [message, *problems])
         return element(kind, _cut(_filled(text, message), _FAILING_LIMIT // 4), *pairs)
 
     @staticmethod
@@ -177,7 +178,7 @@ class CaseWriter:
         ended = attempt.ended
         if ended is None:
             return ""
-        problems = "\n".join(_problems(attempt))
+        problems = "\n".join(problem(event) for event in _problems(attempt))
         message = _filled(ended.detail, problems.partition("\n")[0], ended.reason, ended.outcome)
         out, err = _outputs(attempt, _EARLIER_LIMIT)
         head = attributes([("type", ended.outcome), ("message", _cut(message, _MESSAGE_LIMIT))])
@@ -242,9 +243,14 @@ def _parameter(row: dict[str, str]) -> str:
     return f"{value} ({row['source']})" if row.get("source") else value
 
 
-def _problems(attempt: AttemptEvents) -> list[str]:
+def _problems(attempt: AttemptEvents) -> list[Message]:
     weighty = (Severity.FAILURE, Severity.ERROR)
-    return [problem(event) for event in attempt.events if isinstance(event, Message) and event.severity in weighty]
+    return [event for event in attempt.events if isinstance(event, Message) and event.severity in weighty]
+
+
+def _says(message: Message, detail: str) -> bool:
+    """Whether a message, which has its title before what it says, is what a test ended with."""
+    return detail in problem(message) or detail == f"{message.subject}: {message.detail}"
 
 
 def _outputs(attempt: AttemptEvents, limit: int) -> tuple[str, str]:

@@ -1,0 +1,98 @@
+"""What tests stand on that are run by themselves: the fixtures that they ask for, where no suite names any.
+
+A test that declares ``safety`` may leave something behind that has to be put right by somebody who outlives it. It is
+loaded and asked for its :meth:`~rtf.testing.case.TestCase.alone_fixtures` in a child process, which then ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from rtf.testing.events import Diagnosed
+from rtf.testing.plugins import facts_of, load_test, shipped_folder
+from rtf.testing.suite.model import FixtureEntry
+from rtf.testing.verdict import Severity
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.testing.plan import PlannedSuite, PlannedTest
+    from rtf.testing.plugins import PluginRef
+    from rtf.testing.suite.model import TestEntry, TestSuite
+
+#: A fixture that is asked for: its plug-in, and its parameters in order.
+_Wanted = tuple[str, tuple[tuple[str, str], ...]]
+
+
+class Stands(NamedTuple):
+    """A suite whose tests stand on what they ask for, and what is to be said about it."""
+
+    suite: TestSuite
+    diagnostics: tuple[Diagnosed, ...]
+
+
+def with_fixtures(planned: PlannedSuite, overrides: Sequence[tuple[str, str]]) -> Stands:
+    """The suite of the command line with the fixtures that its tests ask for; the others stand on none."""
+    asking = {test.entry.id: test for test in planned.tests if _is_asked(test)}
+    answers = _answers([*asking.values()], overrides)
+    entries: dict[_Wanted, FixtureEntry] = {}
+    diagnostics, tests = [], []
+    for test in planned.suite.tests:
+        answer = answers.get(test.id, [])
+        if isinstance(answer, str):
+            text = f"{test.name} was not asked what puts right what it may leave behind: {answer}"
+            diagnostics.append(Diagnosed(severity=Severity.WARNING, text=text))
+            answer = []
+        tests.append(replace(test, fixtures=tuple(_entry(wanted, entries).name for wanted in answer)))
+    suite = replace(planned.suite, tests=tuple(tests), fixtures=tuple(entries.values()))
+    return Stands(suite, tuple(diagnostics))
+
+
+def _is_asked(test: PlannedTest) -> bool:
+    facts = facts_of(test.plugin) if test.plugin is not None else None
+    return facts is not None and bool(facts.safety)
+
+
+def _entry(wanted: _Wanted, entries: dict[_Wanted, FixtureEntry]) -> FixtureEntry:
+    """The fixture of the suite for what is wanted: one for all tests that want the same."""
+    if wanted not in entries:
+        name, parameters = wanted
+        shipped = shipped_folder("fixture") / f"{name}.py"  # whatever else is called so where the tests are
+        count = sum(plugin == name for plugin, _ in entries)
+        entries[wanted] = FixtureEntry(
+            name=name if not count else f"{name}~{count + 1}",
+            plugin=str(shipped) if shipped.is_file() else name,
+            parameters=parameters,
+        )
+    return entries[wanted]
+
+
+def _answers(tests: Sequence[PlannedTest], overrides: Sequence[tuple[str, str]]) -> dict[str, list[_Wanted] | str]:
+    """What each test wants, by its id, or why it could not be asked: at once, for what they import takes the time."""
+    if not tests:
+        return {}
+    from rtf.testing.inspection import LOAD_LIMIT, isolated  # with all about parameters, which few runs need here
+
+    answer = isolated(lambda: {test.entry.id: _ask(test.plugin, test.entry, overrides) for test in tests}, LOAD_LIMIT)
+    if isinstance(answer, str):
+        if len(tests) == 1:
+            return {tests[0].entry.id: answer}
+        return {name: found for test in tests for name, found in _answers([test], overrides).items()}
+    return {
+        name: [(plugin, tuple((key, value) for key, value in values)) for plugin, values in found]
+        for name, found in answer.items()
+    }
+
+
+def _ask(ref: PluginRef | None, entry: TestEntry, overrides: Sequence[tuple[str, str]]) -> list[Any]:
+    """In the child: names and parameters, as lists. A test that cannot be loaded or filled says so when it is run."""
+    assert ref is not None
+    try:
+        test = load_test(ref)
+        test.resolve_parameters(
+            param=entry.param, parameters=entry.parameters, overrides=overrides, environment=entry.environment
+        )
+    except (Exception, SystemExit):  # noqa: BLE001 - it ends the test as well, and is told there
+        return []
+    return [[name, [*values.items()]] for name, values in test.alone_fixtures()]

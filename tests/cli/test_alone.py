@@ -1,0 +1,170 @@
+"""``--test`` and ``--tests``: a test that may leave something behind stands on the fixtures that it asks for."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import pytest
+
+from harness import Outcome, run_command, write_files
+from rtf.robot_testing import RobotTest, Safety
+from rtf.testing.events import Diagnosed, FixtureChanged, Message
+from rtf.testing.verdict import ExitCode, FixtureState, Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+RIG = '''
+from rtf.testing import FixtureManager, Parameter
+class Rig(FixtureManager):
+    """Says how high it is."""
+    height = Parameter(float, "its height", unit="m", default=0.0)
+    def setup(self):
+        self.provide(RIG=f"{self.height:g}")
+'''
+TESTS = {
+    "lifts.py": '''
+import os
+from rtf.testing import Parameter, TestCase
+class Lifts(TestCase):
+    """Says what it stands on."""
+    safety = "motion"
+    height = Parameter(float, "how high", unit="m", default=1.0)
+    def alone_fixtures(self):
+        return (("rig", {"height": f"{self.height:g}"}),)
+    def run(self):
+        self.report(f"stands on {os.environ.get('RIG')}")
+''',
+    "lifts_too.py": '''
+from lifts import Lifts
+class LiftsToo(Lifts):
+    """The same."""
+    safety = "motion"
+''',
+    "looks.py": '''
+import os
+from rtf.testing import TestCase
+class Looks(TestCase):
+    """Does nothing to anybody, and so is not asked."""
+    def alone_fixtures(self):
+        raise AssertionError
+    def run(self):
+        self.report(f"stands on {os.environ.get('RIG')}")
+''',
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The tests in a folder of their own, and what they stand on where they are run."""
+    write_files(tmp_path, {"rig.py": RIG, **{f"tests/{name}": text for name, text in TESTS.items()}})
+    return tmp_path
+
+
+def said(outcome: Outcome) -> list[str]:
+    """What tests reported."""
+    return [event.detail for event in outcome.of(Message) if isinstance(event, Message) and event.title == "reports"]
+
+
+def started(outcome: Outcome) -> list[str]:
+    """The fixtures that came up."""
+    return [event.fixture for event in outcome.of(FixtureChanged, state=FixtureState.READY)]  # type: ignore[attr-defined]
+
+
+def test_it_stands_on_what_it_asks_for(folder: Path):
+    """Asked with its parameters filled."""
+    outcome = run_command(folder, "--test", "tests/lifts.py", "--set", "height=2.5")
+    assert outcome.exit_code == ExitCode.PASSED, outcome.stderr
+    assert said(outcome) == ["stands on 2.5"]
+
+
+def test_tests_that_want_the_same_share_it(folder: Path):
+    """And one that asks for nothing stands on nothing."""
+    outcome = run_command(folder, "--tests", "tests")
+    assert outcome.exit_code == ExitCode.PASSED, outcome.stderr
+    assert started(outcome) == ["rig"]
+    assert sorted(said(outcome)) == ["stands on 1", "stands on 1", "stands on None"]
+
+
+def test_a_suite_says_itself_what_its_tests_stand_on(folder: Path):
+    """Whoever writes a suite knows better."""
+    write_files(folder, {"suite.xml": '<suite name="s"><test>tests/lifts.py</test></suite>'})
+    assert said(run_command(folder, "--suite", "suite.xml")) == ["stands on None"]
+
+
+@pytest.mark.parametrize("option", ["--list", "--dry-run"])
+def test_looking_at_a_plan_asks_nobody(folder: Path, option: str):
+    """No fixture is in it."""
+    outcome = run_command(folder, "--test", "tests/lifts.py", option)
+    assert outcome.exit_code == ExitCode.PASSED, outcome.stderr
+    assert "rig" not in outcome.stdout
+
+
+def test_wrong_parameters_are_told_by_the_test(folder: Path):
+    """Once, and no fixture is started for it."""
+    outcome = run_command(folder, "--test", "tests/lifts.py", "--set", "hight=2")
+    assert outcome.verdict("lifts") is Verdict.ERROR
+    assert started(outcome) == []
+    assert outcome.of(Diagnosed) == []
+
+
+def test_one_that_cannot_be_asked_is_told(folder: Path):
+    """Nobody would clean up after it; the others are asked all the same."""
+    text = 'import os\nos._exit(3)\nfrom rtf.testing import TestCase\nclass Dies(TestCase):\n    safety = "motion"\n'
+    write_files(folder, {"tests/dies.py": text})
+    outcome = run_command(folder, "--tests", "tests")
+    (diagnosed,) = outcome.of(Diagnosed)
+    assert "dies was not asked what puts right what it may leave behind" in diagnosed.text  # type: ignore[attr-defined]
+    assert sorted(said(outcome)) == ["stands on 1", "stands on 1", "stands on None"]
+
+
+# Robot tests -----------------------------------------------------------------------------------------------------
+
+
+class Moves(RobotTest):
+    """Moves."""
+
+    safety = Safety.MOTION
+
+
+class TestRobotTests:
+    """What they ask for."""
+
+    @pytest.fixture(autouse=True)
+    def nowhere(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Nothing is said of robots and clocks."""
+        for name in ("RTF_CLOCK", "YARP_CLOCK", "YARP_ROBOT_NAME"):
+            monkeypatch.delenv(name, raising=False)
+
+    def asked(self, test: RobotTest, overrides: tuple[tuple[str, str], ...] = ()) -> list[tuple[str, dict[str, str]]]:
+        """What a test asks for with these values."""
+        test.resolve_parameters(param="", overrides=overrides)
+        return [(name, dict(values)) for name, values in test.alone_fixtures()]
+
+    def test_one_that_moves_is_put_back_by_the_fixture_robot(self, monkeypatch: pytest.MonkeyPatch):
+        """All parts of the robot that it will work with."""
+        assert self.asked(Moves()) == [("robot", {"robot": "icubSim", "parts": "*"})]
+        assert self.asked(Moves(), (("robot", "/bot"),)) == [("robot", {"robot": "bot", "parts": "*"})]
+        monkeypatch.setenv("YARP_ROBOT_NAME", "icub7")
+        assert self.asked(Moves()) == [("robot", {"robot": "icub7", "parts": "*"})]
+
+    def test_one_that_listens_leaves_nothing(self):
+        """Nothing has to be there."""
+        assert self.asked(RobotTest()) == []
+
+    def test_in_lockstep_it_would_hold_the_time(self, monkeypatch: pytest.MonkeyPatch):
+        """Whoever says so has a simulator, and resets it."""
+        monkeypatch.setenv("RTF_CLOCK", "lockstep:/clock")
+        assert self.asked(Moves()) == []
+
+    def test_without_a_robot_it_says_how_to_get_one(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+        """The shipped fixture is meant, whatever lies where it is run."""
+        monkeypatch.setenv("YARP_CONFIG_HOME", str(tmp_path / "user"))
+        write_files(tmp_path, {"robot.py": "raise RuntimeError('not this one')", "user/yarp.conf": "127.0.0.1 9"})
+        assert os.environ.get("RTF_PLUGIN_PATH") is None
+        outcome = run_command(tmp_path, "--test", "JointLimits", "--set", "part=left_arm")
+        assert outcome.exit_code == ExitCode.FIXTURE
+        assert outcome.verdict("JointLimits") is Verdict.BLOCKED
+        assert "there is no robot /icubSim" in outcome.detail("JointLimits")
+        assert "rtf simulator --nameserver" in outcome.detail("JointLimits")
