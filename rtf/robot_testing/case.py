@@ -11,7 +11,7 @@ from rtf import clock
 from rtf.middleware.network import default_network
 from rtf.middleware.time import CLOCK_VARIABLE, LockstepClock, clock_from_environment
 from rtf.robot.client.control_board import connect
-from rtf.robot.errors import RefusedError, RobotError
+from rtf.robot.errors import RefusedError, RobotError, StaleStateError
 from rtf.robot_testing.contacts import CHANNELS, ContactWatch, Forces, NoForcesError, force_port
 from rtf.robot_testing.guard import Limits, MotionGuard
 from rtf.robot_testing.listening_board import listen_to
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from rtf.clock import Clock
     from rtf.middleware.network import Network
+    from rtf.robot.client.control_board import RemoteControlBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.part import Arrival
 
@@ -142,7 +143,7 @@ class RobotTest(TestCase):
             self._ask_for_leave()  # a simulator answers, and this part is served by somebody else
         board = (connect if moves else listen_to)(place, carrier=carrier, network=self.network)
         self.add_cleanup(board.close)
-        self.sleep(_FIRST_STATE)
+        self._await_state(board)
         guard = forces = None
         if moves:
             forces = self._listen_to_forces(place)
@@ -161,6 +162,19 @@ class RobotTest(TestCase):
         if forces is not None:
             self.add_cleanup(self._keep_forces, forces)
         return part
+
+    def _await_state(self, board: RemoteControlBoard) -> None:
+        """Give a board the time that its first state takes, and more where it has not come. Raises StaleStateError."""
+        end = self.now() + _LATEST_STATE
+        while True:
+            self.sleep(_FIRST_STATE)
+            try:
+                board.encoders()
+            except StaleStateError:
+                if self.now() >= end:
+                    raise
+            else:
+                return
 
     def _listen_to_forces(self, place: str) -> Forces | None:
         """The sensor of a limb that moves; None for other parts. It is told where a limb has none, once a part."""
@@ -247,8 +261,8 @@ class RobotTest(TestCase):
         self.clock.sleep(seconds)
 
 
-#: What a board may take to send its state, s of the robot's clock.
-_FIRST_STATE = 0.1
+#: What a board may take to send its state, s of the robot's clock; and on a machine that is too busy.
+_FIRST_STATE, _LATEST_STATE = 0.1, 2.0
 
 
 def parse_injection(text: str) -> tuple[str, str, dict[str, float]]:

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 class Judged(NamedTuple):
-    """A value with the most that it may be; NaN where there is none. ``finding`` is what it points to to be more.
+    """A value with the most and the least that it may be; NaN where there is none. Without bounds it is only measured.
 
-    Without a bound it is only measured.
+    ``finding`` is what it points to to be more; or ``hint`` says what it means to be out of bounds.
     """
 
     name: str
@@ -24,11 +24,13 @@ class Judged(NamedTuple):
     symbol: str
     high: float = math.inf
     finding: str = ""
+    low: float = -math.inf
+    hint: str = ""
 
     @property
     def beyond(self) -> bool:
-        """Whether it is too much."""
-        return self.value > self.high
+        """Whether it is too much, or too little."""
+        return self.value > self.high or self.value < self.low
 
     @property
     def text(self) -> str:
@@ -57,9 +59,9 @@ def _judge(test: TestCase, name: str, value: Judged) -> None:
             condition=True, text=f"{name}: there is no {value.name}; {likely_causes(value.finding)}"
         )
         return
-    high = value.high if math.isfinite(value.high) else None
-    hint = ""
-    if high is not None:
+    low, high = (bound if math.isfinite(bound) else None for bound in (value.low, value.high))
+    hint = value.hint
+    if high is not None and not hint:
         causes = likely_causes(value.finding)
         hint = f"{name}: {value.text}, it is to be {high:g} {value.symbol} at most; {causes}"
-    test.measure(value.name, value.value, value.symbol, high=high, hint=hint)
+    test.measure(value.name, value.value, value.symbol, low=low, high=high, hint=hint)

@@ -6,6 +6,8 @@ happen in lockstep, where time waits for tests; what is late there is late by th
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +25,11 @@ _FEWEST = 2
 #: How far what a board drives may be from what it was told, %, for boards that count in steps; and the share of states
 #: in which something that was told has to be found again.
 _SAME, _FOUND = 0.05, 0.5
+#: Where a Linux machine says for how long something has waited for a processor while there was none, in microseconds.
+_PRESSURE = Path("/proc/pressure/cpu")
+_TOTAL = re.compile(rb"^some .*total=(\d+)", re.MULTILINE)
+#: The share of the time in which something waits, from which on a machine is too busy to judge others by.
+_BUSY = 0.5
 
 
 def lateness(beats: ArrayLike, period: float) -> str:
@@ -76,3 +83,19 @@ def tardiness(told: Sequence[tuple[float, float]], seen_at: ArrayLike, seen: Arr
     if len(lags) < _FOUND * stamps.size or longest <= _LATE * period:
         return ""
     return f"a command took {1e3 * longest:.0f} ms to its board, as this machine or its network is too busy"
+
+
+def waited() -> float:
+    """The seconds for which something on this machine has waited for a processor since it began; 0 if not known."""
+    try:
+        found = _TOTAL.search(_PRESSURE.read_bytes())
+    except OSError:  # a kernel without it, or a container that hides it
+        return 0.0
+    return 1e-6 * int(found[1]) if found is not None else 0.0
+
+
+def busyness(waiting: float) -> str:
+    """What to say of a machine on which something waited for a processor for such a share of the time; "" if little."""
+    if waiting <= _BUSY:
+        return ""
+    return f"this machine is too busy: for {min(1.0, waiting):.0%} of the time something waited for a processor"

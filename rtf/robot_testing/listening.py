@@ -19,6 +19,7 @@ from rtf.middleware.names import Contact
 from rtf.middleware.port import Port
 from rtf.middleware.time import LockstepClock
 from rtf.middleware.types import Stamp
+from rtf.robot_testing.lateness import waited
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -145,6 +146,8 @@ class Listener:
         self.late: list[float] = []
         #: How fast the robot's time passed meanwhile, in its seconds a second; 1 in lockstep, where it says nothing.
         self.factor = 1.0
+        #: The share of that time in which something on this machine waited for a processor; 0 in lockstep, likewise.
+        self.waiting = 0.0
         self._network = network
         self._clock = clock
         #: Whether arrivals are known exactly, for nothing passes while this process works.
@@ -174,7 +177,7 @@ class Listener:
         clock, step = self._clock, _STEP_IN_LOCKSTEP if self.exact else _STEP
         if not arrivals:
             step = _LONG_STEP
-        began, begin = machine.monotonic(), clock.now()
+        began, begin, waited_before = machine.monotonic(), clock.now(), waited()
         now, end = begin, begin + seconds
         while now < end - 1e-9:
             wanted = min(step, end - now)
@@ -187,6 +190,7 @@ class Listener:
         took = machine.monotonic() - began
         if not self.exact and took > 0:
             self.factor = (now - begin) / took
+            self.waiting = (waited() - waited_before) / took
 
     @property
     def stalled(self) -> float:

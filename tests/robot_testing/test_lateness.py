@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rtf.robot_testing.lateness import lateness, staleness, tardiness
+from rtf.robot_testing.lateness import busyness, lateness, staleness, tardiness, waited
 
 
 def test_a_loop_that_keeps_its_period_is_not_late():
@@ -53,3 +53,12 @@ def test_a_board_that_goes_on_with_an_old_command_was_told_late():
     delays = np.zeros(20)
     delays[8:12] = [0.04, 0.03, 0.02, 0.01]
     assert "a command took 35 ms to its board" in tardiness(TOLD, STAMPS, driven(delays), 0.01)
+
+
+def test_a_machine_on_which_much_waits_is_busy():
+    """What waits is counted by the machine itself, and only grows; a share of the time is told in per cent."""
+    assert busyness(0.0) == busyness(0.4) == ""
+    assert "for 93% of the time something waited for a processor" in busyness(0.93)
+    assert "for 100%" in busyness(1.02)
+    before = waited()
+    assert waited() >= before >= 0.0

@@ -1,0 +1,100 @@
+"""What is said of streams, and of boards, on a machine that has more to do than it can."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from rtf.clock import SystemClock
+from rtf.robot.errors import StaleStateError
+from rtf.robot_testing.listening import Message
+from rtf.robot_testing.stream_test import RateTest
+from rtf.testing.outcome import Inconclusive
+from rtf.testing.verdict import MeasurementVerdict
+
+
+class Listening(RateTest):
+    """A test of streams that has listened; it keeps what it measures, and with what limits."""
+
+    plugin_name = "listening"
+
+    def measure(self, name, value, unit="", low=None, high=None, hint=""):
+        """Keep it."""
+        self.limits_of[name] = (low, high)
+        wrong = (high is not None and value > high) or (low is not None and value < low)
+        if wrong:
+            self.failures.append(f"{name}; {hint}")
+        return SimpleNamespace(verdict=MeasurementVerdict.FAILED if wrong else MeasurementVerdict.PASSED)
+
+    def record(self, name, **columns):
+        """Nobody looks at it."""
+
+
+@pytest.fixture
+def listening():
+    """One that was in time itself."""
+    test = Listening()
+    test.listener = SimpleNamespace(late=[0.0, 0.001], stalled=0.0, factor=1.0, exact=False, waiting=0.1)
+    test.clock = SystemClock()
+    test.limits_of, test.failures = {}, []
+    return test
+
+
+def messages(every=1, copies=1):
+    """Two seconds of a hundred messages a second, of which one of so many comes, so often."""
+    return [
+        Message(number, 0.01 * number, 0.01 * number + 0.002, 8, number, None)
+        for number in range(0, 200, every)
+        for _ in range(copies)
+    ]
+
+
+def test_what_is_missing_is_held_against_a_robot_that_could_be_heard(listening):
+    """The failures say what it means."""
+    listening.judge(messages(every=2), 100.0, 5.0)
+    assert [text.split(";")[0] for text in listening.failures] == ["rate", "lost"]
+    assert "messages are missing" in listening.failures[1]
+
+
+def test_what_is_missing_on_a_busy_machine_is_inconclusive(listening):
+    """The sender may be on it. What was measured is told without its limits."""
+    listening.listener.waiting = 0.95
+    with pytest.raises(Inconclusive, match=r"rate is 50 Hz, lost is .*; but this machine is too busy: for 95%"):
+        listening.judge(messages(every=2), 100.0, 5.0)
+    assert not listening.failures
+    assert listening.limits_of["rate"] == (None, None)
+
+
+def test_a_busy_machine_is_no_excuse_for_a_message_that_comes_twice(listening):
+    """And what is within its limits on a busy machine counts."""
+    listening.listener.waiting = 0.95
+    listening.judge(messages(), 100.0, 5.0)
+    assert not listening.failures
+    assert listening.limits_of["rate"] == (95.0, 105.0)
+    listening.judge(messages(copies=2), 100.0, 5.0)
+    assert [text.split(";")[0] for text in listening.failures] == ["duplicates"]
+
+
+class Late:
+    """A board whose first state comes with the fifth look."""
+
+    def __init__(self, looks):
+        self.looks = looks
+
+    def encoders(self):
+        """See IEncoders."""
+        self.looks -= 1
+        if self.looks:
+            raise StaleStateError("no state has come")
+
+
+def test_a_first_state_may_be_late(listening):
+    """A board that sends none ever is an error all the same."""
+    slept = []
+    listening.now, listening.sleep = lambda: sum(slept), slept.append
+    listening._await_state(Late(1))
+    assert len(slept) == 1
+    listening._await_state(Late(5))
+    assert len(slept) == 6
+    with pytest.raises(StaleStateError):
+        listening._await_state(Late(-1))
+    assert sum(slept) < 3.0
