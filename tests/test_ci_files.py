@@ -55,7 +55,8 @@ def test_commands_can_be_given(path: Path, tmp_path: Path):
             options = build_parser().parse_args(words)
             selection = ["-k", options.names] if options.names else []
             suites = [word for suite in options.suite for word in ("--suite", str(ROOT / suite))]
-            outcome = run_command(tmp_path, *suites, *selection, "--list")
+            tests = ["--test", options.test] if options.test else []
+            outcome = run_command(tmp_path, *suites, *tests, *selection, "--list")
             assert outcome.exit_code == 0, (words, outcome.stderr)
             assert not re.search(r"^0 tests", outcome.stdout, re.MULTILINE), words
 
