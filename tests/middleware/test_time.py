@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from contextlib import closing
 from typing import TYPE_CHECKING
@@ -231,20 +232,48 @@ class TestNetworkClock:
     """Time that is published."""
 
     def test_sleep_follows_the_publisher(self, network: Network):
-        """It ends when the published time has come, whatever the machine's clock says."""
+        """It ends when the published time has come, whatever the machine's clock says; for each sleeper at its own."""
+        slept: list[tuple[float, float, float]] = []
         with Port("/clock", network=network, inputs=False, outputs=True) as publisher:
             time = NetworkClock("/clock", network=network)
             publisher.write(Bottle([100, 0]))
             assert time.now() == 100.0
-            woken: list[float] = []
-            thread = threading.Thread(target=lambda: (time.sleep(1.0), woken.append(time.now())))
+
+            def sleep_often(seconds: float) -> None:
+                for _ in range(10):
+                    begin = time.now()
+                    time.sleep(seconds)
+                    slept.append((seconds, begin, time.now()))
+
+            threads = [threading.Thread(target=sleep_often, args=(seconds,)) for seconds in (0.3, 0.7, 1.1)]
+            for thread in threads:
+                thread.start()
+            ticks = itertools.count(1000)
+
+            def done() -> bool:
+                seconds, tenths = divmod(next(ticks), 10)
+                publisher.write(Bottle([seconds, tenths * 100_000_000]))
+                return not any(thread.is_alive() for thread in threads)
+
+            eventually(done, "somebody sleeps on")
+            time.close()
+        assert len(slept) == 30
+        assert all(end - begin >= seconds - 1e-9 for seconds, begin, end in slept)
+
+    def test_who_sleeps_when_the_time_jumps_back_sleeps_as_long(self, network: Network):
+        """A simulator that is started anew begins at zero."""
+        woken: list[float] = []
+        with Port("/clock", network=network, inputs=False, outputs=True) as publisher:
+            time = NetworkClock("/clock", network=network)
+            publisher.write(Bottle([100, 0]))
+            assert time.now() == 100.0
+            thread = threading.Thread(target=lambda: (time.sleep(5.0), woken.append(time.now())))
             thread.start()
-            publisher.write(Bottle([100, 999_999_999]))
-            assert not woken
-            eventually(lambda: publisher.write(Bottle([101, 500_000_000])) and woken, "the sleeper sleeps on")
-            assert woken == [101.5]
+            ticks = itertools.count()
+            eventually(lambda: publisher.write(Bottle([next(ticks), 0])) and woken, "the sleeper sleeps on")
             thread.join()
             time.close()
+        assert woken[0] >= 5.0
 
     def test_close_wakes_everybody(self, network: Network):
         """Those who wait for the first message, too."""
