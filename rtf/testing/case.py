@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 import re
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NoReturn
 
@@ -21,6 +20,7 @@ from rtf.testing.events import Asked, Attached, Measured, Progressed, SeriesReco
 from rtf.testing.measurement import Measurement, Unit, limits_text, margin_of, quantity, unit
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
 from rtf.testing.parameters import Declared, Parameter
+from rtf.testing.places import calling_place
 from rtf.testing.verdict import MeasurementVerdict, Severity
 
 if TYPE_CHECKING:
@@ -36,14 +36,6 @@ if TYPE_CHECKING:
 
 _CHECKS = "checks"
 _UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
-
-
-def _caller() -> tuple[str, int]:
-    """The nearest frame outside this file: where the author made the call."""
-    frame = sys._getframe(1)  # noqa: SLF001 - inspect.stack() reads source files and takes milliseconds
-    while frame.f_code.co_filename == __file__ and frame.f_back is not None:
-        frame = frame.f_back
-    return frame.f_code.co_filename, frame.f_lineno
 
 
 class TestCase(Declared):
@@ -113,11 +105,11 @@ class TestCase(Declared):
 
     def report(self, text: str) -> None:
         """Say something; it weighs nothing."""
-        self._session.message(Severity.INFO, "reports", text, _caller())
+        self._session.message(Severity.INFO, "reports", text, calling_place(__file__))
 
     def warn(self, text: str) -> None:
         """Say something that somebody should look at; it weighs nothing in the verdict."""
-        self._session.message(Severity.WARNING, "warns", text, _caller())
+        self._session.message(Severity.WARNING, "warns", text, calling_place(__file__))
 
     def add_cleanup(self, function: Callable[..., object], /, *args: object, **kwargs: object) -> None:
         """Have ``function`` called after ``teardown``, last added first, whatever happens."""
@@ -213,7 +205,7 @@ class TestCase(Declared):
     def check(self, condition: object, text: str) -> bool:
         """Report the text if the condition holds, as a failure if it does not. Returns whether it holds."""
         self._session.judged()
-        self._session.message(Severity.PASS if condition else Severity.FAILURE, _CHECKS, text, _caller())
+        self._session.message(Severity.PASS if condition else Severity.FAILURE, _CHECKS, text, calling_place(__file__))
         return bool(condition)
 
     def check_fail_if_true(self, condition: object, text: str) -> bool:
@@ -224,7 +216,7 @@ class TestCase(Declared):
         """Report a failure if the condition does not hold; silent otherwise. Returns whether all is well."""
         self._session.judged()
         if not condition:
-            self._session.message(Severity.FAILURE, "checking", text, _caller())
+            self._session.message(Severity.FAILURE, "checking", text, calling_place(__file__))
         return bool(condition)
 
     def check_equal(self, value: object, expected: object, text: str) -> bool:
@@ -270,7 +262,7 @@ class TestCase(Declared):
         of the thing under test what a value outside means, and its likely causes; only a failure carries it.
         """
         measurement = Measurement(name, float(value), unit(symbol), low, high, marginal)
-        place = _caller()
+        place = calling_place(__file__)
         verdict = measurement.verdict
         session = self._session
         session.recorded() if verdict is MeasurementVerdict.RECORDED else session.judged()
@@ -512,11 +504,11 @@ class TestCase(Declared):
         session.judged()
         if holds:
             if not stop:
-                session.message(Severity.PASS, _CHECKS, detail, _caller(), comparison=comparison)
+                session.message(Severity.PASS, _CHECKS, detail, calling_place(__file__), comparison=comparison)
             return True
         if stop:
             raise TestFailure(detail, comparison=comparison)
-        session.message(Severity.FAILURE, _CHECKS, detail, _caller(), comparison=comparison)
+        session.message(Severity.FAILURE, _CHECKS, detail, calling_place(__file__), comparison=comparison)
         return False
 
     def _free_path(self, stem: str, suffix: str) -> Path:

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import rtf
 from rtf.testing.outcome import TestingError
+from rtf.testing.places import PLUGINS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -340,7 +341,7 @@ def all_files(kind: str, beside: Path | None = None) -> list[Path]:
 def load_module(ref: PluginRef) -> ModuleType:
     """Run the file of a Python plug-in as module ``rtf_plugins.<kind>.<stem>``. Its own folder can be imported from."""
     path = Path(ref.path)
-    name = f"rtf_plugins.{ref.kind}.{path.stem}"
+    name = f"{PLUGINS}{ref.kind}.{path.stem}"
     loader = importlib.machinery.SourceFileLoader(name, ref.path)
     spec = importlib.util.spec_from_file_location(name, ref.path, loader=loader)
     if spec is None:

@@ -15,13 +15,11 @@ from typing import TYPE_CHECKING, Any
 from rtf import clock
 from rtf.testing.events import Answered, Asked, Event, SubResultEnded, from_record, to_record
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem, TestStopped
+from rtf.testing.places import OWN_FOLDER, raised_place
 from rtf.testing.verdict import Phase, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
-
-#: Frames of these files are not the author's; a failure is located and a traceback shown without them.
-_OWN_FOLDER = str(Path(__file__).parent)
 
 #: A text longer than this is cut in the middle, and says so: an event must stay something a page can show.
 TEXT_LIMIT = 1 << 20
@@ -89,20 +87,10 @@ def text_of(error: BaseException) -> str:
         return f"(its text cannot be had: {type(broken).__name__})"
 
 
-def author_place(error: BaseException) -> tuple[str, int]:
-    """File and line of the innermost frame of an error that is not the framework's own."""
-    place = ("", 0)
-    for frame, line in traceback.walk_tb(error.__traceback__):
-        file = frame.f_code.co_filename
-        if not file.startswith((_OWN_FOLDER, "<frozen")):
-            place = (file, line)
-    return place
-
-
 def author_traceback(error: BaseException) -> str:
     """The traceback as Python prints it, beginning at the first frame that is not the framework's own."""
     trace = error.__traceback__
-    while trace is not None and trace.tb_frame.f_code.co_filename.startswith(_OWN_FOLDER):
+    while trace is not None and trace.tb_frame.f_code.co_filename.startswith(OWN_FOLDER):
         trace = trace.tb_next
     return bounded("".join(traceback.format_exception(type(error), error, trace or error.__traceback__)))
 
@@ -283,7 +271,7 @@ class Session:
         if isinstance(error, SkipTest | Inconclusive):
             self._set_aside(error)
             return
-        place = author_place(error)
+        place = raised_place(error)
         if isinstance(error, TestFailure):
             self.message(Severity.FAILURE, error.title, error.detail, place, comparison=error.comparison)
         elif isinstance(error, TestProblem):
@@ -306,7 +294,7 @@ class Session:
         tally = self._parts[-1].tally if self._parts else self.tally
         kind = "skipped" if isinstance(error, SkipTest) else "inconclusive"
         setattr(tally, kind, str(error))
-        self.message(Severity.INFO, kind, str(error), author_place(error))
+        self.message(Severity.INFO, kind, str(error), raised_place(error))
 
     @contextmanager
     def part(self, subject: str) -> Iterator[None]:

@@ -24,7 +24,8 @@ from rtf.testing.fixture import FixtureUnusable
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.nursery_protocol import DUMP_FD
 from rtf.testing.outcome import FixtureCollapsed, TestStopped
-from rtf.testing.session import author_place, author_traceback, bounded
+from rtf.testing.places import raised_place
+from rtf.testing.session import author_traceback, bounded
 from rtf.testing.verdict import Phase, Severity
 
 if TYPE_CHECKING:
@@ -272,7 +273,7 @@ class Host:
         stopped = isinstance(error, TestStopped)
         cause = f"{what} did not come back and was interrupted" if stopped else f"{what} raised {_named(error)}"
         trace = "" if stopped else author_traceback(error)
-        file, line = author_place(error)
+        file, line = raised_place(error)
         self.say(host="trouble", phase=self._phase, cause=bounded(cause), traceback=trace, file=file, line=line)
 
     # Being stopped from outside ----------------------------------------------------------------------------------
