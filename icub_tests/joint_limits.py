@@ -10,6 +10,7 @@ from rtf.robot_testing.companions import lanes
 from rtf.robot_testing.courses import work
 from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.parameter_checks import swapped_limits
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -70,6 +71,10 @@ class JointLimits(JointsTest):
     tolerances = Parameter(list[float], "the same for each joint", unit="deg", default=[], key="toleranceList")
     lower = Parameter(list[float], "lower limits that the robot should have; none: any", unit="deg", default=[])
     upper = Parameter(list[float], "upper limits that the robot should have; none: any", unit="deg", default=[])
+
+    def parameter_problems(self) -> list[str]:
+        """See the base; and what is between two limits has to be something."""
+        return [*super().parameter_problems(), *swapped_limits(self, "lower", "upper")]
 
     def setup(self) -> None:
         """Open the part, weaken it and bring it home."""

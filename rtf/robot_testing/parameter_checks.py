@@ -48,14 +48,7 @@ def wrong_lists(test: Declared, apart: Collection[str] = ()) -> list[str]:
 
 def swapped_ends(test: Declared) -> list[str]:
     """What is odd about ends of moves, given in ``low`` and ``high``: a lower one that is not below its upper one."""
-    values = test.parameter_values()
-    lows, highs = values.get("low"), values.get("high")
-    if not (isinstance(lows, list) and isinstance(highs, list) and lows and highs):
-        return []
-    count = max(len(lows), len(highs))
-    lows, highs = (one * count if len(one) == 1 else one for one in (lows, highs))
-    keys = test.declarations()
-    low, high = keys["low"].key, keys["high"].key
+    low, high = (declared.key if (declared := test.declarations().get(name)) else name for name in ("low", "high"))
     source = test.parameter_source(high)
     return [
         f"{high}: element {place} is {top:g}, "
@@ -64,9 +57,28 @@ def swapped_ends(test: Declared) -> list[str]:
             if top == bottom
             else f"below that of {low}, {bottom:g}: the joint begins with its lower end ({source})"
         )
-        for place, (bottom, top) in enumerate(zip(lows, highs, strict=True))
-        if top <= bottom
+        for place, bottom, top in _without_room(test, "low", "high")
     ]
+
+
+def swapped_limits(test: Declared, low: str, high: str) -> list[str]:
+    """What is wrong with limits that are given in two lists: a lower one that is not below its upper one."""
+    source = test.parameter_source(high)
+    return [
+        f"{high}: element {place} is {top:g}; it has to be above that of {low}, {bottom:g} ({source})"
+        for place, bottom, top in _without_room(test, low, high)
+    ]
+
+
+def _without_room(test: Declared, low: str, high: str) -> list[tuple[int, float, float]]:
+    """The place and the two values where that of list ``low`` is not below that of list ``high``; as far as both go."""
+    values = test.parameter_values()
+    lows, highs = values.get(low), values.get(high)
+    if not (isinstance(lows, list) and isinstance(highs, list) and lows and highs):
+        return []
+    count = max(len(lows), len(highs))
+    lows, highs = (one * count if len(one) == 1 else one for one in (lows, highs))
+    return [(place, bottom, top) for place, (bottom, top) in enumerate(zip(lows, highs, strict=False)) if top <= bottom]
 
 
 def wrong_fault(test: Declared) -> list[str]:

@@ -37,6 +37,7 @@ FILES = {
     ),
     "values_of_a_leg": ("joints (0 1 2 3 4 5)\nspeed (9 9 9 9)\n", 2, "speed has 4 values; give one, or one for each"),
     "values_that_differ": ("lower (1 1)\nupper (9 9 9)\n", 1, "of the 3 joints that upper has values for"),
+    "swapped_limits": ("lower (-9 5)\nupper (9 1)\n", 2, "upper: element 1 is 1; it has to be above that of lower, 5"),
     "too_few_targets": ("part head\njoints 3\ntarget 5 5\n", 3, "target has 2 values; give one, or one for each"),
     "small_matrix": ("joints (0 1 2)\nmatrix (1 0 0 1)\n", 2, "matrix has 4 numbers; 3 joints need 9"),
     "no_rate": ("[PORTS]\n/bot/head/state:o 100\n", 1, "a line is a port, its rate and the tolerance in Hz"),
