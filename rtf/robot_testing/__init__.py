@@ -7,9 +7,10 @@ knows no robots, and the robot layer, which knows no tests.
 
 from rtf.robot_testing.case import RobotTest
 from rtf.robot_testing.causes import likely_causes
-from rtf.robot_testing.guard import GuardError, Limits, MotionGuard, Snapshot
+from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
 from rtf.robot_testing.part import Arrival, Part
 from rtf.robot_testing.safety import Safety
+from rtf.robot_testing.snapshot import Snapshot
 from rtf.robot_testing.statistics import Fit, Periods, confidence, delay_between, fit_line, periods_of
 from rtf.robot_testing.trace import Trace
 

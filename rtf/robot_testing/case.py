@@ -12,11 +12,13 @@ from rtf.middleware.network import default_network
 from rtf.middleware.time import CLOCK_VARIABLE, LockstepClock, clock_from_environment
 from rtf.robot.client.control_board import connect
 from rtf.robot.errors import RefusedError, RobotError, StaleStateError
-from rtf.robot_testing.contacts import CHANNELS, ContactWatch, Forces, NoForcesError, force_port
+from rtf.robot_testing.contacts import ContactWatch, Forces, NoForcesError, force_port
 from rtf.robot_testing.guard import Limits, MotionGuard
+from rtf.robot_testing.last_seconds import LastSeconds
+from rtf.robot_testing.ledger import MotionLedger
 from rtf.robot_testing.listening_board import listen_to
 from rtf.robot_testing.parameter_checks import refuse, wrong_fault, wrong_lists
-from rtf.robot_testing.part import TOLERANCE, Part
+from rtf.robot_testing.part import Part
 from rtf.robot_testing.safety import Safety
 from rtf.robot_testing.simulated import is_simulated
 from rtf.simulator.control import SimulatorControl
@@ -120,8 +122,11 @@ class RobotTest(TestCase):
             return
         if not has_leave():
             self.skip(f"/{self.robot_name} is no simulated robot, and it would move: testrunner --allow-motion lets it")
+        ledger = MotionLedger()
+        ledger.decided(self.robot_name, may_move=False)  # nor may who puts it back move it while nobody has answered
         if not self.confirm(f"/{self.robot_name} is about to move. Is nobody within its reach, and may it?"):
             self.skip("the operator does not want the robot to move")
+        ledger.decided(self.robot_name, may_move=True)
         self._may_move = True
 
     def open_part(self, name: str) -> Part:
@@ -155,12 +160,12 @@ class RobotTest(TestCase):
                 limits=self.limits,
                 contacts=None if forces is None else ContactWatch(board, forces),
             )
-            self.add_cleanup(guard.restore)
         part = Part(name, board, self.clock, guard)
-        # What led to a failure, kept before the part is put back.
-        self.add_cleanup(self._keep_history, part)
-        if forces is not None:
-            self.add_cleanup(self._keep_forces, forces)
+        last = LastSeconds(self, part, forces)
+        self.add_cleanup(last.write)
+        if guard is not None:
+            self.add_cleanup(guard.restore)
+        self.add_cleanup(last.take)
         return part
 
     def _await_state(self, board: RemoteControlBoard) -> None:
@@ -188,34 +193,6 @@ class RobotTest(TestCase):
             return None
         self.add_cleanup(forces.close)
         return forces
-
-    def _keep_forces(self, forces: Forces) -> None:
-        """After a failure, keep what came from the sensor in the last seconds."""
-        if self.failing and len(forces):
-            try:
-                numbers, stamps, values = forces.rows()
-            except NoForcesError as error:
-                self.report(str(error))
-                return
-            self.record(
-                f"before the end: {forces.source}",
-                time=(stamps, "s"),
-                number=(numbers, "count"),
-                **{axis: (values[:, channel], symbol) for channel, (axis, symbol) in enumerate(CHANNELS.items())},
-            )
-
-    def _keep_history(self, part: Part) -> None:
-        """After a failure, keep what the part did in the last seconds."""
-        if self.failing and len(part.history):
-            history = part.history
-            time, positions, currents = history.time, history.positions, history.currents
-            for joint, name in enumerate(part.names):
-                self.record(
-                    f"before the end: {name}",
-                    time=(time, "s"),
-                    position=(positions[:, joint], "deg"),
-                    current=(currents[:, joint], "A"),
-                )
 
     # Values ------------------------------------------------------------------------------------------------------
 
@@ -246,7 +223,7 @@ class RobotTest(TestCase):
         late = [
             f"{part.names[joint]} is at {where:.2f} deg, not {target:.2f}"
             for joint, where, target in zip(joints, arrival.positions, targets, strict=True)
-            if abs(where - target) > TOLERANCE
+            if not abs(where - target) <= arrival.tolerance
         ]
         self.assert_error(f"{part.name} did not come {goal} within {arrival.seconds:.1f} s: {'; '.join(late)}")
 

@@ -45,6 +45,8 @@ _KEPT = 50
 _SHORTEST = 1e-3
 #: A sensor of which nothing comes for so long, s, while states do, is silent: it sends a hundred messages a second.
 _SILENT = 1.0
+#: Stamps that go back so far, s, are of a clock that was set.
+_JUMP = 1.0
 #: Forces of which the middle one counts: a single one that is wrong is no contact.
 _MIDDLE_OF = 3
 _GRAVITY = 9.81
@@ -155,6 +157,7 @@ class ContactWatch:
         self._looks: deque[_Look] = deque()
         self._heard: tuple[Delivery | None, float] | None = None  # the last message, and the state it came with, s
         self._free: _Look | None = None  # how it was before it struck something that it may still touch
+        self._strange_since: float | None = None  # since when forces are no numbers, s
         board.observe(lambda stamp, state: self._states.append((stamp, state)))
 
     @property
@@ -168,10 +171,14 @@ class ContactWatch:
         Raises NoForcesError where the sensor is none, or has fallen silent.
         """
         self._listen()
-        now = self._now()
-        if now is None or (self._looks and now.time <= self._looks[-1].time):
+        now, looks = self._now(), self._looks
+        if now is None or not self._are_numbers(now):
+            return None
+        if looks and now.time < looks[-1].time - _JUMP:  # what was before is of another time
+            looks.clear()
+            self._free = None
+        if looks and now.time <= looks[-1].time:
             return None  # nothing new
-        looks = self._looks
         while looks and looks[0].time < now.time - WITHIN:
             looks.popleft()
         looks.append(now)
@@ -181,7 +188,7 @@ class ContactWatch:
             looks.clear()
         before = looks[0] if looks else now
         force = self._unexplained(now, before)
-        if not force > limit:  # what is no number is no contact
+        if force <= limit:
             return None
         self._free = self._free or before
         # The later ones are also of joints that the blow moved.
@@ -199,6 +206,17 @@ class ContactWatch:
             self._heard = last, time
         elif time - self._heard[1] > _SILENT:
             raise NoForcesError(f"nothing has come from {self.source} for {_SILENT:g} s")
+
+    def _are_numbers(self, now: _Look) -> bool:
+        """Whether the force is one. Raises NoForcesError where it has long been none."""
+        if np.isfinite(now.force).all():
+            self._strange_since = None
+            return True
+        if self._strange_since is None or now.time < self._strange_since:
+            self._strange_since = now.time
+        if now.time - self._strange_since > _SILENT:
+            raise NoForcesError(f"what comes from {self.source} are no numbers")
+        return False
 
     def _unexplained(self, now: _Look, before: _Look) -> float:
         """What is left of a change of force (N) when all joints have done their worst together."""

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from rtf.robot.control_modes import ControlMode, InteractionMode
-from rtf.robot.errors import NotSupportedError, RefusedError, RobotError, UnreachableError
+from rtf.robot.errors import (
+    NoAnswerError,
+    NotSupportedError,
+    RefusedError,
+    RobotError,
+    StaleStateError,
+    UnreachableError,
+)
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing.contacts import WITHIN, NoForcesError
+from rtf.robot_testing.ledger import MotionLedger
+from rtf.robot_testing.snapshot import Snapshot, answered
 from rtf.testing.outcome import TestFailure
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Collection, Sequence
+
+    from numpy.typing import NDArray
 
     from rtf.clock import Clock
     from rtf.robot.client.control_board import RemoteControlBoard
@@ -28,6 +39,14 @@ _ARRIVED = 2.0  # deg
 _PACE = 0.05  # s
 _STANDING = 1.0  # deg/s
 _WARMING = 1.0  # s between two looks at temperatures
+#: In these a joint goes on with what it was told last, and ``stop`` means nothing to it.
+_DRIVEN = frozenset({ControlMode.TORQUE, ControlMode.CURRENT, ControlMode.PWM, ControlMode.POSITION_DIRECT})
+#: In these it goes on although nobody commands it.
+_RESTLESS = _DRIVEN - {ControlMode.POSITION_DIRECT} | {ControlMode.VELOCITY}
+#: In these nothing drives it.
+_LIMP = frozenset({ControlMode.IDLE, ControlMode.HARDWARE_FAULT})
+#: Questions in a row without an answer (5 s each) after which a board is not asked any more.
+_UNANSWERED = 3
 
 
 class GuardError(RobotError, TestFailure):
@@ -57,45 +76,12 @@ class Limits:
     contact: float | None = 15.0
 
 
-@dataclass(slots=True)
-class Snapshot:
-    """A part as it was: everything that a test may change and that outlives it. What a board has not got is missing."""
-
-    positions: FloatArray
-    modes: tuple[ControlMode, ...]
-    interactions: tuple[InteractionMode, ...] = ()
-    speeds: FloatArray | None = None
-    accelerations: FloatArray | None = None
-    limits: list[tuple[float, float]] = field(default_factory=list)
-    max_currents: list[float] = field(default_factory=list)
-    pids: list[Pid] = field(default_factory=list)
-    impedances: list[tuple[float, float]] = field(default_factory=list)
-
-    @classmethod
-    def take(cls, board: RemoteControlBoard) -> Snapshot:
-        """Ask a board for all of it. Raises RobotError when it cannot even say where its joints are."""
-        shot = cls(board.encoders(), board.control_modes())
-        joints = range(board.axes())
-
-        def ask(fill: Callable[[], None]) -> None:
-            with suppress(NotSupportedError):  # what it has not got nobody can change
-                fill()
-
-        ask(lambda: setattr(shot, "interactions", board.interaction_modes()))
-        ask(lambda: setattr(shot, "speeds", board.reference_speeds()))
-        ask(lambda: setattr(shot, "accelerations", board.reference_accelerations()))
-        ask(lambda: setattr(shot, "limits", [board.limits(joint) for joint in joints]))
-        ask(lambda: setattr(shot, "max_currents", [board.max_current(joint) for joint in joints]))
-        ask(lambda: setattr(shot, "pids", list(board.pids(PidType.POSITION))))
-        ask(lambda: setattr(shot, "impedances", [board.impedance(joint) for joint in joints]))
-        return shot
-
-
 class MotionGuard:
     """Guards one part through its board. ``clock`` is the robot's; ``report`` is told what had to be put back.
 
     ``watch`` is called while joints move, ``restore`` at the end, whatever has happened; both from one thread.
-    ``contacts`` is the watch of the part's force-torque sensor; None: it is not watched for contacts.
+    ``contacts`` is the watch of the part's force-torque sensor; None: it is not watched for contacts. ``name`` begins
+    the names of the part's ports.
     """
 
     def __init__(
@@ -119,11 +105,14 @@ class MotionGuard:
         self._high = np.array([high for _, high in self.snapshot.limits]) + self.limits.beyond
         #: The greatest speeds, deg/s; infinite where there is none, and None where the board knows none.
         self.fastest = self._ask(lambda joint: board.velocity_limits(joint)[1])
-        self._currents = np.array(self.snapshot.max_currents)
-        self._torques = self._ask(lambda joint: max(map(abs, board.torque_range(joint))))
-        self._hottest = self._ask(board.temperature_limit)
+        # Boards say 0 for joints without such a limit.
+        self._currents = _some(np.array([most or np.inf for most in self.snapshot.max_currents]))
+        self._torques = _some(self._ask(lambda joint: max(map(abs, board.torque_range(joint)))))
+        self._hottest = _some(self._ask(board.temperature_limit))
         self._felt = -np.inf  # when temperatures were last asked for, s of the robot's clock
         self._given_up: set[int] = set()
+        self._secured: set[int] = set()  # joints that nobody drives any more
+        self._unwatched: set[str] = set()  # what the state has not had, and was told
         self._contacts = contacts
 
     def _ask(self, question: Callable[[int], float]) -> FloatArray | None:
@@ -144,20 +133,44 @@ class MotionGuard:
             return None
 
     def give_up(self, joint: int, reason: str) -> None:
-        """Leave a joint that does not obey without power: it is neither watched nor parked any more."""
+        """Leave a joint that does not obey without power: it is neither watched nor parked, nor powered any more."""
         if joint in self._given_up:
             return
-        self._given_up.add(joint)
-        self._report(f"{self._names[joint]} is left idle: {reason}")
         self.board.set_control_modes(ControlMode.IDLE, joint)
+        self._given_up.add(joint)
+        MotionLedger().gave_up(self.name, joint)
+        self._report(f"{self._names[joint]} is left idle: {reason}")
+
+    def leave_alone(self, joints: Collection[int]) -> None:
+        """Neither watch nor move nor power joints that somebody else has given up."""
+        self._given_up |= set(joints)
 
     def given_up(self, joint: int) -> bool:
         """Whether a joint was left to itself."""
         return joint in self._given_up
 
+    @property
+    def _kept(self) -> list[int]:
+        """The joints that were not given up."""
+        return [joint for joint in range(len(self._names)) if joint not in self._given_up]
+
+    # While joints move -----------------------------------------------------------------------------------------------
+
     def watch(self) -> None:
-        """Look whether every joint does what it may; stop the one that does not, and raise GuardError."""
+        """Look whether every joint does what it may; stop the one that does not, and raise GuardError.
+
+        Where the state does not come any more nobody can look: all are held, and StaleStateError is raised.
+        """
+        try:
+            self._look()
+        except StaleStateError:
+            with suppress(RobotError):  # it is told when the part is put back, which begins with the same
+                self._hold_unseen()
+            raise
+
+    def _look(self) -> None:
         positions = self.board.encoders()
+        self._judge(np.isnan(positions), positions, "has no position: its encoder gives {}")
         if self.snapshot.limits:
             outside = (positions < self._low) | (positions > self._high)
             self._judge(outside, positions, "is at {:.1f} deg, beyond its limits")
@@ -165,18 +178,27 @@ class MotionGuard:
 
     def _watch_motion(self) -> None:
         """All but where joints are: one that is to come back may be anywhere."""
-        board = self.board
-        if self.fastest is not None:
-            speeds = np.abs(board.encoder_speeds())
-            self._judge(speeds > self.limits.speed * self.fastest, speeds, "turns at {:.0f} deg/s, too fast")
-        if self.limits.current is not None and self._currents.size:
-            currents = np.abs(board.currents())
-            self._judge(currents > self.limits.current * self._currents, currents, "draws {:.2f} A, too much")
-        if self.limits.torque is not None and self._torques is not None:
-            torques = np.abs(board.torques())
-            self._judge(torques > self.limits.torque * self._torques, torques, "bears {:.1f} Nm, too much")
+        board, limits = self.board, self.limits
+        self._watch_most("speeds", board.encoder_speeds, limits.speed, self.fastest, "turns at {:.0f} deg/s, too fast")
+        self._watch_most("currents", board.currents, limits.current, self._currents, "draws {:.2f} A, too much")
+        self._watch_most("torques", board.torques, limits.torque, self._torques, "bears {:.1f} Nm, too much")
         self._watch_contacts()
         self._watch_temperatures()
+
+    def _watch_most(
+        self, name: str, measure: Callable[[], FloatArray], share: float | None, most: FloatArray | None, what: str
+    ) -> None:
+        """Look at something of which there is a most. What the board does not measure is told once, and not watched."""
+        if share is None or most is None:
+            return
+        try:
+            values = np.abs(measure())
+        except NotSupportedError as error:
+            if name not in self._unwatched:
+                self._unwatched.add(name)
+                self._report(f"the {name} of {self.name} are not watched: {error}")
+            return
+        self._judge(values > share * most, values, what)
 
     def _watch_contacts(self) -> None:
         """Stop all joints of a part that runs into something: whichever moved, it pressed with all of them."""
@@ -188,7 +210,7 @@ class MotionGuard:
             self._contacts = None
             self._report(f"{self.name} is not watched for contacts: {error}")
             return
-        held = [joint for joint in range(len(self._names)) if joint not in self._given_up]
+        held = self._kept
         if strike is None or not held:
             return
         joint = max(held, key=lambda one: strike.speeds[one])
@@ -196,8 +218,8 @@ class MotionGuard:
         if strike.speeds[joint] < _STANDING:
             joint = self._farthest(held, joint)  # before the stop, after which no joint is to go anywhere
             what = "stands still by its encoder, and something pushes: it is held, or the encoder is frozen"
-        self.board.stop(held)
-        raise GuardError(
+        self._stop(
+            held,
             f"{self._names[joint]} ({self.name} joint {joint}) {what}; {self._contacts.source} shows at least "
             f"{strike.force:.0f} N from outside within {WITHIN:g} s, more than {self.limits.contact:g} N; "
             "all joints of the part were stopped",
@@ -214,7 +236,8 @@ class MotionGuard:
     def _watch_temperatures(self) -> None:
         """They come slowly, and have to be asked for."""
         now = self._clock.now()
-        if self.limits.temperature is None or self._hottest is None or now < self._felt + _WARMING:
+        # A clock may also jump back.
+        if self.limits.temperature is None or self._hottest is None or 0 <= now - self._felt < _WARMING:
             return
         self._felt = now
         try:
@@ -224,52 +247,141 @@ class MotionGuard:
             return
         self._judge(temperatures > self.limits.temperature * self._hottest, temperatures, "has {:.0f} degC, too hot")
 
-    def _judge(self, wrong: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], values: FloatArray, what: str) -> None:
+    def _judge(self, wrong: NDArray[np.bool_], values: FloatArray, what: str) -> None:
         found = [int(joint) for joint in np.flatnonzero(wrong) if joint not in self._given_up]
-        if not found:
-            return
-        joint = found[0]
-        self.board.stop(joint)
-        raise GuardError(
-            f"{self._names[joint]} ({self.name} joint {joint}) {what.format(values[joint])}; it was stopped", joint
-        )
+        if found:
+            joint = found[0]
+            self._stop(
+                [joint],
+                f"{self._names[joint]} ({self.name} joint {joint}) {what.format(values[joint])}; it was stopped",
+                joint,
+            )
 
-    def restore(self) -> None:
-        """Put the part back: settings first, then its modes, then where its joints were. Raises one RobotError for all.
+    def _stop(self, joints: Sequence[int], text: str, joint: int) -> None:
+        """Stop joints and raise GuardError with why: also where the board does not let them be stopped."""
+        try:
+            self.halt(joints)
+        except RobotError as error:
+            text = f"{text.rpartition('; ')[0]}; and it could not be stopped: {error}"
+        raise GuardError(text, joint)
 
-        What was not changed is not written.
+    def halt(self, joints: Sequence[int]) -> None:
+        """Stop joints in whatever modes they are. One that is driven by duty cycle, current or torque is held.
+
+        Where the board sends no state nobody knows their modes: all of the part are stopped and held.
         """
-        problems: list[str] = []
-        for step in (self._restore_settings, self._leave_faults, self._park, self._restore_modes):
-            try:
-                step()
-            except UnreachableError as error:
-                problems.append(str(error))
-                break  # the others would wait as long for the same
-            except RobotError as error:
-                problems.append(str(error))
-        if problems:
-            raise RobotError(f"{self.name} could not be put back as it was: {'; '.join(problems)}")
+        try:
+            modes = self.board.control_modes()
+        except StaleStateError:
+            self._hold_unseen()
+            return
+        driven = [joint for joint in joints if modes[joint] in _DRIVEN]
+        moving = [joint for joint in joints if modes[joint] not in _DRIVEN | _LIMP]
+        problems = _Problems()
+        if driven:
+            problems.attempt(self._hold, driven)
+        if moving:
+            problems.attempt(self.board.stop, moving)
+        problems.tell("")
 
-    def _restore_settings(self) -> None:
-        board, before = self.board, self.snapshot
-        for joint, name in enumerate(self._names):
-            if before.max_currents and board.max_current(joint) != before.max_currents[joint]:
-                board.set_max_current(joint, before.max_currents[joint])
-                self._report(f"{name}: the greatest current is {before.max_currents[joint]:g} A again")
-            if before.limits and board.limits(joint) != before.limits[joint]:
-                board.set_limits(joint, *before.limits[joint])
-                self._report(f"{name}: the limits are {before.limits[joint]} deg again")
-            if before.impedances and board.impedance(joint) != before.impedances[joint]:
-                board.set_impedance(joint, *before.impedances[joint])
-                self._report(f"{name}: stiffness and damping are {before.impedances[joint]} again")
-        if before.pids:
-            for joint, (now, then) in enumerate(zip(board.pids(PidType.POSITION), before.pids, strict=True)):
-                if now != then:
-                    board.set_pid(PidType.POSITION, joint, then)
-                    self._report(f"{self._names[joint]}: the gains of the position controller are as before")
-        if before.interactions and board.interaction_modes() != before.interactions:
-            for joint, mode in enumerate(before.interactions):
+    def _hold_unseen(self) -> None:
+        """Stop and hold all joints without knowing how they are; those that were without power have none again."""
+        problems, idle = _Problems(), self._limp_before
+        if held := [joint for joint in self._kept if joint not in idle]:
+            problems.attempt(self._hold, held)
+            problems.attempt(self.board.stop, held)
+        for joint in idle:
+            problems.attempt(self.board.set_control_modes, ControlMode.IDLE, joint)
+        problems.tell("")
+
+    @property
+    def _limp_before(self) -> list[int]:
+        return [joint for joint in self._kept if self.snapshot.modes[joint] is ControlMode.IDLE]
+
+    def _hold(self, joints: Sequence[int]) -> None:
+        """Have joints held where they are; without power where the board refuses that."""
+        try:
+            self.board.set_control_modes([ControlMode.POSITION] * len(joints), joints)
+        except RefusedError:
+            for joint in joints:
+                try:
+                    self.board.set_control_modes(ControlMode.POSITION, joint)
+                except RefusedError:
+                    self.board.set_control_modes(ControlMode.IDLE, joint)
+
+    # Afterwards ------------------------------------------------------------------------------------------------------
+
+    def restore(self, seconds: float = PARKING_TIME) -> None:
+        """Put the part back; ``seconds`` are what joints have to come back. Raises one RobotError for all problems.
+
+        First of all nothing drives a joint any more. Then settings, where joints were, and modes. What was not changed
+        is not written, and one thing that cannot be put back keeps no other from being so.
+        """
+        problems = _Problems()
+        with suppress(NoAnswerError):  # it was told, and all others would wait as long for the same
+            problems.attempt(self.secure)
+            self._restore_settings(problems)
+            problems.attempt(self._leave_faults)
+            problems.attempt(self._park, seconds)
+            self._restore_modes(problems)
+        problems.tell(f"{self.name} could not be put back as it was: ")
+
+    def secure(self) -> None:
+        """Have nothing drive a joint any more, and nothing go on: no reading is needed for that."""
+        try:
+            modes = self.board.control_modes()
+        except StaleStateError as error:
+            self._hold_unseen()
+            raise RobotError(f"{error}; its joints are held where they were then") from error
+        going = [joint for joint in self._kept if modes[joint] in _RESTLESS]
+        if going:
+            self.halt(going)
+        for joint in going:
+            if modes[joint] in _DRIVEN:
+                self._secured.add(joint)
+                self._report(f"{self._names[joint]}: is held, was left in {modes[joint].word}")
+
+    def _restore_settings(self, problems: _Problems) -> None:
+        for joint in range(len(self._names)):
+            for step in (self._restore_current, self._restore_limits, self._restore_impedance):
+                problems.attempt(step, joint)
+        problems.attempt(self._restore_pids, problems)
+        problems.attempt(self._restore_interactions)
+
+    def _restore_current(self, joint: int) -> None:
+        before = self.snapshot.max_currents[joint]
+        if before is not None and self.board.max_current(joint) != before:
+            self.board.set_max_current(joint, before)
+            self._report(f"{self._names[joint]}: the greatest current is {before:g} A again")
+
+    def _restore_limits(self, joint: int) -> None:
+        before = self.snapshot.limits
+        if before and self.board.limits(joint) != before[joint]:
+            self.board.set_limits(joint, *before[joint])
+            self._report(f"{self._names[joint]}: the limits are {before[joint]} deg again")
+
+    def _restore_impedance(self, joint: int) -> None:
+        before = self.snapshot.impedances[joint]
+        if before is not None and self.board.impedance(joint) != before:
+            self.board.set_impedance(joint, *before)
+            self._report(f"{self._names[joint]}: stiffness and damping are {before} again")
+
+    def _restore_pids(self, problems: _Problems) -> None:
+        board, all_now = self.board, answered(lambda: self.board.pids(PidType.POSITION))  # one question for all joints
+
+        def restore(joint: int, before: Pid) -> None:
+            if (all_now[joint] if all_now else board.pid(PidType.POSITION, joint)) != before:
+                board.set_pid(PidType.POSITION, joint, before)
+                self._report(f"{self._names[joint]}: the gains of the position controller are as before")
+
+        for joint, before in enumerate(self.snapshot.pids):
+            if before is not None:
+                problems.attempt(restore, joint, before)
+
+    def _restore_interactions(self) -> None:
+        board, before = self.board, self.snapshot.interactions
+        if before and board.interaction_modes() != before:
+            for joint, mode in enumerate(before):
                 if mode is not InteractionMode.UNKNOWN and board.interaction_mode(joint) is not mode:
                     board.set_interaction_modes(mode, joint)
 
@@ -279,42 +391,105 @@ class MotionGuard:
                 self.board.set_control_modes(ControlMode.FORCE_IDLE, joint)
                 self._report(f"{self._names[joint]} was in fault, and is forced out of it")
 
-    def _park(self) -> None:
-        """Bring joints that are somewhere else to where they were; all are stopped when one does what it may not."""
-        board, before = self.board, self.snapshot.positions
-        away = [int(j) for j in np.flatnonzero(np.abs(board.encoders() - before) > _ARRIVED)]
-        held = [j for j in away if self.snapshot.modes[j] is not ControlMode.IDLE and j not in self._given_up]
-        if not held:
-            return
-        board.set_control_modes([ControlMode.POSITION] * len(held), held)
-        board.set_reference_speeds([PARKING_SPEED] * len(held), held)
-        board.position_move(before[held], held)
-        end = self._clock.now() + PARKING_TIME
-        while np.abs(board.encoders(held) - before[held]).max() > _ARRIVED:
-            if self._clock.now() > end:
-                late = [self._names[j] for j in held if abs(board.encoder(j) - before[j]) > _ARRIVED]
-                raise GuardError(f"{', '.join(late)} did not come back to where it was within {PARKING_TIME:g} s")
-            self._clock.sleep(_PACE)
-            try:
-                self._watch_motion()
-            except GuardError as error:
-                board.stop(held)
-                raise GuardError(f"on the way back {error}", error.joint) from None
+    def _park(self, seconds: float) -> None:
+        """Bring joints that are somewhere else to where they were; all are stopped when that fails in any way."""
+        idle = self._limp_before
+        mine = [joint for joint in self._kept if joint not in idle]
+        sent: list[int] = []
+        end = self._clock.now() + seconds
+        try:
+            # One that nobody held may begin to sink only while others are on their way.
+            while away := self._away(mine):
+                if new := [joint for joint in away if joint not in sent]:
+                    sent += new
+                    self._send_home(new)
+                if self._clock.now() > end:
+                    self._complain_of(away, seconds)
+                self._clock.sleep(_PACE)
+                try:
+                    self._watch_motion()
+                except GuardError as error:
+                    raise GuardError(f"on the way back {error}", error.joint) from None
+        except BaseException:
+            self.halt(sent)
+            raise
 
-    def _restore_modes(self) -> None:
+    def _complain_of(self, away: Sequence[int], seconds: float) -> NoReturn:
+        late = ", ".join(self._names[joint] for joint in away)
+        raise GuardError(f"{late} did not come back to where it was within {seconds:g} s; it was stopped")
+
+    def _away(self, joints: Sequence[int]) -> list[int]:
+        """Which of them are not where they were. Raises GuardError for one that does not know where it is."""
+        here, before = self.board.encoders(), self.snapshot.positions
+        for joint in joints:
+            if np.isnan(here[joint]):
+                raise GuardError(f"{self._names[joint]} has no position, and cannot be brought back", joint)
+        return [joint for joint in joints if abs(here[joint] - before[joint]) > _ARRIVED]
+
+    def _send_home(self, joints: Sequence[int]) -> None:
+        board = self.board
+        board.set_control_modes([ControlMode.POSITION] * len(joints), joints)
+        board.set_reference_speeds([PARKING_SPEED] * len(joints), joints)
+        board.position_move(self.snapshot.positions[joints], joints)
+
+    def _restore_modes(self, problems: _Problems) -> None:
         board, before = self.board, self.snapshot
-        if before.speeds is not None and not np.array_equal(board.reference_speeds(), before.speeds):
-            board.set_reference_speeds(before.speeds)
-        if before.accelerations is not None and not np.array_equal(
-            board.reference_accelerations(), before.accelerations
-        ):
-            board.set_reference_accelerations(before.accelerations)
-        for joint, (now, then) in enumerate(zip(board.control_modes(), before.modes, strict=True)):
-            if joint in self._given_up:
-                board.set_control_modes(ControlMode.IDLE, joint)
-            elif now is not then and then in _RESTORABLE:
-                board.set_control_modes(then, joint)
-                self._report(f"{self._names[joint]}: in {then.word} again, was left in {now.word}")
+
+        def modes() -> None:
+            for joint, (now, then) in enumerate(zip(board.control_modes(), before.modes, strict=True)):
+                if joint in self._given_up:
+                    problems.attempt(board.set_control_modes, ControlMode.IDLE, joint)
+                elif now is not then and then in _RESTORABLE:
+                    problems.attempt(self._restore_mode, joint, now)
+
+        def speeds() -> None:
+            if before.speeds is not None and not np.array_equal(board.reference_speeds(), before.speeds):
+                board.set_reference_speeds(before.speeds)
+
+        def accelerations() -> None:
+            then = before.accelerations
+            if then is not None and not np.array_equal(board.reference_accelerations(), then):
+                board.set_reference_accelerations(then)
+
+        for step in (modes, speeds, accelerations):
+            problems.attempt(step)
+
+    def _restore_mode(self, joint: int, now: ControlMode) -> None:
+        then = self.snapshot.modes[joint]
+        self.board.set_control_modes(then, joint)
+        if joint not in self._secured:  # else it was told, and the state that came last does not show it yet
+            self._report(f"{self._names[joint]}: in {then.word} again, was left in {now.word}")
+
+
+class _Problems:
+    """Does one thing after the other whatever becomes of them, and tells all that failed at the end."""
+
+    def __init__(self) -> None:
+        self._texts: list[str] = []
+        self._unanswered = 0
+
+    def attempt(self, action: Callable[..., object], *arguments: object) -> None:
+        """Do something. A board that does not answer again and again, or is gone, raises its NoAnswerError."""
+        try:
+            action(*arguments)
+        except RobotError as error:
+            if str(error) not in self._texts:
+                self._texts.append(str(error))
+            if not isinstance(error, NoAnswerError):
+                return
+            self._unanswered += 1
+            if isinstance(error, UnreachableError) or self._unanswered == _UNANSWERED:
+                raise
+
+    def tell(self, beginning: str) -> None:
+        """Raise one RobotError for all; nothing when there were none."""
+        if self._texts:
+            raise RobotError(f"{beginning}{'; '.join(self._texts)}")
+
+
+def _some(most: FloatArray | None) -> FloatArray | None:
+    """Limits of joints; None where none of them has one."""
+    return None if most is None or not np.isfinite(most).any() else most
 
 
 #: Modes that a joint may be put back into. Out of faults and calibration it is the board that decides; torque, current

@@ -170,6 +170,26 @@ def test_single_message_that_is_wrong_is_no_contact(limb: Limb):
         limb.step(steps=30)
 
 
+def test_a_sensor_that_sends_no_numbers_is_told(limb: Limb):
+    """Nobody may think that it watches: after a second it is said, once, and the rest is watched on."""
+    limb.step((np.nan,) * 3, steps=90)
+    assert limb.said == []
+    limb.step((np.nan,) * 3, steps=30)
+    assert limb.said == [
+        f"/fake/left_arm is not watched for contacts: what comes from {SENSOR} are no numbers",
+    ]
+    limb.step((np.nan,) * 3, steps=150)
+    assert len(limb.said) == 1
+
+
+def test_stamps_that_jump_back_blind_nobody(limb: Limb):
+    """The robot's clock was set: what comes then is watched like what came before."""
+    limb.time.time -= 50.0
+    limb.step(steps=100)
+    with pytest.raises(GuardError, match="something"):
+        limb.step((60.0, 0.0, 20.0), steps=20)
+
+
 def test_letting_go_is_no_second_contact(limb: Limb):
     """A limb that strikes, presses, and is taken away has struck once; if it strikes again it is stopped again."""
     for _ in range(2):

@@ -14,8 +14,9 @@ from rtf.middleware.network import Network
 from rtf.robot.client.control_board import RemoteControlBoard, connect
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.errors import RefusedError, RobotError
-from rtf.robot.interfaces import PidType
+from rtf.robot.errors import RefusedError, RobotError, StaleStateError
+from rtf.robot.extended_state import Field
+from rtf.robot.interfaces import PidType, modes_for
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PostingOutlets
 from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
@@ -23,7 +24,7 @@ from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
 from ..robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from rtf.robot.extended_state import ExtendedState
     from rtf.robot.interfaces import AxisSelection, FloatArray
@@ -34,6 +35,12 @@ class WrongBoard(FakeBoard):
 
     wrong: tuple[str, int, float] | None = None
     knows_torques = True
+    lacks: frozenset[Field] = frozenset()  # what the state has not got
+    refuses: frozenset[tuple[str, int]] = frozenset()  # methods that are refused, each for a joint
+
+    def __init__(self, name: str, *, network: Network) -> None:
+        super().__init__(name, network=network)
+        self.commands: list[str] = []  # what made joints move, stand or change their modes
 
     def fill_state(self, state: ExtendedState) -> float:
         """See IStateSource."""
@@ -41,7 +48,43 @@ class WrongBoard(FakeBoard):
         if self.wrong is not None:
             field, joint, value = self.wrong
             getattr(state, field)[joint] = value
+        for lacking in self.lacks:
+            state.valid[lacking] = False
         return time
+
+    def _may(self, method: str, joints: Sequence[int] | int) -> None:
+        for joint in [joints] if isinstance(joints, int) else joints:
+            if (method, joint) in self.refuses:
+                raise RefusedError(f"joint {joint} does not let {method} be done")
+
+    def stop(self, joints: AxisSelection = None) -> None:
+        """See IPositionControl."""
+        chosen = self._chosen(joints)
+        self._may("stop", chosen)
+        self.commands.append(f"stop {chosen}")
+        super().stop(joints)
+
+    def set_control_modes(self, modes: ControlMode | Sequence[ControlMode], joints: AxisSelection = None) -> None:
+        """See IControlMode."""
+        chosen = self._chosen(joints)
+        self._may("mode", chosen)
+        self.commands.append(f"modes {[mode.word for mode in modes_for(len(chosen), modes)]} {chosen}")
+        super().set_control_modes(modes, joints)
+
+    def max_current(self, motor: int) -> float:
+        """See IAmplifierControl."""
+        self._may("max_current", motor)
+        return super().max_current(motor)
+
+    def set_max_current(self, motor: int, current: float) -> None:
+        """See IAmplifierControl."""
+        self._may("set_max_current", motor)
+        super().set_max_current(motor, current)
+
+    def impedance(self, joint: int) -> tuple[float, float]:
+        """See IImpedanceControl."""
+        self._may("impedance", joint)
+        return super().impedance(joint)
 
     def temperatures(self, motors: AxisSelection = None) -> FloatArray:
         """See IMotor."""
@@ -58,12 +101,24 @@ class WrongBoard(FakeBoard):
         return -20.0, 20.0
 
 
+class PublishingClock(ManualClock):
+    """One whose sleepers find a new state when they wake up, once somebody publishes it."""
+
+    publish: Callable[[], None] | None = None
+
+    def sleep(self, seconds: float) -> None:
+        """See Clock."""
+        super().sleep(seconds)
+        if self.publish is not None:
+            self.publish()
+
+
 class Bench:
     """A board of three joints behind its ports, a client of it, and a guard."""
 
     def __init__(self, stack: ExitStack) -> None:
         self.network = Network(LocalNames())
-        self.time = stack.enter_context(clock.use(ManualClock()))
+        self.time = stack.enter_context(clock.use(PublishingClock()))
         self.device = WrongBoard("fake", network=self.network)
         self.device.open(Property.parse("(GENERAL (Joints 3))"))
         stack.callback(self.device.close)
@@ -83,6 +138,11 @@ class Bench:
     def guard(self, limits: Limits | None = None) -> MotionGuard:
         """A guard that has just seen how the part is."""
         return MotionGuard(self.board, "/fake", clock=self.time, report=self.said.append, limits=limits)
+
+    def restore(self, guard: MotionGuard) -> None:
+        """Put the part back, while states come."""
+        self.time.publish = self.publish
+        guard.restore()
 
     def measure(self, field: str, joint: int, value: float) -> None:
         """Have the board measure this from now on."""
@@ -207,3 +267,149 @@ def test_joint_that_does_what_it_may_not_on_its_way_back_stops_all(bench: Bench)
         guard.restore()
     assert bench.device.motion_done()
     assert bench.device.encoders([0]) > 40.0
+
+
+@pytest.mark.parametrize("mode", [ControlMode.TORQUE, ControlMode.PWM, ControlMode.CURRENT])
+def test_what_is_driven_is_held_instead(bench: Bench, mode: ControlMode):
+    """To a joint in such a mode ``stop`` means nothing: it would go on."""
+    guard = bench.guard()
+    bench.device.set_control_modes(mode, 1)
+    bench.measure("currents", 1, 10.5)
+    with pytest.raises(GuardError, match=r"draws 10\.50 A, too much; it was stopped"):
+        guard.watch()
+    assert bench.device.control_modes(1) == (ControlMode.POSITION,)
+
+
+def test_what_cannot_be_held_has_no_power(bench: Bench):
+    """A board that refuses position mode to one of two joints holds the other."""
+    guard = bench.guard()
+    bench.device.set_control_modes(ControlMode.TORQUE)
+    bench.publish()
+
+    bench.device.refuses = frozenset({("mode", 1)})
+    with pytest.raises(RobotError, match=r"refused .*joint 1"):
+        guard.halt([0, 1])
+    assert bench.device.control_modes(0) == (ControlMode.POSITION,)
+
+
+def test_a_stop_that_is_refused_hides_no_danger(bench: Bench):
+    """It is a failure of the robot with both sentences."""
+    guard = bench.guard()
+    bench.device.refuses = frozenset({("stop", 1)})
+    bench.measure("currents", 1, 10.5)
+    with pytest.raises(GuardError, match=r"draws 10\.50 A, too much; and it could not be stopped: .*joints 1"):
+        guard.watch()
+
+
+def test_a_joint_without_a_position_is_stopped(bench: Bench):
+    """What is no number is within no limits; and nobody brings such a joint back."""
+    guard = bench.guard()
+    bench.measure("joint_positions", 1, float("nan"))
+    with pytest.raises(GuardError, match=r"joint1 .* has no position: its encoder gives nan; it was stopped"):
+        guard.watch()
+    bench.device.commands.clear()
+    with pytest.raises(RobotError, match="joint1 has no position, and cannot be brought back"):
+        guard.restore()
+    assert bench.device.commands == []
+
+
+def test_what_a_board_has_not_got_is_not_watched(bench: Bench):
+    """Over the network that is told by refusing: of single joints, or of all; or the state has it not."""
+    device = bench.device
+    device.knows_torques = False
+    device.refuses = frozenset({("max_current", 0), ("impedance", 1)})
+    device.lacks = frozenset({Field.TORQUES, Field.JOINT_VELOCITIES})
+    bench.publish()
+    guard = bench.guard()
+    guard.watch()
+    guard.watch()
+    assert [text.split(":")[0] for text in bench.said] == ["the speeds of /fake are not watched"]
+    bench.measure("currents", 0, 1000.0)
+    guard.watch()
+    bench.measure("currents", 1, 10.5)
+    with pytest.raises(GuardError, match="joint1"):
+        guard.watch()
+    bench.board.set_max_current(1, 3.0)
+    device.set_impedance(2, 0.1, 0.2)
+    guard.restore()
+    assert bench.board.max_current(1) == guard.snapshot.max_currents[1]
+    assert bench.board.impedance(2) == guard.snapshot.impedances[2]
+
+
+def test_no_greatest_current_is_no_limit(bench: Bench):
+    """Boards say 0 for joints that have none."""
+    bench.device.set_max_current(1, 0.0)
+    guard = bench.guard()
+    bench.measure("currents", 1, 1000.0)
+    guard.watch()
+
+
+def test_one_thing_that_cannot_be_put_back_keeps_no_other(bench: Bench):
+    """Of all joints, and in all that is put back; and it is told."""
+    board, guard = bench.board, bench.guard()
+    for joint in range(3):
+        board.set_max_current(joint, 3.0)
+        board.set_limits(joint, -5.0, 5.0)
+    bench.device.set_control_modes(ControlMode.IDLE, 2)
+    bench.publish()
+    bench.device.refuses = frozenset({("set_max_current", 0)})
+    with pytest.raises(RobotError, match=r"/fake could not be put back as it was: .*, joint 0$"):
+        guard.restore()
+    assert [board.max_current(joint) for joint in (1, 2)] == guard.snapshot.max_currents[1:]
+    assert [board.limits(joint) for joint in range(3)] == guard.snapshot.limits
+    assert bench.device.control_modes() == guard.snapshot.modes
+
+
+def test_first_of_all_nobody_drives_a_joint(bench: Bench):
+    """Before settings, and while others come back, which takes its time."""
+    guard = bench.guard()
+    bench.device.position_move([60.0], [0])
+    bench.time.sleep(10.0)
+    bench.device.set_control_modes(ControlMode.PWM, 1)
+    bench.publish()
+    bench.device.commands.clear()
+    bench.restore(guard)
+    assert bench.device.commands[0] == "modes ['pos'] [1]"
+    assert bench.device.control_modes() == guard.snapshot.modes
+    assert bench.said == ["joint1: is held, was left in ipwm"]
+
+
+def test_what_does_not_come_back_is_stopped(bench: Bench):
+    """It would push on for ever against what is in its way."""
+    guard = bench.guard()
+    bench.measure("joint_positions", 1, 50.0)
+    bench.device.commands.clear()
+    with pytest.raises(RobotError, match=r"joint1 did not come back to where it was within 20 s; it was stopped"):
+        bench.restore(guard)
+    assert bench.device.commands[-1] == "stop [1]"
+
+
+def test_without_a_state_all_is_held_unseen(bench: Bench):
+    """A joint that is driven while nobody sees it does not stay so; one that was idle is so again."""
+    bench.device.set_control_modes(ControlMode.IDLE, 2)
+    bench.publish()
+    guard = bench.guard()
+    bench.device.set_control_modes(ControlMode.TORQUE, 1)
+    bench.device.set_control_modes(ControlMode.PWM, 2)
+    bench.time.sleep(5.0)
+    with pytest.raises(StaleStateError):
+        guard.watch()
+    held = (ControlMode.POSITION, ControlMode.POSITION, ControlMode.IDLE)
+    assert bench.device.control_modes() == held
+    bench.device.set_control_modes(ControlMode.TORQUE, 1)
+    with pytest.raises(RobotError, match="its joints are held where they were then"):
+        guard.restore()
+    assert bench.device.control_modes() == held
+
+
+def test_what_somebody_else_gave_up_is_left_alone(bench: Bench):
+    """Neither powered nor brought back."""
+    guard = bench.guard()
+    bench.device.position_move([50.0], [1])
+    bench.time.sleep(10.0)
+    bench.device.set_control_modes(ControlMode.IDLE, 1)
+    bench.publish()
+    guard.leave_alone({1})
+    guard.restore()
+    assert bench.device.control_modes(1) == (ControlMode.IDLE,)
+    assert bench.device.encoders([1]) == pytest.approx(50.0)

@@ -1,0 +1,91 @@
+"""A part of a robot as it was: what a test may change, and what outlives the test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.errors import NotSupportedError, RefusedError
+from rtf.robot.interfaces import Pid, PidType
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.interfaces import FloatArray
+
+_T = TypeVar("_T")
+
+
+@dataclass(slots=True)
+class Snapshot:
+    """Everything that a test may change. What a board has not got is missing: an empty list, or None for a joint."""
+
+    positions: FloatArray
+    modes: tuple[ControlMode, ...]
+    interactions: tuple[InteractionMode, ...] = ()
+    speeds: FloatArray | None = None
+    accelerations: FloatArray | None = None
+    limits: list[tuple[float, float]] = field(default_factory=list)
+    max_currents: list[float | None] = field(default_factory=list)
+    pids: list[Pid | None] = field(default_factory=list)
+    impedances: list[tuple[float, float] | None] = field(default_factory=list)
+
+    @classmethod
+    def take(cls, board: RemoteControlBoard) -> Snapshot:
+        """Ask a board for all of it. Raises RobotError when it cannot even say where its joints are."""
+        joints = range(board.axes())
+        pids = answered(partial(board.pids, PidType.POSITION))
+        return cls(
+            positions=board.encoders(),
+            modes=board.control_modes(),
+            interactions=answered(board.interaction_modes) or (),
+            speeds=answered(board.reference_speeds),
+            accelerations=answered(board.reference_accelerations),
+            limits=answered(lambda: [board.limits(joint) for joint in joints]) or [],
+            max_currents=[answered(partial(board.max_current, joint)) for joint in joints],
+            pids=[answered(partial(board.pid, PidType.POSITION, j)) for j in joints] if pids is None else [*pids],
+            impedances=[answered(partial(board.impedance, joint)) for joint in joints],
+        )
+
+    def to_record(self) -> dict[str, Any]:
+        """All of it as what JSON can hold."""
+        return {
+            "positions": self.positions.tolist(),
+            "modes": [int(mode) for mode in self.modes],
+            "interactions": [int(mode) for mode in self.interactions],
+            "speeds": None if self.speeds is None else self.speeds.tolist(),
+            "accelerations": None if self.accelerations is None else self.accelerations.tolist(),
+            "limits": self.limits,
+            "max_currents": self.max_currents,
+            "pids": self.pids,
+            "impedances": self.impedances,
+        }
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Snapshot:
+        """What ``to_record`` made. Raises KeyError, TypeError or ValueError for anything else."""
+        speeds, accelerations = record["speeds"], record["accelerations"]
+        return cls(
+            positions=np.array(record["positions"], dtype=np.float64),
+            modes=tuple(ControlMode(number) for number in record["modes"]),
+            interactions=tuple(InteractionMode(number) for number in record["interactions"]),
+            speeds=None if speeds is None else np.array(speeds, dtype=np.float64),
+            accelerations=None if accelerations is None else np.array(accelerations, dtype=np.float64),
+            limits=[(low, high) for low, high in record["limits"]],
+            max_currents=list(record["max_currents"]),
+            pids=[None if gains is None else Pid(*gains) for gains in record["pids"]],
+            impedances=[None if pair is None else (pair[0], pair[1]) for pair in record["impedances"]],
+        )
+
+
+def answered(question: Callable[[], _T]) -> _T | None:
+    """What a board answers; None where it has not got that: over the network that is told as a refusal, too."""
+    try:
+        return question()
+    except (NotSupportedError, RefusedError):
+        return None

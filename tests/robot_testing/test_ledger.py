@@ -1,0 +1,100 @@
+"""The ledger of a run: what was noted is there for whoever comes later, and a snapshot as it was."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.interfaces import Pid
+from rtf.robot_testing.ledger import FILE_NAME, MotionLedger
+from rtf.robot_testing.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+_NUMBERS = st.floats(allow_nan=False)
+_PAIRS = st.tuples(_NUMBERS, _NUMBERS)
+
+
+@st.composite
+def snapshots(draw: st.DrawFn) -> Snapshot:
+    """Parts with as many joints as one likes, of which some know less than others."""
+    count = draw(st.integers(1, 4))
+
+    def each(what: st.SearchStrategy) -> list:
+        return draw(st.lists(what, min_size=count, max_size=count))
+
+    def numbers() -> np.ndarray:
+        return np.array(each(_NUMBERS))
+
+    return Snapshot(
+        positions=numbers(),
+        modes=tuple(each(st.sampled_from(ControlMode))),
+        interactions=tuple(each(st.sampled_from(InteractionMode))) if draw(st.booleans()) else (),
+        speeds=numbers() if draw(st.booleans()) else None,
+        accelerations=numbers() if draw(st.booleans()) else None,
+        limits=each(_PAIRS) if draw(st.booleans()) else [],
+        max_currents=each(st.none() | _NUMBERS),
+        pids=each(st.none() | st.builds(Pid, *[_NUMBERS] * len(Pid._fields))),
+        impedances=each(st.none() | _PAIRS),
+    )
+
+
+@given(snapshots())
+def test_a_snapshot_is_the_same_after_its_journey(snapshot: Snapshot):
+    """Through JSON, to the last bit."""
+    back = Snapshot.from_record(json.loads(json.dumps(snapshot.to_record())))
+    for name in Snapshot.__dataclass_fields__:
+        before, after = getattr(snapshot, name), getattr(back, name)
+        assert type(before) is type(after), name
+        assert np.array_equal(before, after) if isinstance(before, np.ndarray) else before == after, name
+
+
+def test_what_was_said_last_counts(tmp_path: Path):
+    """Of each robot on its own; one that nobody was asked about may not move."""
+    ledger = MotionLedger(tmp_path)
+    assert not ledger.may_move("icub")
+    ledger.decided("icub", may_move=True)
+    ledger.decided("other", may_move=False)
+    assert MotionLedger(tmp_path).may_move("icub")
+    assert not MotionLedger(tmp_path).may_move("other")
+    ledger.decided("icub", may_move=False)
+    assert not MotionLedger(tmp_path).may_move("icub")
+
+
+def test_what_was_given_up_and_kept_is_of_one_part(tmp_path: Path):
+    """And the first snapshot is the one from before any test."""
+    ledger = MotionLedger(tmp_path)
+    ledger.gave_up("/icub/head", 2)
+    ledger.gave_up("/icub/head", 0)
+    assert ledger.given_up("/icub/head") == {0, 2}
+    assert ledger.given_up("/icub/torso") == set()
+    for position in (1.0, 2.0):
+        ledger.keep("/icub/head", Snapshot(np.array([position]), (ControlMode.POSITION,)))
+    kept = MotionLedger(tmp_path).kept("/icub/head")
+    assert kept is not None
+    assert kept.positions.tolist() == [1.0]
+    assert ledger.kept("/icub/torso") is None
+
+
+@pytest.mark.parametrize("torn", ['{"robot": "icub", "may_mo', '{"place": "/icub/head", "given_up": 1}\n{"pla'])
+def test_a_line_that_was_torn_is_left_out(tmp_path: Path, torn: str):
+    """Whoever wrote it was killed meanwhile; all others count."""
+    (tmp_path / FILE_NAME).write_text('{"robot": "icub", "may_move": true}\n' + torn)
+    assert MotionLedger(tmp_path).may_move("icub")
+    MotionLedger(tmp_path).decided("icub", may_move=False)
+    assert not MotionLedger(tmp_path).may_move("icub")
+
+
+def test_without_a_run_nothing_is_kept(monkeypatch: pytest.MonkeyPatch):
+    """And nobody minds."""
+    monkeypatch.delenv("RTF_RUN_FOLDER", raising=False)
+    ledger = MotionLedger()
+    ledger.decided("icub", may_move=True)
+    assert not ledger.may_move("icub")
