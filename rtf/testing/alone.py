@@ -1,7 +1,9 @@
 """What tests stand on that are run by themselves: the fixtures that they ask for, where no suite names any.
 
-A test that declares ``safety`` may leave something behind that has to be put right by somebody who outlives it. It is
-loaded and asked for its :meth:`~rtf.testing.case.TestCase.alone_fixtures` in a child process, which then ends.
+A test that may move something may leave something behind that has to be put right by somebody who outlives it. Unless
+its source says plainly that it does not, it is loaded and asked for its
+:meth:`~rtf.testing.case.TestCase.alone_fixtures` in a child process, which then ends. One that gives no answer is not
+run.
 """
 
 from __future__ import annotations
@@ -9,8 +11,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from rtf.testing.declared_safety import may_move
 from rtf.testing.events import Diagnosed
-from rtf.testing.plugins import facts_of, load_test, shipped_folder
+from rtf.testing.plugins import load_test, safety_of, shipped_folder
+from rtf.testing.session import text_of
 from rtf.testing.suite.model import FixtureEntry
 from rtf.testing.verdict import Severity
 
@@ -43,15 +47,15 @@ def with_fixtures(planned: PlannedSuite, overrides: Sequence[tuple[str, str]]) -
         if isinstance(answer, str):
             text = f"{test.name} was not asked what puts right what it may leave behind: {answer}"
             diagnostics.append(Diagnosed(severity=Severity.WARNING, text=text))
-            answer = []
+            tests.append(replace(test, problem=text))
+            continue
         tests.append(replace(test, fixtures=tuple(_entry(wanted, entries).name for wanted in answer)))
     suite = replace(planned.suite, tests=tuple(tests), fixtures=tuple(entries.values()))
     return Stands(suite, tuple(diagnostics))
 
 
 def _is_asked(test: PlannedTest) -> bool:
-    facts = facts_of(test.plugin) if test.plugin is not None else None
-    return facts is not None and bool(facts.safety)
+    return test.plugin is not None and may_move(safety_of(test.plugin))
 
 
 def _entry(wanted: _Wanted, entries: dict[_Wanted, FixtureEntry]) -> FixtureEntry:
@@ -79,14 +83,18 @@ def _answers(tests: Sequence[PlannedTest], overrides: Sequence[tuple[str, str]])
         if len(tests) == 1:
             return {tests[0].entry.id: answer}
         return {name: found for test in tests for name, found in _answers([test], overrides).items()}
-    return {
-        name: [(plugin, tuple((key, value) for key, value in values)) for plugin, values in found]
-        for name, found in answer.items()
-    }
+    return {name: found if isinstance(found, str) else _as_tuples(found) for name, found in answer.items()}
 
 
-def _ask(ref: PluginRef | None, entry: TestEntry, overrides: Sequence[tuple[str, str]]) -> list[Any]:
-    """In the child: names and parameters, as lists. A test that cannot be loaded or filled says so when it is run."""
+def _as_tuples(found: list[Any]) -> list[_Wanted]:
+    return [(plugin, tuple((key, value) for key, value in values)) for plugin, values in found]
+
+
+def _ask(ref: PluginRef | None, entry: TestEntry, overrides: Sequence[tuple[str, str]]) -> list[Any] | str:
+    """In the child: names and parameters, as lists, or why it did not say.
+
+    A test that cannot be loaded or filled says so when it is run.
+    """
     assert ref is not None
     try:
         test = load_test(ref)
@@ -95,4 +103,7 @@ def _ask(ref: PluginRef | None, entry: TestEntry, overrides: Sequence[tuple[str,
         )
     except (Exception, SystemExit):  # noqa: BLE001 - it ends the test as well, and is told there
         return []
-    return [[name, [*values.items()]] for name, values in test.alone_fixtures()]
+    try:
+        return [[name, [*values.items()]] for name, values in test.alone_fixtures()]
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever it is, there is no answer
+        return f"{type(error).__name__}: {text_of(error)}"

@@ -75,8 +75,8 @@ class TestCase(Declared):
     def alone_fixtures(self) -> Sequence[tuple[str, Mapping[str, str]]]:
         """The fixtures, each with its parameters, that it stands on when no suite says so: ``testrunner --test``.
 
-        Asked only of a class that declares ``safety``, with its parameters filled, in a process of its own that ends
-        with the answer; nothing has been set up then.
+        Asked with its parameters filled, in a process of its own that ends with the answer; nothing has been set up
+        then. A class of which the source plainly says that it moves nothing is not asked.
         """
         return ()
 

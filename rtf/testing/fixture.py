@@ -72,10 +72,12 @@ class FixtureManager(Declared):
         """
 
     def park(self) -> None:
-        """Bring what a test left into a safe state: after a test that was stopped or killed, and before ``teardown``.
+        """Bring what a test left into a safe state: after a test that was cut short, and before ``teardown``.
 
-        Called only while the fixture is up. If it raises, or takes more than fifteen seconds, between tests, the
-        fixture is taken for collapsed: nobody knows what the next test would stand on.
+        That is one that was stopped or killed, or in whose teardown or clean-ups something went wrong. Called only
+        while the fixture is up: when it collapsed under such a test, the next incarnation is asked before anything
+        else stands on it. If it raises, or takes more than 45 seconds, between tests, the fixture is taken for
+        collapsed: nobody knows what the next test would stand on. After a runner that was killed it has this time, too.
         """
 
     def on_collapse(self, reason: str) -> None:

@@ -156,8 +156,8 @@ class Planner:
 
     def _planned(self, entry: TestEntry) -> PlannedTest:
         found = self._find("test", entry)
-        if isinstance(found, str):
-            return PlannedTest(entry, None, found)
+        if isinstance(found, str) or entry.problem:
+            return PlannedTest(entry, None, entry.problem or str(found))
         facts = self._facts_of(found)
         return PlannedTest(entry, found, "", None if facts is None else facts.timeout)
 

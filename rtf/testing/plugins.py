@@ -22,11 +22,12 @@ import importlib.util
 import os
 import re
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import rtf
+from rtf.testing.declared_safety import Source
 from rtf.testing.outcome import TestingError
 from rtf.testing.places import PLUGINS
 
@@ -210,8 +211,19 @@ class ClassFacts:
     requires: tuple[str, ...] = ()
     timeout: float | None = None
     description: str = ""
-    safety: str = ""
     occupies: str = ""
+    #: Where it is defined.
+    definition: tuple[Source, ast.ClassDef] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def safety(self) -> str | None:
+        """What it does to its surroundings, in a word; empty if nobody says so, None if it cannot be told."""
+        return None if self.definition is None else self.definition[0].safety_of(self.definition[1])
+
+    def defines(self, method: str) -> bool:
+        """Whether the class itself has a method of that name."""
+        body = [] if self.definition is None else self.definition[1].body
+        return any(isinstance(part, ast.FunctionDef) and part.name == method for part in body)
 
 
 _declared: dict[tuple[str, int], dict[str, ClassFacts]] = {}
@@ -221,7 +233,7 @@ def declared_names(path: Path) -> dict[str, ClassFacts]:
     """The plug-in names a Python file declares, and the class of each, read without running it.
 
     A class declares its own name, its ``plugin_name`` and its ``aliases``, as far as they are written as plain strings.
-    One whose name begins with ``_`` is no plug-in.
+    One whose name begins with ``_`` is no plug-in, nor is one that derives only from what comes with Python.
     """
     key = (str(path), path.stat().st_mtime_ns)
     found = _declared.get(key)
@@ -239,15 +251,16 @@ def _read_names(path: Path) -> dict[str, ClassFacts]:
     except (OSError, ValueError, SyntaxError):
         return {}  # whoever names this file gets the error; a search must not stumble over it
     names: dict[str, ClassFacts] = {}
-    for node in tree.body:
-        if isinstance(node, ast.ClassDef) and node.bases and not node.name.startswith("_"):
-            facts, also = _class_facts(node)
+    file = Source(tree)
+    for node in file.classes:
+        if node.bases and not node.name.startswith("_") and not file.is_no_test(node):
+            facts, also = _class_facts(node, file)
             for name in (node.name, *also):
                 names[name] = facts
     return names
 
 
-def _class_facts(node: ast.ClassDef) -> tuple[ClassFacts, list[str]]:
+def _class_facts(node: ast.ClassDef, file: Source) -> tuple[ClassFacts, list[str]]:
     literals: dict[str, Any] = {}
     for statement in node.body:
         if isinstance(statement, ast.Assign) and len(statement.targets) == 1:
@@ -257,9 +270,6 @@ def _class_facts(node: ast.ClassDef) -> tuple[ClassFacts, list[str]]:
         else:
             continue
         if isinstance(target, ast.Name) and target.id in _FACTS:
-            if isinstance(value, ast.Attribute):  # a member of an enumeration, such as Safety.MOTION
-                literals[target.id] = value.attr.lower()
-                continue
             with contextlib.suppress(ValueError):  # a value that must be computed is no fact yet
                 literals[target.id] = ast.literal_eval(value)
     timeout = literals.get("timeout")
@@ -269,13 +279,13 @@ def _class_facts(node: ast.ClassDef) -> tuple[ClassFacts, list[str]]:
         _strings(literals.get("requires")),
         float(timeout) if isinstance(timeout, int | float) else None,
         (ast.get_docstring(node) or "").partition("\n")[0],
-        str(literals.get("safety", "")),
         str(literals.get("occupies", "")),
+        (file, node),
     )
     return facts, [*_strings(literals.get("plugin_name")), *_strings(literals.get("aliases"))]
 
 
-_FACTS = frozenset({"plugin_name", "aliases", "tags", "requires", "timeout", "safety", "occupies"})
+_FACTS = frozenset({"plugin_name", "aliases", "tags", "requires", "timeout", "occupies"})
 
 
 def _strings(value: object) -> tuple[str, ...]:
@@ -294,6 +304,14 @@ def facts_of(ref: PluginRef) -> ClassFacts | None:
             return names[wanted]
     classes = {facts.class_name: facts for facts in names.values()}
     return next(iter(classes.values())) if len(classes) == 1 else None
+
+
+def safety_of(ref: PluginRef) -> str | None:
+    """What a test does to its surroundings, in a word; empty if it declares nothing, None if that cannot be told."""
+    if ref.language.partition(":")[0] in ("lua", "executable"):
+        return ""  # they have no way to declare it
+    facts = facts_of(ref)
+    return None if facts is None else facts.safety
 
 
 def _on_path(kind: str, name: str, language: str | None, tried: list[str]) -> PluginRef | None:

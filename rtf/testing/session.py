@@ -27,6 +27,7 @@ TEXT_LIMIT = 1 << 20
 
 #: Looking up a member of an enumeration runs Python code; see :class:`Session`.
 _BAD = (Severity.FAILURE, Severity.ERROR)
+_UNDOING = (Phase.TEARDOWN, Phase.CLEANUP)
 _FAILURE = Severity.FAILURE
 _PASSED = Verdict.PASSED
 _NOTHING: Mapping[str, float | str | None] = {}
@@ -106,6 +107,9 @@ class Session:
     that way, without an event object: in a fresh process each function that is called and each object that is touched
     costs the copy of a page of memory. Hence also plain attributes, and paths that are made when they are asked for.
     """
+
+    #: Whether something went wrong in the teardown or a clean-up.
+    undoing_failed = False
 
     def __init__(
         self,
@@ -190,7 +194,7 @@ class Session:
 
         A stop that came a moment before keeps it from being called, but not what undoes things.
         """
-        if self.phase in (Phase.TEARDOWN, Phase.CLEANUP):
+        if self.phase in _UNDOING:
             self._stop = None
         self._stoppable = True
         try:
@@ -223,6 +227,7 @@ class Session:
     def _note(self, severity: Severity, text: str) -> None:
         """Count a failure or an error. What the test as a whole came to names the part in which it was found."""
         subject = self.subject
+        self.undoing_failed = self.undoing_failed or self.phase in _UNDOING
         for tally in self._tallies()[1:]:
             tally.note(severity, text)
         self.tally.note(severity, text if subject in text else f"{subject}: {text}")

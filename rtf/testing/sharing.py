@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from rtf.testing.plugins import facts_of
+from rtf.testing.declared_safety import may_move
+from rtf.testing.plugins import declared_names, facts_of, safety_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,8 +17,8 @@ if TYPE_CHECKING:
 
 #: What fixtures of robots occupy.
 ROBOT = "robot"
-#: Classes of safety of tests that move nothing; most tests are of none.
-_HARMLESS = ("", "still")
+#: The name of the fixture that starts a robot of its own.
+_SIMULATOR = "simulator"
 
 
 class Use(NamedTuple):
@@ -33,11 +35,30 @@ class Use(NamedTuple):
 def uses(planned: PlannedSuite) -> list[Use]:
     """What the fixtures of a suite stand for. What a plug-in occupies is there once.
 
-    Tests that say that they are not safe, and stand on no fixture, move a robot that somebody else has started.
+    A test that is not plainly harmless, and stands on no simulator, moves a robot that somebody else has started.
     """
-    if planned.fixtures:
-        return [_use(entry, plugin) for entry, plugin in planned.fixtures]
-    return [Use(ROBOT, "")] if any(_moves(test.plugin) for test in planned.tests) else []
+    found = [_use(entry, plugin) for entry, plugin in planned.fixtures]
+    if Use(ROBOT, "") not in found and _moves_what_is_there(planned):
+        found.append(Use(ROBOT, ""))
+    return found
+
+
+def _moves_what_is_there(planned: PlannedSuite) -> bool:
+    simulators = {entry.name for entry, plugin in planned.fixtures if _is_simulator(plugin)}
+    plugins = {test.plugin for test in planned.tests if test.plugin is not None}
+    moving = {plugin for plugin in plugins if may_move(safety_of(plugin))}
+    return any(
+        test.plugin in moving
+        and simulators.isdisjoint(fixture.name for fixture in planned.suite.fixtures_of(test.entry))
+        for test in planned.tests
+    )
+
+
+def _is_simulator(plugin: PluginRef | str) -> bool:
+    if isinstance(plugin, str) or plugin.language != "python":
+        return False
+    facts = facts_of(plugin)
+    return facts is not None and declared_names(Path(plugin.path)).get(_SIMULATOR) == facts
 
 
 def _use(entry: FixtureEntry, plugin: PluginRef | str) -> Use:
@@ -47,11 +68,6 @@ def _use(entry: FixtureEntry, plugin: PluginRef | str) -> Use:
     if facts is not None and facts.occupies:
         return Use(facts.occupies, "")
     return Use(f"{plugin.path}:{facts.class_name if facts is not None else ''}", entry.param)
-
-
-def _moves(plugin: PluginRef | None) -> bool:
-    facts = None if plugin is None else facts_of(plugin)
-    return facts is not None and facts.safety not in _HARMLESS
 
 
 def groups_sharing_fixtures(suites: Sequence[PlannedSuite]) -> list[list[PlannedSuite]]:

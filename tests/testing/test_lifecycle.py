@@ -229,6 +229,25 @@ def test_repetition_runs_the_body_once_more_for_each(tmp_path: Path):
     assert [event.repetition for event in outcome.of(PhaseStarted, phase=Phase.RUN)] == [1, 2, 3, 4, 5]
 
 
+@pytest.mark.parametrize(
+    ("safety", "runs"), [("Safety.MOTION", 2), ("'effort'", 2), ("Safety.STILL", 5), ("'still'", 5), ("''", 5)]
+)
+def test_repetition_of_what_moves_ends_with_the_first_that_is_bad(safety: str, runs: int, tmp_path: Path):
+    """What it has run into is not to be hit once more. The rate is that of those that were made."""
+    body = "with self.subresult('part'): self.check(noted().count('run') != 2, 'second')"
+    text = plugin(Row(Verdict.FAILED, run=body)).replace("def setup", f"safety = {safety}\n    def setup", 1)
+    outcome = run_suite(
+        tmp_path,
+        '<test name="t" repetition="4">t.py</test>',
+        t__py="from enum import IntEnum\nclass Safety(IntEnum):\n    STILL, MOTION = 0, 1\n" + text,
+    )
+    assert log_of(tmp_path) == ["setup", *["run"] * runs, "teardown", "clean"]
+    assert outcome.verdict("t") is Verdict.FAILED
+    told = [event.detail for event in outcome.of(Message, title="repetitions")]
+    assert told[-1].startswith(f"{runs - 1} of {runs} passed")
+    assert (len(told) == 2) is (runs < 5)
+
+
 def test_repetition_says_pass_rate_with_confidence_and_durations(tmp_path: Path):
     """The numbers are measurements, so that they are plotted and compared; the sentence is for people."""
     body = "self.check(noted().count('run') != 2, 'second')"

@@ -82,6 +82,75 @@ def test_private_classes_are_no_plugins(folder: Path):
         find("test", "_Side", beside=folder)
 
 
+BASES = """
+import abc, enum
+from typing import NamedTuple, Protocol
+from rtf.testing import TestCase
+from rtf.testing.case import TestCase as Case
+from rtf.robot_testing import RobotTest, Safety
+from rtf.robot_testing.stream_test import RateTest
+from elsewhere import Other
+import rtf.testing
+class _Own(RobotTest):
+    safety = Safety.MOTION
+class _Mixed(TestCase):
+    def helper(self):
+        safety = 1
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "safety"),
+    [
+        ("class T(TestCase): pass", ""),
+        ("class T(Case): pass", ""),
+        ("class T(rtf.testing.TestCase): pass", ""),
+        ("class T(_Mixed): pass", ""),
+        ("class T(_Mixed, abc.ABC): pass", ""),
+        ("class T(TestCase): safety = 'motion'", "motion"),
+        ("class T(TestCase): safety: str = 'Effort'", "effort"),
+        ("class T(RobotTest): safety = Safety.FAULT", "fault"),
+        ("class T(RobotTest): pass", "still"),
+        ("class T(RateTest): pass", "still"),
+        ("class T(_Own): pass", "motion"),
+        ("class T(_Own): safety = Safety.STILL", "still"),
+        ("class T(_Own, RateTest): pass", None),
+        ("class T(Other): pass", None),
+        ("class T(Other): safety = Safety.STILL", "still"),
+        ("class T(TestCase, Other): pass", None),
+        ("SAFE = Safety.MOTION\nclass T(TestCase): safety = SAFE", None),
+        ("class T(TestCase):\n  if True: safety = 'motion'", None),
+        ("class T(TestCase):\n  safety = 'still'\n  safety = 'motion'", None),
+        ("class T(TestCase):\n  @property\n  def safety(self): return 'motion'", None),
+        ("class T(TestCase): safety, other = 'still', 1", None),
+        ("if True:\n  class T(TestCase): pass", None),
+        ("class T: pass", None),
+        ("class T(TestCase: pass", None),
+    ],
+)
+def test_what_a_test_does_to_its_surroundings_is_read_or_unknown(folder: Path, text: str, safety: str | None):
+    """Its own word, or that of the library's classes and those in the file it derives from; else nobody can tell."""
+    (folder / "t.py").write_text(f"{BASES}{text}\n")
+    assert plugins.safety_of(find("test", "t.py", beside=folder)) == safety
+
+
+@pytest.mark.parametrize("bases", ["NamedTuple", "Protocol", "enum.IntEnum", "ValueError", "abc.ABC, dict", "Helper"])
+def test_classes_of_python_beside_a_test_are_no_plugins(folder: Path, bases: str):
+    """What a test keeps its values in does not hide what it does."""
+    helper = "class Helper(NamedTuple): value: int\n" if bases == "Helper" else ""
+    (folder / "t.py").write_text(f"{BASES}{helper}class Step({bases}): pass\nclass T(_Own): pass\n")
+    assert plugins.safety_of(find("test", "t.py", beside=folder)) == "motion"
+    with pytest.raises(PluginNotFoundError):
+        find("test", "Step", beside=folder)
+
+
+def test_programs_and_scripts_declare_nothing(folder: Path):
+    """They have no way to."""
+    (folder / "t.lua").write_text("return {}")
+    assert plugins.safety_of(find("test", "t.lua", beside=folder)) == ""
+    assert plugins.safety_of(find("test", "true", "executable", beside=folder)) == ""
+
+
 @pytest.mark.parametrize(("name", "type_"), [("sweep.lua", None), ("sweep.lua", "lua"), ("sweep", "lua")])
 def test_an_alias_may_be_the_name_of_a_script_in_lua(folder: Path, name: str, type_: str | None):
     """Old suites name the script; where there is none, the Python plug-in that declares its name is meant."""

@@ -196,6 +196,22 @@ def test_suites_that_share_a_fixture_never_overlap(tmp_path: Path):
         ('<fixture name="a">robot</fixture>', "<test>JointLimits</test>", False),
         ("<test>JointLimits</test>", "<test>ControlModes</test>", False),
         ("<test>JointLimits</test>", "<test>PortsFrequency</test>", True),
+        ("<test>JointLimits</test>", "<test>derived.py</test>", False),
+        ("<test>JointLimits</test>", "<test>odd.py</test>", False),
+        ("<test>PortsFrequency</test>", "<test>odd.py</test>", True),
+        ('<fixture name="a">rig</fixture><test>JointLimits</test>', "<test>ControlModes</test>", False),
+        ('<fixture name="a">rig</fixture><test>JointLimits</test>', '<fixture name="b">robot</fixture>', False),
+        ('<fixture name="a">simulator</fixture><test>JointLimits</test>', "<test>JointLimits</test>", True),
+        (
+            '<fixture name="a" param="--x 1">simulator</fixture><test>JointLimits</test>',
+            '<fixture name="a" param="--x 2">simulator</fixture><test>JointLimits</test>',
+            True,
+        ),
+        (
+            '<fixture name="a">simulator</fixture><fixture name="b">rig</fixture><test fixtures="b">JointLimits</test>',
+            "<test>JointLimits</test>",
+            False,
+        ),
         ('<fixture name="a">nowhere</fixture>', '<fixture name="a">nowhere</fixture>', False),
         (
             '<fixture name="s" param="--word 1">rig</fixture><fixture name="r" depends="s">Bench</fixture>',
@@ -205,12 +221,20 @@ def test_suites_that_share_a_fixture_never_overlap(tmp_path: Path):
     ],
 )
 def test_what_may_be_one_rig_is_taken_for_one(tmp_path: Path, first: str, second: str, apart: bool):
-    """Only a ``param`` tells fixtures of one plug-in apart, and only if each has one: a robot is there once."""
+    """Only a ``param`` tells fixtures of one plug-in apart, and only if each has one: a robot is there once.
+
+    It is moved by every test that may move something, unless that stands on a simulator.
+    """
     rig = "from rtf.testing import FixtureManager\n\nclass Rig(FixtureManager):\n    plugin_name = 'rig'\n"
     suites = {"a.xml": first, "b.xml": second}
     write_files(
         tmp_path / "suite",
-        {"rig.py": f"{rig}\nclass Bench(FixtureManager):\n    pass\n"}
+        {
+            "rig.py": f"{rig}\nclass Bench(FixtureManager):\n    pass\n",
+            "t.py": test_file("pass"),
+            "derived.py": "from joint_limits import JointLimits\n\nclass Derived(JointLimits):\n    pass\n",
+            "odd.py": test_file("pass").replace("T(TestCase):", "T(TestCase):\n    safety = 'sti' + 'll'"),
+        }
         | {name: f'<suite name="{name}">{inside}<test>t.py</test></suite>' for name, inside in suites.items()},
     )
     loaded = load_files([(tmp_path / "suite" / name, True) for name in suites], {})

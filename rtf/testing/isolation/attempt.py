@@ -112,7 +112,8 @@ class Outcome:
     signal: str = ""
     cpu_time: float = 0.0
     max_rss: int = 0
-    #: Whether the test was ended from outside, so that nobody knows what it left behind.
+    #: Whether nobody knows what it left behind: it was ended from outside, or something went wrong while it undid
+    #: what it had done.
     cut_short: bool = False
 
 
@@ -168,6 +169,7 @@ class Attempt:
         self._failures = 0
         self._failures_before_stop = 0
         self._errors = 0
+        self._undoing_failed = False
         self._garbled = 0
         self._first = ""
         self._bytes = 0
@@ -335,12 +337,13 @@ class Attempt:
             else:
                 self._errors += 1
             self._first = self._first or event.detail or event.title
-            return True
-        if isinstance(event, Measured) and event.verdict is MeasurementVerdict.FAILED:
+        elif isinstance(event, Measured) and event.verdict is MeasurementVerdict.FAILED:
             self._failures += 1
             self._first = self._first or event.name
-            return True
-        return False
+        else:
+            return False
+        self._undoing_failed = self._undoing_failed or self._phase in _LEAVING_PHASES
+        return True
 
     def _comes_next(self, event: PhaseStarted) -> bool:
         """Whether this phase may begin now: each begins once and has one limit, so that no test outlives its limits."""
@@ -391,15 +394,16 @@ class Attempt:
     def _conclude(self) -> Outcome:
         end = self._require_child().end
         outcome = self._verdict()
+        cut_short = outcome.cut_short or self._stop is not None or self._undoing_failed
         if end is None:
-            return outcome
+            return replace(outcome, cut_short=cut_short)
         return replace(
             outcome,
             exit_status=end.exit_status,
             signal=end.signal,
             cpu_time=end.cpu_time,
             max_rss=end.max_rss,
-            cut_short=outcome.cut_short or self._stop is not None,
+            cut_short=cut_short,
         )
 
     def _verdict(self) -> Outcome:

@@ -30,4 +30,5 @@ def run_in_process(job: Job, emit: Callable[[Event], None]) -> Outcome:
         reason=finished["reason"],
         detail=finished["detail"],
         duration=clock.monotonic() - began,
+        cut_short=session.undoing_failed,
     )

@@ -41,6 +41,8 @@ from rtf.testing.isolation.nursery_protocol import (
     MARK_HOST,
     NUDGE_PERIOD,
     NUDGE_SIGNAL,
+    PARK_LIMIT,
+    PARKING,
     PRELOAD,
     READY,
     REPORT,
@@ -52,7 +54,8 @@ from rtf.testing.isolation.nursery_protocol import (
 if TYPE_CHECKING:
     from rtf.testing.plugins import PluginRef
 
-#: How long fixtures may take to tear down once the runner is gone, and how long a killed process may take to vanish.
+#: How long a fixture may take to come down once the runner is gone, beside the time in which it parks, and how long a
+#: killed process may take to vanish.
 ORPHAN_GRACE = 10.0
 STRAY_GRACE = 5.0
 
@@ -227,19 +230,33 @@ class Nursery:
         for pid in [*self._pidfds]:
             if pid not in hosts:
                 processes.signal_group(pid, signal.SIGKILL)
-        deadline = clock.Deadline.after(ORPHAN_GRACE)
         for host in reversed(hosts):
             if host in self._pidfds:
-                processes.signal_process(host, signal.SIGCONT)
-                processes.signal_process(host, signal.SIGTERM)
-                while host in self._pidfds and not deadline.expired:
-                    processes.signal_process(host, NUDGE_SIGNAL)
-                    self._reap_ready(min(NUDGE_PERIOD, deadline.remaining()))
+                self._end_host(host)
         final = clock.Deadline.after(STRAY_GRACE)
         while (self._pidfds or processes.children_of(self._pid)) and not final.expired:
             for pid in processes.descendants_of(self._pid):
                 processes.signal_process(pid, signal.SIGKILL)
             self._reap_ready(min(0.2, final.remaining()))
+
+    def _end_host(self, host: int) -> None:
+        """Have a fixture come down, in its time: what depends on it is down. One that does not is killed."""
+        left, parking = ORPHAN_GRACE, PARK_LIMIT
+        processes.signal_process(host, signal.SIGCONT)
+        processes.signal_process(host, signal.SIGTERM)
+        while host in self._pidfds and left > 0:
+            began = clock.monotonic()
+            processes.signal_process(host, NUDGE_SIGNAL)
+            self._reap_ready(min(NUDGE_PERIOD, left))
+            passed = clock.monotonic() - began
+            if parking <= 0 or processes.name_of(host) != PARKING:
+                left -= passed
+                continue
+            parking -= passed
+            if parking <= 0:
+                processes.signal_process(host, signal.SIGTERM)  # it leaves the park, and is torn down
+        if host in self._pidfds:
+            processes.signal_group(host, signal.SIGKILL)
 
     def _reap_ready(self, timeout: float) -> None:
         for descriptor, _ in self._poll.poll(timeout * 1000):

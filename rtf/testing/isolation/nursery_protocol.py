@@ -32,6 +32,11 @@ DUMP_SIGNAL = signal.SIGQUIT
 NUDGE_SIGNAL = signal.SIGURG
 NUDGE_PERIOD = 0.1
 
+#: Seconds in which a fixture has put right what a test left, whoever waits for it: a robot may have some way to go.
+PARK_LIMIT = 45.0
+#: What a fixture's process calls itself meanwhile (at most 15 bytes), so that its nursery knows without the runner.
+PARKING = "rtf parking"
+
 #: The files of a nursery beside 0, 1 and 2. A child has its own socket on SOCKET_FD, the dump file, and no others.
 SOCKET_FD = 3
 DUMP_FD = 4

@@ -11,6 +11,10 @@ import os
 import resource
 import signal
 import struct
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
@@ -41,6 +45,31 @@ def tie_to_parent(signum: int = signal.SIGKILL) -> None:
     """Both of the above for a process that has just been forked, where it cannot fail and each call counts."""
     _plain_prctl(_PR_SET_PDEATHSIG, signum, 0, 0, 0)
     _plain_prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+@contextlib.contextmanager
+def named(name: str) -> Iterator[None]:
+    """Have this process go by a name in the block, which others find with :func:`name_of`."""
+    before = name_of(os.getpid())
+    _name_this(name)
+    try:
+        yield
+    finally:
+        _name_this(before)
+
+
+def _name_this(name: str) -> None:
+    with contextlib.suppress(OSError), open("/proc/self/comm", "w") as stream:  # noqa: PTH123
+        stream.write(name)
+
+
+def name_of(pid: int) -> str:
+    """What the kernel calls a process, 15 bytes at most; empty when it is gone."""
+    try:
+        with open(f"/proc/{pid}/comm", encoding="utf-8", errors="replace") as stream:  # noqa: PTH123
+            return stream.read().rstrip("\n")
+    except OSError:
+        return ""
 
 
 _wait4 = _libc.wait4

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from rtf import clock
 from rtf.testing import plugins
 from rtf.testing.case import TestCase
+from rtf.testing.declared_safety import may_move
 from rtf.testing.events import Event, Measured, ParametersResolved, PhaseStarted, line_of, to_line
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.job import HEADER, JOB_MARK, Job
@@ -339,8 +340,13 @@ def _repeat(case: TestCase, job: Job, session: Session) -> None:
 
         _step(session, Phase.RUN, body)
         durations.append(clock.monotonic() - began)
-        passed += session.tally.failures + session.tally.errors == before and not session.stopped
+        bad = session.tally.failures + session.tally.errors > before
+        passed += not bad and not session.stopped
         if session.stopped:
+            break
+        if bad and count < total and may_move(getattr(case, "safety", "")):
+            text = f"{total - count} left out: it moves something, and what has gone wrong is not to be made worse"
+            session.message(Severity.WARNING, "repetitions", text, ("", 0))
             break
     _report_repetitions(session, passed, durations)
 

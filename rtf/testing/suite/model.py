@@ -105,7 +105,7 @@ class TestEntry:
     ``id`` is ``<suite id>/<slug of the name>`` and unique in a run. ``repetition`` counts the additional runs of the
     body, ``retries`` the additional attempts after a failure. ``parameters`` holds the suite's values first, so that
     the last of a name wins. ``requires`` entries that begin with ``test:`` name an earlier test by its id.
-    ``fixtures`` None means all fixtures of the suite.
+    ``fixtures`` None means all fixtures of the suite. With a ``problem`` it is an error that is not started.
     """
 
     __test__ = False  # keeps pytest from collecting a class by the look of its name
@@ -128,6 +128,7 @@ class TestEntry:
     fixtures: tuple[str, ...] | None = None
     on_lost: LostPolicy = LostPolicy.RERUN
     description: str = ""
+    problem: str = ""
     location: Location = _NOWHERE
 
     @property

@@ -22,7 +22,7 @@ from rtf.testing import plugins
 from rtf.testing.events import Message, OutputCaptured, to_line
 from rtf.testing.fixture import FixtureUnusable
 from rtf.testing.isolation import processes
-from rtf.testing.isolation.nursery_protocol import DUMP_FD
+from rtf.testing.isolation.nursery_protocol import DUMP_FD, PARKING
 from rtf.testing.outcome import FixtureCollapsed, TestStopped
 from rtf.testing.places import raised_place
 from rtf.testing.session import author_traceback, bounded
@@ -36,8 +36,9 @@ if TYPE_CHECKING:
     from rtf.testing.isolation.job import Job
     from rtf.testing.isolation.worker import Wire
 
-#: Seconds to wait for the order in which the nursery has fixtures torn down when the runner is gone.
-ORPHAN_PATIENCE = 5.0
+#: Seconds to wait for the order in which the nursery has fixtures torn down when the runner is gone: it has those that
+#: stand on this one park first. A nursery that is gone as well makes itself felt at once.
+ORPHAN_PATIENCE = 600.0
 _FIRST_COMMAND_LIMIT = 10.0
 
 
@@ -250,7 +251,8 @@ class Host:
         if up and cause is not None:
             self._last_thing("on_collapse()", lambda: manager.on_collapse(cause))
         elif up:
-            self._last_thing("park()", manager.park)
+            with processes.named(PARKING):
+                self._last_thing("park()", manager.park)
         self.say(host="doing", what="teardown()")
         self._tell(self._caught(manager.teardown), "teardown()")
 

@@ -32,6 +32,8 @@ class Fixture:
     owes_restart: bool = False
     #: Whether it said itself that trying again is no use.
     hopeless: bool = False
+    #: Whether a test that stood on it was cut short, and no incarnation has put right since what that one left.
+    owes_park: bool = False
     failure: str = ""
     last_cause: str = ""
     process: Incarnation | None = None

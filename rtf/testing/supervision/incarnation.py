@@ -17,7 +17,7 @@ from rtf import clock
 from rtf.testing.events import EventError, Message, OutputCaptured, from_record
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.capture import Capture, Tail
-from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, NUDGE_PERIOD, NUDGE_SIGNAL
+from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, NUDGE_PERIOD, NUDGE_SIGNAL, PARK_LIMIT
 from rtf.testing.session import bounded
 from rtf.testing.supervision.fixture_record import Cause
 from rtf.testing.verdict import FixtureState, Phase, Severity
@@ -34,7 +34,6 @@ SETUP_LIMIT = 120.0
 TEARDOWN_LIMIT = 30.0
 #: A check that has not come back after this long is a collapse.
 CHECK_LIMIT = 10.0
-PARK_LIMIT = 15.0
 #: How long a fixture may take to leave what it is doing when it is to be torn down.
 GRACE = 2.0
 _VANISH = 6.0
@@ -337,7 +336,7 @@ class Incarnation:
         self._phase = Phase.TEARDOWN
         self._pressed = False
         limit = self._fixture.entry.timeouts.teardown or TEARDOWN_LIMIT
-        self.deadline = clock.Deadline.after(limit if what == "teardown()" else min(limit, PARK_LIMIT))
+        self.deadline = clock.Deadline.after(PARK_LIMIT if what == "park()" else limit)
 
     def _cause_from(self, message: dict[str, Any]) -> Cause:
         status = message.get("exit_status")

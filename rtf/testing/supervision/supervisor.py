@@ -14,9 +14,10 @@ set up again, after the back-off      ready #2     ready #2     ready #1
 the test is run again on #2, #2, #1
 ====================================  ===========  ===========  ===========
 
-``logger`` never noticed. The restart counts for ``server`` alone: ``simulator`` came down through no fault of its own.
-When ``server`` has used up its restarts it is *failed*, and every test that needs it, or something that depends on it,
-is blocked. Each incarnation is a process (``incarnation``); nothing here runs an author's code.
+What is up parks as soon as the test was stopped: nobody knows what that left behind. ``server`` is asked to when it is
+up again. The restart counts for ``server`` alone: ``simulator`` came down through no fault of its own. When ``server``
+has used up its restarts it is *failed*, and every test that needs it, or something that depends on it, is blocked. Each
+incarnation is a process (``incarnation``); nothing here runs an author's code.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.testing.isolation.children import NurseryLostError
+from rtf.testing.plugins import facts_of
 from rtf.testing.supervision.fixture_record import Cause, Fixture, Notes
 from rtf.testing.supervision.incarnation import Incarnation
 from rtf.testing.verdict import FixtureState, Phase
@@ -143,20 +145,25 @@ class Supervisor:
         self._wait(lambda: all(process.answered or not process.up for process in asked))
 
     def park(self, names: Iterable[str]) -> None:
-        """Have what a stopped or killed test left brought into a safe state, dependents first."""
+        """Have what a stopped or killed test left brought into a safe state, dependents first.
+
+        A fixture that is not up, or is lost meanwhile, is asked as soon as it is up again.
+        """
         self.watch()
         for name in reversed([*names]):
-            process = self._up(name)
-            if process is not None:
-                process.ask("park")
-                self._wait(lambda process=process: process.answered or not process.up)  # type: ignore[misc]
+            self._fixtures[name].owes_park = True
+            self._park(name)
 
     def take_down(self, names: Iterable[str] | None = None) -> None:
         """Tear down these fixtures (default: all), dependents first; whatever goes wrong with one, all are done.
 
+        One of a robot that is there, which collapsed under a test that was cut short, comes up once more to park it.
         Raises an ExceptionGroup, after all of them, if the supervision itself failed somewhere.
         """
         chosen = {*self._fixtures} if names is None else {*names}
+        for name in chosen:
+            if _is_to_park(self._fixtures[name]):
+                self.bring_up([name])
         errors = []
         for name in reversed([name for name in self._fixtures if name in chosen]):
             try:
@@ -240,8 +247,17 @@ class Supervisor:
         self._notes.change(fixture, FixtureState.STARTING)
         process.begin(self._make_job(fixture))
         self._wait(lambda: fixture.state is not FixtureState.STARTING or self._no_longer_startable(fixture))
+        if fixture.owes_park:
+            self._park(fixture.name)
         if not fixture.ready:
             self._stop(fixture)
+
+    def _park(self, name: str) -> None:
+        process = self._up(name)
+        if process is not None:
+            process.ask("park")
+            self._wait(lambda: process.answered or not process.up)
+            self._fixtures[name].owes_park = not process.up
 
     def _backed_off(self, fixture: Fixture) -> bool:
         """Let the time before a restart pass. False when meanwhile the run is to stop, or what it needs collapsed."""
@@ -293,6 +309,14 @@ class Supervisor:
         finally:
             fixture.process = None
             self._notes.change(fixture, FixtureState.STOPPED)
+
+
+def _is_to_park(fixture: Fixture) -> bool:
+    """Whether somebody has to put right what a test left, who does not come up by himself any more."""
+    if not fixture.owes_park or fixture.ready or fixture.hopeless or fixture.restarts_left <= 0:
+        return False
+    facts = None if fixture.plugin is None else facts_of(fixture.plugin)
+    return facts is not None and bool(facts.occupies) and facts.defines("park")
 
 
 def _same(known: Fixture, other: Fixture) -> bool:

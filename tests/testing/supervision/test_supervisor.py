@@ -74,6 +74,7 @@ class Fx(FixtureManager):
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
         self.linger_in_vain()
     def linger_in_vain(self): clock.sleep(1000)
+    def do_linger(self): clock.sleep(2.5); self.note("parked")
     def do_unusable(self): raise FixtureUnusable("never ever")
     def do_say_why(self): raise FixtureCollapsed("in my own words")
     def do_announce_and_false(self):
@@ -113,6 +114,12 @@ class T(TestCase):
     wait_for = Parameter(str, "", default="")
     hang = Parameter(bool, "", default=False)
     quiet = Parameter(bool, "whether it keeps its beginning to itself", default=False)
+    undo = Parameter(str, "which part of its undoing goes wrong", default="")
+    def setup(self): self.add_cleanup(self.go_wrong, "clean-up")
+    def teardown(self): self.go_wrong("teardown")
+    def go_wrong(self, where):
+        self.check(self.undo != f"{where} fails", "left")
+        if self.undo == f"{where} raises": raise RuntimeError("left")
     def run(self):
         if not self.quiet: open(FOLDER + "/test-began", "w").close()
         if self.hang: clock.sleep(1000)
@@ -331,14 +338,18 @@ class TestCheck:
 
     @pytest.mark.parametrize("how", ["false", "hang", "announce_and_hang"])
     def test_hooks_are_called_in_order(self, lab: Lab, how: str):
-        """After a collapse on_collapse and teardown, then before_restart and setup; park only where all is well."""
-        lab.run(fixture(on_check=how, after_test="true") + case(wait_for="setup #2"))
+        """After a collapse on_collapse and teardown, then before_restart and setup; park only where all is well.
+
+        There it is called for the test that was cut short, which must not find what it left behind, and at the end.
+        """
+        lab.run(fixture(on_check=how, after_test="true") + case(wait_for="park #2"))
         assert lab.calls == [
             "fx setup #1",
             "fx on_collapse #1",
             "fx teardown #1",
             "fx before_restart #2",
             "fx setup #2",
+            "fx park #2",
             "fx park #2",
             "fx teardown #2",
         ]
@@ -531,6 +542,28 @@ class TestPark:
         lab.run(fixture() + case(attributes='timeout="0.3 s"', hang="true") + case("u"))
         assert lab.calls == ["fx setup #1", "fx park #1", "fx park #1", "fx teardown #1"]
 
+    @pytest.mark.parametrize("isolation", ["test", "suite", "none"])
+    @pytest.mark.parametrize("undo", ["teardown raises", "teardown fails", "clean-up raises", "clean-up fails"])
+    def test_after_a_test_that_did_not_undo_what_it_did(self, lab: Lab, undo: str, isolation: str):
+        """Nor does anybody know what that one leaves."""
+        lab.run(fixture() + case(attributes=f'isolation="{isolation}"', undo=undo) + case("u"))
+        assert lab.calls == ["fx setup #1", "fx park #1", "fx park #1", "fx teardown #1"]
+
+    def test_on_the_next_incarnation_where_the_first_was_lost(self, lab: Lab):
+        """Also for another test, and before what depends on it is set up; once is enough."""
+        lost = fixture("a", on_check="false", after_test="true", on_lost="error") + fixture("b", "a")
+        lab.run(lost + case(hang="true") + case("u") + case("v"))
+        assert lab.calls[-8:] == [
+            "a setup #2",
+            "a park #2",
+            "b before_restart #2",
+            "b setup #2",
+            "b park #2",
+            "b teardown #2",
+            "a park #2",
+            "a teardown #2",
+        ]
+
     @pytest.mark.parametrize(
         ("how", "cause"), [("raise", "park() raised RuntimeError"), ("hang", "park() did not come back within 1 s")]
     )
@@ -653,3 +686,26 @@ class TestCommandLine:
             "a park #1",
             "a teardown #1",
         ]
+
+    @pytest.mark.parametrize(
+        ("what", "patience", "called"),
+        [
+            ("on_park linger", "ORPHAN_GRACE = 1.5", ["b park", "b parked", "b teardown", "a park", "a teardown"]),
+            ("on_park hang", "PARK_LIMIT = 0.3", ["b park", "b teardown", "a park", "a teardown"]),
+            ("on_park hang_in_c", "ORPHAN_GRACE = nursery.PARK_LIMIT = 1.5", ["b park", "a park", "a teardown"]),
+            ("on_teardown hang", "ORPHAN_GRACE = 1.5", ["b park", "b teardown", "a park", "a teardown"]),
+        ],
+    )
+    def test_runner_that_dies_leaves_time_to_park(self, lab: Lab, what: str, patience: str, called: list[str]) -> None:
+        """Each fixture has its time, more where it parks; one that is stuck is killed, and the next has its turn."""
+        hook, how = what.split()
+        fixtures = fixture("a") + fixture("b", "a", **{hook: how})
+        (lab.folder / "patience.py").write_text(f"from rtf.testing.isolation import nursery\nnursery.{patience}\n")
+        files = {"one.xml": f'<suite name="one" preload="patience">{fixtures}{case(hang="true")}</suite>'}
+        write_files(lab.folder, {**lab.plugins(), **files})
+        command = Command(lab.folder, "-s", "one.xml", PYTHONPATH=str(lab.folder))
+        command.wait_for(lambda events: any(isinstance(event, TestStarted) for event in events))
+        command.signal(signal.SIGKILL)
+        command.process.communicate(timeout=20)
+        assert command.left_over() == []
+        assert lab.calls == ["a setup #1", "b setup #1", *(f"{call} #1" for call in called)]
