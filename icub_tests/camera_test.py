@@ -143,7 +143,7 @@ class CameraTest(RateTest):
         recorder = self.listener.recorders[name]
         if recorder.problems:
             self.assert_fail(f"{len(recorder.problems)} messages of {name} hold no picture: {recorder.problems[0]}")
-        found = self.judged(recorder.messages, self.time)
+        found = self.judged(recorder.messages, self.time, name)
         self.judge(found, self.frequency, self.tolerance / self.time)
         seen = [message.content for message in found if isinstance(message.content, _Seen)]
         self._judge_size(name, seen)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rtf.bottle import Bottle
 from rtf.robot.control_modes import (
     HOLDING_MODES,
     REQUESTS,
@@ -26,6 +25,7 @@ from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot_testing import Limits, Safety, likely_causes
 from rtf.robot_testing.joints_case import JointsTest
 from rtf.robot_testing.mode_walk import ModeWalk
+from rtf.robot_testing.torque import greatest_torque, torque_flags
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -86,13 +86,13 @@ class ControlModes(JointsTest):
 
     def _torque_controlled(self) -> set[int]:
         """The chosen joints that have torque control, as the board's variable says; without it: none."""
+        part = self.robot_part
         try:
-            lists = self.robot_part.board.variable("torqueControlEnabled")
-        except (NotSupportedError, RefusedError):
-            self.warn(f"{self.robot_part.name} does not say which joints have torque control: none is taken to")
+            flags = torque_flags(part)
+        except (NotSupportedError, RefusedError) as error:
+            self.warn(f"{part.name} does not say which joints have torque control, none is taken to: {error}")
             return set()
-        flags = [flag for block in lists for flag in (block if isinstance(block, Bottle) else [block])]
-        return {joint for joint in self.chosen if joint < len(flags) and flags[joint]}
+        return {joint for joint in self.chosen if flags[joint]}
 
     def run(self) -> None:
         """Walk, drive into faults, and judge each joint."""
@@ -103,6 +103,7 @@ class ControlModes(JointsTest):
         for joint in self.chosen:
             with self.subresult(self.robot_part.names[joint]):
                 self._judge(joint, needed)
+        self.robot_part.tell_of_clocks(self.report)
 
     # Modes -------------------------------------------------------------------------------------------------------
 
@@ -201,7 +202,7 @@ class ControlModes(JointsTest):
             passed = ", ".join(mode_word(mode) for mode in dict.fromkeys(modes.tolist()))
             self.wrong[joint].append(f"{asked} goes through {passed} to {expected.word}")
         elif expected is not before:
-            self.slowest[joint] = max(self.slowest[joint], float(trace.time[first]) - begin)
+            self.slowest[joint] = max(self.slowest[joint], float(trace.time[first]) + trace.offset - begin)
 
     def _change_interaction(self, state: ControlMode) -> None:
         """Make all joints compliant and stiff again: those with torque control obey, the others stay, no mode changes.
@@ -345,16 +346,25 @@ _TOLD = 5  # wrong answers that a failure names
 _NEVER = tuple(mode for mode in STATES if mode not in REQUESTS)
 #: Large enough to be seen, small enough to be borne: deg, deg/s, per cent of the range.
 _STEP, _SPEED, _EFFORT = 3.0, 20.0, 10.0
+#: The same of boards that do not say their ranges: Nm, A.
+_TORQUE, _CURRENT = 0.5, 0.1
 
 
 def _torque(board: RemoteControlBoard, joints: list[int], way: FloatArray) -> None:
-    most = np.array([board.torque_range(joint)[1] for joint in joints])
-    board.set_reference_torques(_EFFORT / 100.0 * most * way, joints)
+    most = [greatest_torque(board, joint) for joint in joints]
+    efforts = np.array([_TORQUE if one is None else _EFFORT / 100.0 * one for one in most])
+    board.set_reference_torques(efforts * way, joints)
 
 
 def _current(board: RemoteControlBoard, joints: list[int], way: FloatArray) -> None:
-    most = np.array([board.current_range(joint)[1] for joint in joints])
-    board.set_reference_currents(_EFFORT / 100.0 * most * way, joints)
+    board.set_reference_currents(np.array([_current_of(board, joint) for joint in joints]) * way, joints)
+
+
+def _current_of(board: RemoteControlBoard, joint: int) -> float:
+    try:
+        return _EFFORT / 100.0 * board.current_range(joint)[1]
+    except (NotSupportedError, RefusedError):
+        return _CURRENT
 
 
 _COMMANDS = (

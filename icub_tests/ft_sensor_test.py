@@ -76,7 +76,7 @@ class FtSensorTest(RateTest):
                 self._judge(name)
 
     def _judge(self, name: str) -> None:
-        found = self.judged(self.listener.recorders[name].messages, self.time)
+        found = self.judged(self.listener.recorders[name].messages, self.time, name)
         stream = self.judge(found, self.frequency, self.frequency_tolerance)
         values = readings_of(name, [message.data for message in stream.messages], self.network.dialect)
         self.assert_equal(values.shape[1], _CHANNELS, f"numbers in a message of {name}")

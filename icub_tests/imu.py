@@ -15,7 +15,7 @@ from rtf.robot.sensor_message import SENSOR_MESSAGE
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.descriptions import read_description
 from rtf.robot_testing.kinematics import rotation_of, rotation_vector
-from rtf.robot_testing.orientations import turn_between, turns_of, vertical_turn
+from rtf.robot_testing.orientations import each_once, turn_between, turns_of, vertical_turn
 from rtf.robot_testing.sensor_streams import MEASURES, sensors_of
 from rtf.robot_testing.stream_test import StreamTest
 from rtf.robot_testing.streams import stream_of
@@ -210,11 +210,11 @@ class Imu(StreamTest):
         """What a unit measured while there were states, and what it should have."""
         read = [SENSOR_MESSAGE.decode(one.data, self.network.dialect) for one in messages]
         stamps = np.array([values[SensorCategory.ORIENTATION][unit.orientation].time for values in read])
-        inside = (stamps >= times[0]) & (stamps <= times[-1])
+        used = [place for place in each_once(stamps) if times[0] <= stamps[place] <= times[-1]]
         self.assert_true(
-            inside.sum() > _FEWEST_AT_REST, f"only {inside.sum()} measurements of {unit.name} came while joints moved"
+            len(used) > _FEWEST_AT_REST, f"only {len(used)} measurements of {unit.name} came while joints moved"
         )
-        stamps, read = stamps[inside], [values for values, used in zip(read, inside, strict=True) if used]
+        stamps, read = stamps[used], [read[place] for place in used]
         chain = self.kinematics.chain(unit.frame)
         at = {name: np.interp(stamps, times, angles[name]) for name in chain}
         expected = [

@@ -212,7 +212,7 @@ class JointLimits(JointsTest):
 
     def _keep(self, trace: Trace) -> None:
         """Record what each joint did while it had its turn."""
-        time, positions, currents = trace.time, trace.positions, trace.currents
+        time, positions, currents = trace.local_time, trace.positions, trace.currents
         for joint, (begin, end) in self._spans.items():
             rows = (time >= begin) & (time <= end)
             self.record(

@@ -21,7 +21,8 @@ class MotorEncodersSignCheck(DutyTest):
 
     It begins with the duty cycle at which the controller held the joint, and waits until gravity moves it no more.
     The joint's encoder has to go where the gearbox ratio and the coupling say. Where a joint cannot be held, because of
-    the very sign that is wrong, it is tested from where it hangs.
+    the very sign that is wrong, it is tested from where it hangs; one that shows to be far outside of its limits fails
+    without being driven.
     """
 
     aliases = (

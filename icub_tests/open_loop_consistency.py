@@ -40,11 +40,8 @@ class OpenLoopConsistency(JointsTest):
 
     def _with_those_that_share_motors(self, joints: list[int]) -> list[int]:
         """Motors that are coupled are driven together: the controller of one joint would drive the motor of another."""
-        part, chosen = self.robot_part, set[int]()
-        sharing, waiting = Transmission.read(part.board).sharing, set(joints)
-        while waiting:
-            chosen |= waiting
-            waiting = set[int]().union(*map(sharing, waiting)) - chosen
+        part = self.robot_part
+        chosen = set[int]().union(*map(Transmission.read(part.board).coupled, joints))
         if added := sorted(chosen - {*joints}):
             self.report(f"driven, too, for they share motors: {', '.join(part.names[joint] for joint in added)}")
         return sorted(chosen)

@@ -130,7 +130,7 @@ class OpticalEncodersConsistency(JointsTest):
         ]
         self.hold()
         self.swinger = Swinger(part, self.transmission, tolerance=self.tolerance)
-        give_up_strays(part)
+        self.swinger.give_up(give_up_strays(part))
 
     def run(self) -> None:
         """Swing joint by joint, then judge motor by motor."""
@@ -176,6 +176,8 @@ class OpticalEncodersConsistency(JointsTest):
 
     def _judge(self, joint: int, outcome: Outcome, trace: Trace) -> None:
         name = self.robot_part.names[joint]
+        if doubt := self.swinger.in_doubt(joint):
+            self.inconclusive(f"{name} {doubt}: nothing can be said of it")
         if outcome.complaint:
             self.check(condition=False, text=f"{name} {outcome.complaint}; {likely_causes(*outcome.findings)}")
         if not len(trace):
@@ -193,7 +195,7 @@ class OpticalEncodersConsistency(JointsTest):
             self.assert_error_if_false(outcome.complaint, f"{name}: {travel:.2f} deg of motion say nothing")
             return
         self.assert_true(
-            turned >= 0.1 * travel,
+            turned >= 0.1 * travel or not self.transmission.coupling[joint, joint],  # then others turn it
             f"{name} moves by {travel:.1f} deg, its motor's encoder does not; {likely_causes('frozen')}",
         )
         data = self._of_board(joint)
@@ -253,18 +255,22 @@ class OpticalEncodersConsistency(JointsTest):
         return rms <= high
 
     def _judge_speeds(self, joint: int, own: _Data) -> None:
-        """Speeds that are told against what the positions say by their stamps; and joint against motor in time."""
-        name, limit = self.robot_part.names[joint], self.velocity_tolerance / 100.0
-        for what, positions, speeds in (
-            ("joint", own.joints[:, joint], own.joint_speeds[:, joint]),
-            ("motor", own.motors[:, joint], own.motor_speeds[:, joint]),
-        ):
-            derived = _derived(own.time, positions)
-            agreement = fit_line(speeds[1:-1], derived).slope
-            hint = f"{name}: the speed of the {what} that is told is not that of its positions"
-            self.measure(f"speed of the {what}, derived by told", agreement, low=1 - limit, high=1 + limit, hint=hint)
+        """Speeds that are told against what the positions say by their stamps; and joint against motor in time.
+
+        The motor of that number is looked at where it moves the joint.
+        """
+        self._judge_speed(joint, "joint", own.time, own.joints[:, joint], own.joint_speeds[:, joint])
+        if not self.transmission.coupling[joint, joint]:
+            return
+        self._judge_speed(joint, "motor", own.time, own.motors[:, joint], own.motor_speeds[:, joint])
         apart = self._delay(joint, own)
         self.measure("delay of the motor after the joint", apart * 1e3, "ms", low=-self.delay, high=self.delay)
+
+    def _judge_speed(self, joint: int, what: str, time: FloatArray, positions: FloatArray, speeds: FloatArray) -> None:
+        name, limit = self.robot_part.names[joint], self.velocity_tolerance / 100.0
+        agreement = fit_line(speeds[1:-1], _derived(time, positions)).slope
+        hint = f"{name}: the speed of the {what} that is told is not that of its positions"
+        self.measure(f"speed of the {what}, derived by told", agreement, low=1 - limit, high=1 + limit, hint=hint)
 
     def _delay(self, joint: int, own: _Data) -> float:
         """By how many seconds the motor's encoder is behind the joint's; negative when it is the other way round."""

@@ -49,7 +49,8 @@ class OpticalEncodersDrift(JointsTest):
     """Swings joints to and fro many times, and measures at home, at rest, how far motor and joint encoders are apart.
 
     The joints swing together. Every so many half-swings they come home; the first and the last time, too. Where the
-    joints stop exactly is no matter, for both encoders are compared there.
+    joints stop exactly is no matter, for both encoders are compared there. They always come from their lower ends, so
+    that play is none either.
     """
 
     aliases = ("opticalEncodersDrift", "OpticalEncodersDrift", "motorEncodersDrift", "opticalEncoders-drift")
@@ -85,12 +86,12 @@ class OpticalEncodersDrift(JointsTest):
         self.hold()
         self.swinger = Swinger(part, self.transmission, tolerance=self.tolerance)
         self.complaints: dict[int, Outcome] = {}
-        give_up_strays(part)
+        self.swinger.give_up(give_up_strays(part))
 
     def run(self) -> None:
         """Swing, and judge joint by joint what was seen at home."""
         visits = _Visits()
-        self._go([self.robot_part.home[joint] for joint in self.chosen])
+        self._half_swings(2)
         self._visit(visits, 0)
         with self._growing() as series:
             travel = self._swing(visits, series)
@@ -110,9 +111,8 @@ class OpticalEncodersDrift(JointsTest):
         done = 0
         while done < self.cycles:
             count = min(self.every, self.cycles - done)
-            turned = np.fmax(turned, self._half_swings(done, count))
+            turned = np.fmax(turned, self._half_swings(count))
             done += count
-            self._go([self.robot_part.home[joint] for joint in self.chosen])
             self._visit(visits, done)
             apart = self._apart(visits)
             series.append(done, *apart)
@@ -127,13 +127,16 @@ class OpticalEncodersDrift(JointsTest):
         clear = np.abs(apart).max() > _CLEARLY * self.drift
         return bool(clear) or len(self.complaints) == len(self.chosen)
 
-    def _half_swings(self, first: int, count: int) -> FloatArray:
-        """Some half-swings; the greatest shares of them that the motors turned their joints, NaN without any."""
+    def _half_swings(self, count: int) -> FloatArray:
+        """Some half-swings, of which the last ends low.
+
+        Returns the greatest shares of them that the motors turned their joints, NaN without any.
+        """
         factors = np.abs(self.transmission.factors)[self.chosen]
         shares = np.full(len(self.chosen), np.nan)
-        for number in range(first, first + count):
+        for left in reversed(range(count)):
             before = self._expected_and_found()
-            self._go([ends.high if number % 2 == 0 else ends.low for ends in self.ends])
+            self._go([ends.high if left % 2 else ends.low for ends in self.ends])
             expected, found = np.abs(self._expected_and_found() - before) / factors
             enough = expected > _TELLING
             shares = np.fmax(shares, np.where(enough, found / np.where(enough, expected, 1.0), np.nan))
@@ -141,8 +144,8 @@ class OpticalEncodersDrift(JointsTest):
 
     def _expected_and_found(self) -> FloatArray:
         """Where the rotors should be by the joints' account, and where they are (deg); a row each."""
-        board = self.robot_part.board
-        return np.array([self.transmission.rotors(board.encoders()), board.motor_encoders()])[:, self.chosen]
+        joints, motors = self.robot_part.board.encoders_together()
+        return np.array([self.transmission.rotors(joints), motors])[:, self.chosen]
 
     def _go(self, targets: Sequence[float]) -> None:
         going = [place for place, joint in enumerate(self.chosen) if joint not in self.complaints]
@@ -156,11 +159,12 @@ class OpticalEncodersDrift(JointsTest):
         self.complaints.update(outcomes)
 
     def _visit(self, visits: _Visits, done: int) -> None:
-        """Measure at rest: the mean of some states."""
+        """Go home, and measure at rest there: the mean of some states."""
         part = self.robot_part
+        self._go([part.home[joint] for joint in self.chosen])
         part.wait(_SETTLING, pace=_SETTLING)
         with part.recorded() as trace:
-            part.wait(_MEASURING, pace=_MEASURING)
+            part.wait_to_arrive(lambda: len(trace) > 0, _MEASURING, pace=_MEASURING)
         self.assert_error_if_false(len(trace), f"{part.name} publishes no states: nothing can be measured")
         visits.swings.append(done)
         visits.joints.append(trace.positions.mean(axis=0))
@@ -174,6 +178,8 @@ class OpticalEncodersDrift(JointsTest):
 
     def _judge(self, joint: int, swings: FloatArray, drift: FloatArray, share: float) -> None:
         name = self.robot_part.names[joint]
+        if doubt := self.swinger.in_doubt(joint):
+            self.inconclusive(f"{name} {doubt}: nothing can be said of it")
         complaint = self.complaints.get(joint)
         if complaint is not None:
             self.assert_fail(f"{name} {complaint.complaint}; {likely_causes(*complaint.findings)}")

@@ -77,7 +77,7 @@ class PortsFrequency(RateTest):
         for place, one in enumerate(there):
             self.progress(place / len(there), one.name)
             with self.subresult(one.name):
-                found = self.judged(self.listener.recorders[one.name].messages, self.time)
+                found = self.judged(self.listener.recorders[one.name].messages, self.time, one.name)
                 self.judge(found, one.rate, one.tolerance)
 
 

@@ -52,6 +52,9 @@ class PositionControlAccuracy(StepTest):
     def setup(self) -> None:
         """See the base; with gains of its own, give them to the controllers."""
         super().setup()
+        names = self.robot_part.names
+        fixed = [names[joint] for joint in self.chosen if not self.room(joint) > 0]
+        self.assert_error_if_true(fixed, f"no room for a step: the limits of {', '.join(fixed)} leave no range")
         self._give_gains()
         board = self.robot_part.board
         self.hidden = {joint: self._hidden(board.pid(PidType.POSITION, joint)) for joint in self.chosen}

@@ -11,16 +11,17 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.extended_state import Field
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety
-from rtf.robot_testing.courses import until
+from rtf.robot_testing.coupled_steps import CoupledStepTest
 from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.judging import Judged
 from rtf.robot_testing.lateness import tardiness
 from rtf.robot_testing.pid import DiscretePid
-from rtf.robot_testing.steps import StepTest
-from rtf.robot_testing.transmission import Transmission
+from rtf.robot_testing.simulated import is_simulated
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
     from rtf.robot_testing.courses import Course
@@ -40,17 +41,22 @@ _STICTION = 3.0
 _RUNAWAY = 10.0
 #: The share of states whose age is judged: a single hiccup of a machine makes no loop unstable.
 _JUDGED = 0.9
-#: What a board may take to show its mode, s.
-_MODE_TIME = 0.2
+#: Gains that are more are none of per cent of duty cycle: Kp (%/deg), Ki (%/(deg s)), Kd (% s/deg). On the simulated
+#: robot the stiffest joint has 7, 20 and 1.
+_MOST_GAINS = (20.0, 100.0, 5.0)
+#: The greatest duty cycles where nobody says them, of real parts and of simulated ones, %.
+_MOST, _MOST_SIMULATED = 25.0, 100.0
 
 
-class PositionControlAccuracyExternalPid(StepTest):
+class PositionControlAccuracyExternalPid(CoupledStepTest):
     """Steps each joint whose motor the test drives itself, with a PID controller computed here; judges the answer.
 
-    Without gains it takes those of the board, made slower; without any gain at all a joint would be limp. The
-    controller starts with the duty cycle that has held the joint, so that nothing falls when it takes over. It goes by
-    the stamps of the states; how old these are when it acts upon them, and whether they come in their order, is judged.
-    Where this machine is so busy that the loop does not keep its period, what is out of bounds is inconclusive.
+    Without gains it takes those of the board, made slower; a real board reckons in units of its own, and there Kp has
+    to be given. The controller starts with the duty cycle that has held the joint, so that nothing falls when it takes
+    over. It goes by the stamps of the states; how old these are when it acts upon them, and whether they come in their
+    order, is judged. Joints that a board takes along into PWM mode, as they share motors, are held by such controllers
+    where they are. Where this machine is so busy that the loop does not keep its period, what is out of bounds is
+    inconclusive.
     """
 
     aliases = (
@@ -67,11 +73,14 @@ class PositionControlAccuracyExternalPid(StepTest):
         float, "when a cycle ends, counted from the beginning of the rest before the step", unit="s", default=3.0
     )
     kp = Parameter(
-        list[float], "proportional gain, % of duty cycle a deg; none: from the board's", default=[], key="Kp"
+        list[float], "proportional gain, % of duty cycle a deg; none: from a simulated board's", default=[], key="Kp"
     )
     ki = Parameter(list[float], "integral gain, %/(deg s)", default=[], key="Ki")
     kd = Parameter(list[float], "derivative gain, % s/deg", default=[], key="Kd")
-    max_value = Parameter(float, "greatest output", unit="%", default=100.0, low=0.0, high=100.0, key="MaxValue")
+    max_value = Parameter(
+        float, "greatest output; 0: 25 for a real part, 100 for a simulated one", unit="%", default=0.0, low=0.0,
+        high=100.0, key="MaxValue",
+    )  # fmt: skip
     pid_vup = Parameter(float, "added where the joint is to go up, against stiction", unit="%", default=1.5)
     pid_vdown = Parameter(float, "added where it is to go down", unit="%", default=-1.5)
     delay = Parameter(float, "until a tenth is reached, at most", unit="s", default=0.2, low=0.001)
@@ -96,25 +105,52 @@ class PositionControlAccuracyExternalPid(StepTest):
     def setup(self) -> None:
         """See the base; and make a controller for each joint."""
         super().setup()
-        part = self.robot_part
-        self.transmission = gears = Transmission.read(part.board)
+        part, gears = self.robot_part, self.transmission
         # What a per cent of the motor's duty cycle is worth at its joint: its way round, and the coupling.
-        effects = np.sign(gears.gearbox) * np.where(np.diagonal(gears.coupling), np.diagonal(gears.coupling), 1.0)
+        diagonal = np.diagonal(gears.coupling)
+        self.effects = effects = np.sign(gears.gearbox) * np.where(diagonal, diagonal, 1.0)
         gains = [self._gains(part, joint, float(effects[joint])) for joint in self.chosen]
         for place, (name, given) in enumerate((("Kp", self.kp), ("Ki", self.ki), ("Kd", self.kd))):
             if given:
                 values = self.per_joint(name, given, self.chosen)
                 gains = [(*one[:place], values[at], *one[place + 1 :]) for at, one in enumerate(gains)]
+        for joint, one in zip(self.chosen, gains, strict=True):
+            self._require_plausible(part.names[joint], one)
         self.ways = np.sign(effects)
-        self.pids = {
-            joint: DiscretePid(*one, limit=self.max_value, kick=_KICK)
+        self.pids = {joint: self._controller(one) for joint, one in zip(self.chosen, gains, strict=True)}
+        #: Of each joint, those that hold the joints that share motors with it: as stiffly as it.
+        self.holders = {
+            joint: {
+                other: self._controller([gain * effects[joint] / effects[other] for gain in one])
+                for other in gears.coupled(joint)
+                if other != joint
+            }
             for joint, one in zip(self.chosen, gains, strict=True)
         }
         self.homes = {joint: start for joint, (start, _) in self.starts.items()}
         #: What the motor of each joint was told in its cycle, %, and when that was, s.
         self.told: dict[int, list[tuple[float, float]]] = {joint: [] for joint in self.chosen}
 
+    def _controller(self, gains: Sequence[float]) -> DiscretePid:
+        return DiscretePid(*gains, limit=self.most, kick=_KICK)
+
+    def _require_plausible(self, name: str, gains: tuple[float, ...]) -> None:
+        wrong = [
+            f"{key} {value:g}, more than {most:g}"
+            for key, value, most in zip(("Kp", "Ki", "Kd"), gains, _MOST_GAINS, strict=True)
+            if not abs(value) <= most
+        ]
+        self.assert_error_if_true(
+            wrong,
+            f"{name}: {'; '.join(wrong)}: these are no gains in per cent of duty cycle and deg, as they have to be; "
+            "give Kp, Ki and Kd",
+        )
+
     def _gains(self, part: Part, joint: int, effect: float) -> tuple[float, float, float]:
+        """Those that nobody has given: the board's, made slower; of a real one no more than the integral."""
+        if not self._knows_units:
+            kp = self.per_joint("Kp", self.kp, self.chosen)[self.chosen.index(joint)]
+            return kp, _INTEGRAL * kp, 0.0
         pid = part.board.pid(PidType.POSITION, joint)
         kp = pid.kp / _SLOWER**2 / effect
         return kp, _INTEGRAL * kp, pid.kd / _SLOWER / effect
@@ -122,6 +158,13 @@ class PositionControlAccuracyExternalPid(StepTest):
     def choose(self, part: Part) -> list[int]:
         """See the base; of all, those whose gains let a step overcome friction."""
         chosen = super().choose(part)
+        self._knows_units = is_simulated(self.network, self.robot_name, self.part)
+        self.most = self.max_value or (_MOST_SIMULATED if self._knows_units else _MOST)
+        if not self.kp and not self._knows_units:
+            self.skip(
+                f"{part.name} is no simulated part: nobody knows in which units its board has its gains; give Kp, in % "
+                "of duty cycle a deg"
+            )
         if self.joints or self.kp:
             return chosen
         gains = {joint: part.board.pid(PidType.POSITION, joint).kp / _SLOWER**2 for joint in chosen}
@@ -140,14 +183,18 @@ class PositionControlAccuracyExternalPid(StepTest):
     def begin(self, joint: int) -> Course[tuple[float, float]]:
         """See the base."""
         part, (home, sign) = self.robot_part, self.starts[joint]
-        held = self.transmission.holding_duty(part.board.duty_cycles(), joint)
-        part.board.set_control_modes([ControlMode.PWM], [joint])
-        self.pids[joint].start(held)
-        self.told[joint] = []
-        self.drive(joint, home)
-        entered = yield from until(
-            part.clock, lambda: part.board.control_modes(joint)[0] is ControlMode.PWM, _MODE_TIME
+        duties = part.board.duty_cycles()
+        held = self.transmission.holding_duty(duties, joint)
+        least = min(abs(held), abs(float(duties[joint])))
+        self.assert_error_if_true(
+            least > self.most,
+            f"{part.names[joint]} is held by {least:.1f} % of duty cycle, MaxValue allows {self.most:g} %",
         )
+        self.told[joint] = []
+        entered = yield from self.entering(joint, ControlMode.PWM, held, duties)
+        self.pids[joint].start(held)
+        for other, holder in self.holders[joint].items():
+            holder.start(self.transmission.holding_duty(duties, other))
         self.assert_true(
             entered,
             f"{part.names[joint]} does not enter PWM mode: it stays in {part.board.control_modes(joint)[0].word}",
@@ -166,15 +213,33 @@ class PositionControlAccuracyExternalPid(StepTest):
             )
         duty = self.pids[joint].output(reference, position, stamp)
         duty += (self.pid_vup if reference > position else self.pid_vdown) * float(self.ways[joint])
-        duty = max(-100.0, min(100.0, duty))
+        duty, *others = self._shared(joint, duty, stamp, state.values(Field.JOINT_POSITIONS))
         self.told[joint].append((self.now(), duty))
-        part.board.set_reference_duty_cycles(duty, joint)
+        self.give(joint, duty, others)
+
+    def _shared(self, joint: int, duty: float, stamp: float, positions: FloatArray) -> list[float]:
+        """The duty cycles of a motor and of those that went along: all of them do what is to be done at each joint."""
+        along = self.along[joint]
+        stood, holders, group = self.stood[joint], self.holders[joint], [joint, *along]
+        wanted = [duty, *(holders[one].output(stood[one], positions[one], stamp) for one in along)]
+        if along:
+            gears = self.transmission
+            effects = (np.sign(gears.gearbox)[:, None] * gears.coupling)[np.ix_(group, group)]
+            wanted = np.linalg.lstsq(effects.T, self.effects[group] * wanted)[0].tolist()
+        return [max(-self.most, min(self.most, one)) for one in wanted]
+
+    def tell(self, joints: list[int], efforts: list[float]) -> None:
+        """See the base."""
+        if len(joints) > 1:
+            self.robot_part.board.set_reference_duty_cycles(efforts, joints)
+        else:
+            self.robot_part.board.set_reference_duty_cycles(efforts[0], joints[0])
 
     def tardy(self, joint: int, trace: Trace) -> str:
         """See the base; by the duty cycles in the states, where they have the same clock."""
         if isinstance(self.clock, SystemClock):
             return ""
-        return tardiness(self.told[joint], trace.time, trace.duty_cycles[:, joint], self.sample_time)
+        return tardiness(self.told[joint], trace.local_time, trace.duty_cycles[:, joint], self.sample_time)
 
     def measured(self, trace: Trace, joint: int) -> FloatArray:
         """See the base."""

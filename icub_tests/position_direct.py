@@ -129,6 +129,7 @@ class PositionDirect(RobotTest):
                     self._judge_lost(part.names[joint], lost[column])
                     self._judge(part.names[joint], joint, column, run)
         bring(self, part, self.chosen, self.middle)
+        part.tell_of_clocks(self.report)
 
     def _leave_out_what_does_not_come(self, part: Part) -> None:
         """A joint that does not even come to the middle of its sine fails; the others are tested all the same."""
@@ -222,7 +223,7 @@ class PositionDirect(RobotTest):
 
     def _judge(self, name: str, joint: int, column: int, run: _Run) -> None:
         """Errors over all of it; delay and shape where the sine is whole."""
-        time = run.trace.time - run.begin
+        time = run.trace.local_time - run.begin
         position, speed = run.trace.positions[:, joint], run.trace.velocities[:, joint]
         during = (time >= 0) & (time <= self.sine.duration)
         time, position, speed = time[during], position[during], speed[during]
@@ -248,22 +249,29 @@ class PositionDirect(RobotTest):
             Judged("delay", delay, "s", self.delay, "lag"),
             Judged("shape error", fit.rms, "deg", self.shape, "irregular"),
             Judged("speed ripple", ripple, "%", self.ripple, "noise"),
+            Judged("tracking error, root mean square", float(np.sqrt(np.mean(error**2))), "deg", finding="lag"),
+            self._gain(name, "amplitude", fit.amplitude / amplitude),
+            *(self._taken(name, column, run) if len(run.taken) else ()),
         )
         judge_values(self, name, values, lateness(run.sent_at, self.sample_time))
-        self.measure("tracking error, root mean square", float(np.sqrt(np.mean(error**2))), "deg")
-        self.measure("amplitude", fit.amplitude / amplitude, "", low=1 - _GAIN, high=1 + _GAIN)
-        if len(run.taken):
-            self._judge_taken(name, column, run)
 
-    def _judge_taken(self, name: str, column: int, run: _Run) -> None:
+    def _gain(self, name: str, what: str, gain: float) -> Judged:
+        low, high = 1 - _GAIN, 1 + _GAIN
+        hint = f"{name}: {what} is {gain:.3g}, it is to be {low:g} to {high:g}"
+        return Judged(what, gain, "", high, "weak", low, hint)
+
+    def _taken(self, name: str, column: int, run: _Run) -> tuple[Judged, Judged]:
         """What the board says that it was told is the sine, too."""
         first, last = self.sine.plateau
         whole = (run.looked_at >= first) & (run.looked_at <= last)
         amplitude = float(self.sine.amplitudes[column])
         fit = fit_sine(run.looked_at[whole], run.taken[whole, column], self.frequency)
-        self.measure("amplitude of the references at the board", fit.amplitude / amplitude, "", 1 - _GAIN, 1 + _GAIN)
-        hint = f"{name}: the board was told something else than was sent; {likely_causes('lost commands')}"
-        self.measure("shape error of the references at the board", fit.rms, "deg", high=self.shape, hint=hint)
+        lost = "lost commands"
+        hint = f"{name}: the board was told something else than was sent; {likely_causes(lost)}"
+        return (
+            self._gain(name, "amplitude of the references at the board", fit.amplitude / amplitude),
+            Judged("shape error of the references at the board", fit.rms, "deg", self.shape, lost, hint=hint),
+        )
 
 
 #: Samples to compare signals with, s; states that a swing needs; by how much an amplitude may differ from 1.

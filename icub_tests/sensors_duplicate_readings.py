@@ -80,7 +80,7 @@ class SensorsDuplicateReadings(StreamTest):
                 self._judge(one)
 
     def _judge(self, one: _Tolerated) -> None:
-        found = self.judged(self.listener.recorders[one.name].messages, self.time)
+        found = self.judged(self.listener.recorders[one.name].messages, self.time, one.name)
         stream = stream_of(found)
         self._count("messages that came twice", stream.duplicates, one.duplicates, "messages sent twice")
         values = readings_of(one.name, [message.data for message in stream.messages], self.network.dialect)
@@ -104,6 +104,8 @@ class SensorsDuplicateReadings(StreamTest):
 
     def _judge_channels(self, port: str, values: FloatArray) -> None:
         names = channels_of(self.network, port, values.shape[1])
+        nothing = [name for name, fine in zip(names, np.isfinite(values).all(axis=0), strict=True) if not fine]
+        self.assert_fail_if_true(nothing, f"{', '.join(nothing)} of {port} tells of values that are no numbers")
         still = np.ptp(values, axis=0) == 0.0
         absent = still & (values[0] == 0.0)  # servers show zeros for what a unit has not got
         if absent.any() and not absent.all():

@@ -8,10 +8,9 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.courses import until
+from rtf.robot_testing.coupled_steps import CoupledStepTest
 from rtf.robot_testing.judging import Judged
-from rtf.robot_testing.steps import StepTest
-from rtf.robot_testing.torque import measuring_torques, torque_joints
+from rtf.robot_testing.torque import greatest_torque, holding_torques, torque_joints
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -20,13 +19,13 @@ if TYPE_CHECKING:
     from rtf.robot_testing.courses import Course
     from rtf.robot_testing.steps import Cycle
 
-#: How long the torque that holds a joint is measured, and what a board may take to show its mode, s.
-_HOLDING, _MODE_TIME = 0.2, 0.2
+#: How long the torque that holds a joint is measured, s.
+_HOLDING = 0.2
 #: A step is no more than this share of the greatest torque of its joint.
 _WEAKEST = 0.1
 
 
-class TorqueControlAccuracy(StepTest):
+class TorqueControlAccuracy(CoupledStepTest):
     """Steps the torque of each joint, on top of the torque that holds it; judges how soon and how well it comes.
 
     A joint that gives way ends its step: it is held again before it has gone far.
@@ -41,7 +40,7 @@ class TorqueControlAccuracy(StepTest):
 
     step = Parameter(
         float,
-        "height of the step; on the robot 1 at most, and no more than a tenth of the greatest torque",
+        "height of the step; on the robot 1 at most, and no more than a tenth of the greatest torque that is told",
         unit="Nm",
         default=0.5,
         low=0.01,
@@ -72,20 +71,17 @@ class TorqueControlAccuracy(StepTest):
     def begin(self, joint: int) -> Course[tuple[float, float]]:
         """See the base; the step starts with what holds the joint."""
         part, (_, sign) = self.robot_part, self.starts[joint]
-        held = float((yield from measuring_torques(part, _HOLDING))[joint])
-        low, high = part.board.torque_range(joint)
-        # A joint with a weak motor is a light one: it would be too fast before anything can be seen.
-        step = min(self.step, _WEAKEST * max(-low, high))
-        self.assert_error_if_false(
-            low <= held + sign * step <= high,
-            f"{part.names[joint]} is held by {held:.2f} Nm: a step of {step:g} Nm leaves its range of {low:g} to "
-            f"{high:g} Nm",
-        )
-        part.board.set_control_modes([ControlMode.TORQUE], [joint])
-        self.drive(joint, held)
-        entered = yield from until(
-            part.clock, lambda: part.board.control_modes(joint)[0] is ControlMode.TORQUE, _MODE_TIME
-        )
+        torques = yield from holding_torques(self, part, [joint], _HOLDING)
+        held, step = float(torques[joint]), self.step
+        most = greatest_torque(part.board, joint)
+        if most is not None:
+            # A joint with a weak motor is a light one: it would be too fast before anything can be seen.
+            step = min(step, _WEAKEST * most)
+            self.assert_error_if_true(
+                abs(held + sign * step) > most,
+                f"{part.names[joint]} is held by {held:.2f} Nm: a step of {step:g} Nm leaves its range of {most:g} Nm",
+            )
+        entered = yield from self.entering(joint, ControlMode.TORQUE, held, torques)
         self.assert_true(
             entered,
             f"{part.names[joint]} does not enter torque mode: it stays in {part.board.control_modes(joint)[0].word}; "
@@ -95,7 +91,14 @@ class TorqueControlAccuracy(StepTest):
 
     def drive(self, joint: int, reference: float) -> None:
         """See the base."""
-        self.robot_part.board.set_reference_torques(reference, joint)
+        self.give(joint, reference)
+
+    def tell(self, joints: list[int], efforts: list[float]) -> None:
+        """See the base."""
+        if len(joints) > 1:
+            self.robot_part.board.set_reference_torques(efforts, joints)
+        else:
+            self.robot_part.board.set_reference_torques(efforts[0], joints[0])
 
     def enough(self, joint: int, after: float) -> bool:
         """See the base: a joint that has gone far, or has been judged and become fast, is held again."""

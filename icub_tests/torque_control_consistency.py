@@ -8,8 +8,11 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError, RobotTest, Safety, likely_causes
+from rtf.robot_testing.courses import finish
+from rtf.robot_testing.part import PACE
 from rtf.robot_testing.positioning import bring, hold, starting_point
-from rtf.robot_testing.torque import mean_torques, torque_joints
+from rtf.robot_testing.torque import holding_torques, torque_joints
+from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -31,7 +34,8 @@ _TRAVEL = 10.0
 class TorqueControlConsistency(RobotTest):
     """Tells joints torques a little above, at and below the one that holds them, and reads the references back.
 
-    In all ways of telling them: one joint at a time, a group, and the whole part.
+    In all ways of telling them: one joint at a time, a group, and the whole part. Joints that share motors with them
+    are told the torques that hold them, for many boards have them enter the mode, too.
     """
 
     aliases = ("torqueControl-consistency", "torqueControlConsistency", "TorqueControl-consistency")
@@ -57,6 +61,8 @@ class TorqueControlConsistency(RobotTest):
         super().setup()
         self.robot_part = part = self.open_part(self.part)
         self.chosen = torque_joints(self, part, self.joints)
+        self.transmission = Transmission.read(part.board)
+        self.transmission.tell(self, part.name)
         zeros: list[float | None] = [*self.per_joint("zero", self.zero, self.chosen)] if self.zero else []
         self.places = [
             starting_point(part, joint, zero, _TRAVEL / 2, both_sides=True)[0]
@@ -81,15 +87,18 @@ class TorqueControlConsistency(RobotTest):
         bring(self, part, self.chosen, self.places)
 
     def _test(self, part: Part, form: str, joints: Sequence[int]) -> None:
-        held = mean_torques(part, _HOLDING)[list(joints)]
-        before = part.board.encoders(joints)
+        torques = finish(part, holding_torques(self, part, joints, _HOLDING), pace=PACE)
+        held, others = torques[list(joints)], self._others(joints)
+        before = part.board.encoders()
         part.board.set_control_modes([ControlMode.TORQUE] * len(joints), joints)
-        self._tell(part, form, joints, held)
+        if others:  # where they have stayed in their modes they ignore it
+            part.board.set_reference_torques(torques[others], others)
+        self._tell(part, form, joints, held, torques)
         part.wait_until(lambda: self._in_torque_mode(part, joints).all(), _MODE_TIME, pace=0.01)
         found = []
         for change in (self.change, 0.0, -self.change):
             wanted = held + change
-            self._tell(part, form, joints, wanted)
+            self._tell(part, form, joints, wanted, torques)
             part.wait_to_arrive(
                 lambda wanted=wanted: bool(
                     (np.abs(part.board.reference_torques(joints) - wanted) <= self.tolerance).all()
@@ -100,26 +109,38 @@ class TorqueControlConsistency(RobotTest):
                 change, wanted, part.board.reference_torques(joints), part.board.torques(joints),
                 self._in_torque_mode(part, joints),
             ))  # fmt: skip
-            if np.abs(part.board.encoders(joints) - before).max() > _TRAVEL:
+            gone = np.abs(part.board.encoders() - before)[[*joints, *others]]
+            if gone.max() > _TRAVEL:
                 break
         hold(part, joints)
-        for place, joint in enumerate(joints):
+        for place, joint in enumerate([*joints, *others]):
+            if place >= len(joints) and gone[place] <= _TRAVEL:
+                continue
             with self.subresult(f"{part.names[joint]} {form}"):
-                for change, wanted, told, measured, kept in found:
+                self.check_fail_if_true(
+                    gone[place] > _TRAVEL,
+                    f"{part.names[joint]} went {gone[place]:.1f} deg by torques within {self.change:g} Nm of what "
+                    f"holds it, {_TRAVEL:g} deg are allowed; {likely_causes('runs away')}",
+                )
+                for change, wanted, told, measured, kept in found if place < len(joints) else ():
                     self._judge(
                         part.names[joint], change, wanted[place], told[place], measured[place], kept=bool(kept[place])
                     )
 
-    def _tell(self, part: Part, form: str, joints: Sequence[int], torques: FloatArray) -> None:
-        """Joints in other modes ignore what they are told, so that the whole part may be."""
+    def _others(self, joints: Sequence[int]) -> list[int]:
+        """Those that are coupled with some joints."""
+        return sorted({other for joint in joints for other in self.transmission.coupled(joint)} - {*joints})
+
+    def _tell(self, part: Part, form: str, joints: Sequence[int], torques: FloatArray, every: FloatArray) -> None:
+        """Joints in other modes ignore what they are told, so that the whole part may be, what ``every`` one bears."""
         if form == "single":
             part.board.set_reference_torques(float(torques[0]), joints[0])
         elif form == "group":
             part.board.set_reference_torques(torques, joints)
         else:
-            every = np.zeros(part.axes)
-            every[list(joints)] = torques
-            part.board.set_reference_torques(every)
+            whole = every.copy()
+            whole[list(joints)] = torques
+            part.board.set_reference_torques(whole)
 
     def _in_torque_mode(self, part: Part, joints: Sequence[int]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         return np.array([mode is ControlMode.TORQUE for mode in part.board.control_modes(joints)])

@@ -10,7 +10,7 @@ import numpy as np
 from rtf.robot_testing import RobotTest, Safety, fit_line, likely_causes
 from rtf.robot_testing.gravity import GravityModel
 from rtf.robot_testing.positioning import bring, hold
-from rtf.robot_testing.torque import mean_torques, torque_joints
+from rtf.robot_testing.torque import greatest_torque, mean_torques, torque_joints
 from rtf.simulator.errors import MissingPackageError
 from rtf.testing import Parameter
 
@@ -50,7 +50,8 @@ class TorqueControlGravityConsistency(RobotTest):
     error = Parameter(float, "measured minus model in a single posture, at most", unit="Nm", default=1.5, low=0.0)
 
     friction = Parameter(
-        float, "of the torque range of a joint, that friction may hide: these limits are not below it", unit="%",
+        float, "of the torque range, where it is told, that friction may hide: these limits are not below it",
+        unit="%",
         default=2.5, low=0.0,
     )  # fmt: skip
 
@@ -124,7 +125,12 @@ class TorqueControlGravityConsistency(RobotTest):
         models = wanted.reshape(-1, 2, len(self.chosen)).mean(axis=1)
         for place, joint in enumerate(self.chosen):
             with self.subresult(part.names[joint]):
-                hidden = self.friction / 100.0 * part.board.torque_range(joint)[1]
+                most = greatest_torque(part.board, joint)
+                if most is None:
+                    self.report(
+                        f"{part.names[joint]}: its torque range is not told, so that nothing is left to friction"
+                    )
+                hidden = self.friction / 100.0 * (most or 0.0)
                 self._judge(part.names[joint], pairs[:, place], models[:, place], hidden)
 
     def _judge(self, name: str, measured: FloatArray, model: FloatArray, hidden: float) -> None:

@@ -10,12 +10,14 @@ import numpy as np
 from rtf.robot.control_modes import InteractionMode
 from rtf.robot_testing import GuardError, RobotTest, Safety, fit_line, likely_causes
 from rtf.robot_testing.positioning import bring, hold, starting_point
-from rtf.robot_testing.torque import torque_joints
+from rtf.robot_testing.simulated import is_simulated
+from rtf.robot_testing.torque import greatest_torque, torque_joints
+from rtf.robot_testing.transmission import Transmission
 from rtf.simulator.control import SimulatorControl
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
@@ -35,7 +37,8 @@ class TorqueControlStiffDampCheck(RobotTest):
     """Makes each joint compliant, first with stiffness alone, then with damping alone, and has it pushed.
 
     The torque over the way it gives is a line with the slope of the stiffness, that over its speed one with the slope
-    of the damping. A simulated robot is pushed by its simulator, on a real one the operator is asked to.
+    of the damping. A simulated robot is pushed by its simulator, on a real one the operator is asked to, before the
+    joint gives way. A joint with neither stiffness nor damping is not tested.
     """
 
     aliases = ("torqueControl-stiffDampCheck", "torqueControlStiffDampCheck")
@@ -58,7 +61,10 @@ class TorqueControlStiffDampCheck(RobotTest):
         """Open the part and bring its joints home."""
         super().setup()
         self.robot_part = part = self.open_part(self.part)
+        self.pushed = is_simulated(self.network, self.robot_name, self.part)
         self.chosen = torque_joints(self, part, self.joints)
+        self.transmission = Transmission.read(part.board)
+        self.transmission.tell(self, part.name)
         homes: list[float | None] = [*self.per_joint("home", self.home, self.chosen)] if self.home else []
         self.homes = [
             starting_point(part, joint, home, _TRAVEL, both_sides=True)[0]
@@ -75,15 +81,23 @@ class TorqueControlStiffDampCheck(RobotTest):
     def run(self) -> None:
         """Test joint by joint."""
         part = self.robot_part
+        if max(*self.springs, *self.dampers) <= 0:
+            self.skip(f"no joint of {part.name} has stiffness or damping: give stiffness or damping")
         for place, joint in enumerate(self.chosen):
             self.progress(place / len(self.chosen), part.names[joint])
             with self.subresult(part.names[joint]):
                 self._test(part, joint, place)
 
     def _test(self, part: Part, joint: int, place: int) -> None:
-        before = part.board.impedance(joint)
         spring, damper = self.springs[place], self.dampers[place]
+        if spring <= 0 and damper <= 0:
+            self.skip(f"{part.names[joint]} has neither stiffness nor damping: give stiffness or damping")
+        before = {one: part.board.impedance(one) for one in self.transmission.coupled(joint)}
+        self._require_springs(part, joint, before, spring)
         try:
+            for other, (stiffness, _) in before.items():
+                if other != joint and stiffness <= 0:
+                    part.board.set_impedance(other, spring, damper)
             if spring > 0:
                 trace = self._give_way(part, joint, self.homes[place], spring, 0.0)
                 self._judge(part.names[joint], "stiffness", spring, trace.positions[:, joint], trace.torques[:, joint])
@@ -94,8 +108,21 @@ class TorqueControlStiffDampCheck(RobotTest):
             self.assert_fail(f"{error}; {likely_causes('runs away', 'impedance')}")
         finally:
             hold(part, [joint])
-            part.board.set_impedance(joint, *before)
+            for one, impedance in before.items():
+                if part.board.impedance(one) != impedance:
+                    part.board.set_impedance(one, *impedance)
         bring(self, part, [joint], [self.homes[place]])
+
+    def _require_springs(
+        self, part: Part, joint: int, impedances: Mapping[int, tuple[float, float]], spring: float
+    ) -> None:
+        """Joints that share motors become compliant together on many boards: none may fall while another is pushed."""
+        loose = [part.names[one] for one, (stiffness, _) in impedances.items() if one != joint and stiffness <= 0]
+        if loose and spring <= 0:
+            self.inconclusive(
+                f"{part.names[joint]} shares motors with {', '.join(loose)}, which may become compliant with it and "
+                "would fall without any stiffness: give stiffness"
+            )
 
     # Moving ------------------------------------------------------------------------------------------------------
 
@@ -103,6 +130,8 @@ class TorqueControlStiffDampCheck(RobotTest):
         """Make a joint compliant and have it moved; what it did meanwhile."""
         bring(self, part, [joint], [home])
         part.wait(_REST)
+        if not self.pushed:
+            self._ask_for_a_hand(part, joint)
         self._set_impedance(part, joint, spring, damper)
         part.board.set_interaction_modes([InteractionMode.COMPLIANT], [joint])
         entered = part.wait_until(
@@ -110,10 +139,11 @@ class TorqueControlStiffDampCheck(RobotTest):
         )
         self.assert_true(entered, f"{part.names[joint]} does not become compliant; {likely_causes('mode')}")
         with part.recorded() as trace:
-            if self.simulated:
+            if self.pushed:
                 self._push(part, joint, home, spring, damper)
             else:
-                self._ask_to_move(part, joint)
+                part.wait_until(lambda: self._is_far(part, joint, home), self.duration)
+                self._look_after(part, joint, home)
         hold(part, [joint])
         return trace
 
@@ -128,8 +158,8 @@ class TorqueControlStiffDampCheck(RobotTest):
 
     def _push(self, part: Part, joint: int, home: float, spring: float, damper: float) -> None:
         """Push to both sides in turn, as hard as it takes."""
-        most = part.board.torque_range(joint)[1]
-        torque = spring * _WAY + damper * _SPEED + _FRICTION * most
+        most = greatest_torque(part.board, joint)
+        torque = spring * _WAY + damper * _SPEED + _FRICTION * (most or 0.0)
         with SimulatorControl(self.robot_name) as control:
             for sign in self._pushes():
                 number = control.inject("push", part.names[joint], {"torque": sign * torque})
@@ -145,21 +175,23 @@ class TorqueControlStiffDampCheck(RobotTest):
     def _pushes(self) -> Iterator[float]:
         yield from (1.0, -1.0, -1.0, 1.0)
 
-    def _ask_to_move(self, part: Part, joint: int) -> None:
+    def _ask_for_a_hand(self, part: Part, joint: int) -> None:
+        """Have the operator hold a joint before it gives way: while the answer is waited for it stands."""
         name = part.names[joint]
-        if not self.confirm(f"{name} gives way now. Move it to and fro by hand for {self.duration:g} s. Do you begin?"):
+        if not self.confirm(
+            f"{name} gives way at your yes, and may sink: hold it now, and move it to and fro for {self.duration:g} s "
+            "from then on. Do you hold it?"
+        ):
             self.inconclusive(f"nobody moved {name}")
-        home = part.board.encoder(joint)
-        end = self.now() + self.duration
-        while self.now() < end:
-            part.wait(_REST)
-            self._look_after(part, joint, home)
+
+    def _is_far(self, part: Part, joint: int, home: float) -> bool:
+        return abs(part.board.encoder(joint) - home) > _TRAVEL
 
     def _look_after(self, part: Part, joint: int, home: float) -> None:
-        position = part.board.encoder(joint)
-        if abs(position - home) > _TRAVEL:
+        if self._is_far(part, joint, home):
             raise GuardError(
-                f"{part.names[joint]} is at {position:.1f} deg, more than {_TRAVEL:g} deg from where it was"
+                f"{part.names[joint]} is at {part.board.encoder(joint):.1f} deg, more than {_TRAVEL:g} deg from where "
+                "it was"
             )
 
     # Judging -----------------------------------------------------------------------------------------------------
@@ -185,6 +217,6 @@ class TorqueControlStiffDampCheck(RobotTest):
         if reach >= least:
             return
         text = f"{name} was moved by {reach:.2g} {symbol} to either side, {least:g} are needed to judge its {what}"
-        if self.simulated:
+        if self.pushed:
             self.assert_fail(f"{text}: it does not give way; {likely_causes('does not move')}")
         self.inconclusive(text)

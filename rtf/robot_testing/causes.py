@@ -50,6 +50,10 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "runs away": ("gains far too large", "a wrong sign in the loop", "a sensor that lies"),
     "lost commands": ("a loaded network", "a board that drops commands"),
     "lag": ("gains that are too small", "commands or answers that are late", "a weak motor"),
+    "torque dead": (
+        "nobody estimates the torques: wholeBodyDynamics does not run, or does not send them to this board",
+        "a dead torque sensor",
+    ),
     "torque answer": ("a wrong factor of the torque sensing", "a weak or dead motor", "a wrong model of the motor"),
     "torque gain": (
         "a wrong factor or sign of the torque sensing",

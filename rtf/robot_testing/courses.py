@@ -28,11 +28,13 @@ Course: TypeAlias = "Generator[None, None, T]"
 def until(clock: Clock, condition: Callable[[], bool], timeout: float) -> Course[bool]:
     """Wait until a condition holds; False when it does not within ``timeout`` s of the robot's time."""
     end = clock.now() + timeout
-    while not condition():
-        if clock.now() >= end:
+    while True:
+        now = clock.now()  # before the look, or a process that was held up in between would never have looked
+        if condition():
+            return True
+        if now >= end:
             return False
         yield None
-    return True
 
 
 def pause(clock: Clock, seconds: float) -> Course[bool]:

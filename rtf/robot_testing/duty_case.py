@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rtf.errors import RtfError
+from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RobotError
 from rtf.robot_testing.causes import likely_causes
 from rtf.robot_testing.courses import singly, work
@@ -74,6 +75,7 @@ class DutyTest(JointsTest):
             self.transmission = Transmission.read(part.board)
         except RobotError as error:
             self.assert_error(f"{part.name}: {error}")
+        self.transmission.tell(self, part.name)
         self.hold()
         give_up_strays(part)
         self._done = 0
@@ -95,6 +97,9 @@ class DutyTest(JointsTest):
     def _course(self, joint: int) -> Course[None]:
         part, problem = self.robot_part, None
         found: list[BothWays] = []
+        if self._is_lost(joint):
+            self._done += 1
+            return
         try:
             yield from self._drive_often(joint, found)
         except RtfError as error:
@@ -111,6 +116,27 @@ class DutyTest(JointsTest):
             if problem is not None:
                 raise problem
             self.judge(joint, found)
+
+    def _is_lost(self, joint: int) -> bool:
+        """Judge a joint whose motor is not to be driven: nobody watches one that was given up, or is to power it."""
+        part, guard = self.robot_part, self.robot_part.guard
+        lost = [one for one in self.transmission.coupled(joint) if guard is not None and guard.given_up(one)]
+        found = joint in lost or (bool(lost) and part.board.control_mode(joint) is ControlMode.IDLE)
+        if found:
+            with self.subresult(part.names[joint]):
+                self._judge_lost(joint, lost)
+        return found
+
+    def _judge_lost(self, joint: int, lost: list[int]) -> None:
+        part, name = self.robot_part, self.robot_part.names[joint]
+        if joint not in lost:
+            self.inconclusive(
+                f"{name} shares motors with {self.names_of(lost)}: when that was left idle, its board left it idle, too"
+            )
+        self.assert_fail(
+            f"{name} is not driven, for it had to be left idle: it shows {part.board.encoder(joint):.1f} deg, its "
+            f"limits are {part.low[joint]:g} and {part.high[joint]:g} deg; {likely_causes('beyond limit', 'sign')}"
+        )
 
     def _drive_often(self, joint: int, found: list[BothWays]) -> Course[None]:
         """Drive a motor as often as it is to be. A joint that is blocked on one side is tried at another place, too.
@@ -154,6 +180,8 @@ class DutyTest(JointsTest):
             yield from self._bring(joint, place)
             with limp(part, self.transmission, joint, held=held) as motor:
                 ramps.append((yield from self._drive(motor, sign, held=held)))
+            if held and motor.along:
+                yield from part.moving(motor.stood, motor.along, speed=HOMING, tolerance=NEAR)
         positive, negative = ramps
         return BothWays(positive, negative, held)
 

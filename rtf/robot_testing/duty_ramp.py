@@ -1,9 +1,10 @@
 """One motor driven by its duty cycle, slowly more and more, until it moves: what tests of motors do to a robot.
 
-Only the joint of that motor is without its controller meanwhile. It begins with the duty cycle at which the controller
-held it, so that gravity does not take it away. A controller gives something between what lets the joint fall and what
-drives it, by chance at the edge of that: a joint that creeps away is caught by a little more or less. One that cannot
-be held so hangs until it has come to rest. What moves it then is what was added.
+Only the joint of that motor is without its controller meanwhile, and on boards that change the modes of coupled joints
+together those, too: their motors keep the duty cycles that have held them. It begins with the duty cycle at which the
+controller held it, so that gravity does not take it away. A controller gives something between what lets the joint fall
+and what drives it, by chance at the edge of that: a joint that creeps away is caught by a little more or less. One that
+cannot be held so hangs until it has come to rest. What moves it then is what was added.
 """
 
 from __future__ import annotations
@@ -44,6 +45,8 @@ _CATCH = 1.0
 _AGAIN = 0.1
 #: Motion that counts as the first, deg of the joint: beyond the ticks of coarse encoders and the play of a gearbox.
 FIRST_MOTION = 0.3
+#: How far a joint may go that lost its controller only because it is coupled with the one that is driven, deg.
+_ASTRAY = 15.0
 #: How near a limit is touched, deg.
 LIMIT_MARGIN = 1.0
 _ROUNDING = 1e-6  # of a step
@@ -89,54 +92,90 @@ class LimpMotor:
         self.joint = joint
         self.holding = 0.0  # %
         self.restless = (0.0, 0.0)  # the ways of motor and joint, to and fro, when it was seen last without rest, deg
+        self.along: list[int] = []  # the joints that the board took along into the mode, and where they stood, deg
+        self.stood = np.zeros(0)
+        self._duties = np.zeros(part.axes)  # of all motors when they were held, %
         self._factor = float(transmission.factors[joint])
         self._transmission = transmission
         self._told, self._told_at = 0.0, -np.inf
 
     def _where(self) -> tuple[float, float]:
-        """Motor and joint (deg of the joint), both positive where a positive duty cycle should turn them."""
+        """Motor and joint (deg of the joint), both positive where a positive duty cycle should turn them.
+
+        Where others have lost their controllers, too, the motor moves them as well: what counts is where all of them
+        together say that it is.
+        """
         board = self.part.board
         motor = float(board.motor_encoders(self.joint)[0]) / abs(self._factor)
+        if self.along:
+            return motor, float(self._transmission.rotors(board.encoders())[self.joint]) / abs(self._factor)
         return motor, board.encoder(self.joint) * float(np.sign(self._factor))
 
     def _drive(self, duty: float) -> Course[None]:
         now = self.part.clock.now()
         if duty != self._told or now >= self._told_at + _AGAIN:
-            self.part.board.set_reference_duty_cycles([duty], [self.joint])
+            self._tell(duty, self.along)
             self._told, self._told_at = duty, now
+        if self.along:
+            self._look_after()
         yield None
+
+    def _tell(self, duty: float, others: list[int]) -> None:
+        """Give a duty cycle; the motors of others keep those that have held them."""
+        self.part.board.set_reference_duty_cycles([duty, *self._duties[others]], [self.joint, *others])
+
+    def _look_after(self) -> None:
+        part = self.part
+        gone = np.abs(part.board.encoders(self.along) - self.stood)
+        if gone.max() > _ASTRAY:
+            one = self.along[int(gone.argmax())]
+            raise RobotError(
+                f"{part.names[one]} shares motors with {part.names[self.joint]}, and went {gone.max():.1f} deg while "
+                "that one was driven; test it where gravity does not move them"
+            )
 
     def rest(self, *, held: bool) -> Course[bool]:
         """Find a duty cycle at which the joint rests; whether it does. ``held``: its controller holds it until now."""
+        self._duties = self.part.board.duty_cycles()
         if held:
-            self.holding = yield from self._held_by()
+            self._duties = yield from self._held_by()
+            self.holding = self._transmission.holding_duty(self._duties, self.joint)
         yield from self._enter()
+        if held and self.along:  # the other motors go on with their shares
+            self.holding = float(self._duties[self.joint])
         if held and (yield from self._is_caught()):
             return True
         self.holding = 0.0
         return (yield from self._comes_to_rest())
 
-    def _held_by(self) -> Course[float]:
-        """The mean duty cycle with which the controller holds the joint, when it has come to rest."""
+    def _held_by(self) -> Course[FloatArray]:
+        """The mean duty cycles of all motors of the part, when the joint has come to rest."""
         part, clock = self.part, self.part.clock
         yield from until(clock, lambda: float(np.abs(part.board.encoder_speeds(self.joint))[0]) < _CALM, SETTLING)
         yield from pause(clock, _HOLDING)
         with part.recorded() as trace:
             yield from pause(clock, _AVERAGED)
-        duties = trace.duty_cycles.mean(axis=0) if len(trace) else part.board.duty_cycles()
-        return self._transmission.holding_duty(duties, self.joint)
+        duties: FloatArray = trace.duty_cycles.mean(axis=0) if len(trace) else part.board.duty_cycles()
+        return duties
 
     def _enter(self) -> Course[None]:
         part, joint = self.part, self.joint
+        coupled = [one for one in self._transmission.coupled(joint) if one != joint]
+        stood = part.board.encoders(coupled) if coupled else self.stood
         part.board.set_interaction_modes(InteractionMode.STIFF, joint)
         part.board.set_control_modes(ControlMode.PWM, joint)
         end = part.clock.now() + _ENTERING
-        # At once, and until it is in it: in the new mode the motor gives nothing until it is told.
+        # At once, and until it is in it: in the new mode a motor gives nothing until it is told. What is told to a
+        # joint in another mode goes for nothing.
+        if coupled:
+            self._tell(self.holding, coupled)
         yield from self._drive_anew(self.holding)
         while part.board.control_mode(joint) is not ControlMode.PWM:
             if part.clock.now() >= end:
                 raise RobotError(f"{part.names[joint]} does not take the mode in which duty cycles are given")
             yield from self._drive_anew(self.holding)
+        self.along = self._transmission.went_along(part.board, joint, ControlMode.PWM)
+        self.stood = stood[[coupled.index(one) for one in self.along]]
 
     def _drive_anew(self, duty: float) -> Course[None]:
         self._told_at = -np.inf
@@ -189,7 +228,9 @@ class LimpMotor:
         """
         part, joint = self.part, self.joint
         begin, (motor_0, joint_0) = part.clock.now(), self._where()
-        within = part.low[joint] <= part.board.encoder(joint) <= part.high[joint]  # else it says nothing of limits
+        group = [joint, *self.along]
+        places = part.board.encoders(group)
+        within = (part.low[group] <= places) & (places <= part.high[group])  # else it says nothing of limits
         rows: list[tuple[float, float, float, float]] = []
         end, added, motor, turned = End.MAXIMUM, 0.0, 0.0, 0.0
         while True:
@@ -206,20 +247,21 @@ class LimpMotor:
             if max(abs(motor), abs(turned)) >= threshold:
                 end = End.MOVED
                 break
-            if within and _at_limit(part, joint, turned * np.sign(self._factor), margin):
+            here = part.board.encoders(group)
+            ways = zip(group, places, here, within, strict=True)
+            if any(inside and _at_limit(part, one, begun, now, margin) for one, begun, now, inside in ways):
                 end = End.LIMIT
                 break
-        part.board.set_reference_duty_cycles([self.holding], [joint])
+        self._tell(self.holding, self.along)
         table = np.array(rows)
         return Ramp(end, added, _breakaway(table, self.holding + sign * added), motor, turned, table)
 
 
-def _at_limit(part: Part, joint: int, turned: float, margin: float) -> bool:
+def _at_limit(part: Part, joint: int, start: float, here: float, margin: float) -> bool:
     """Whether a joint that has moved is near the limit that it moves towards."""
-    if abs(turned) < LIMIT_MARGIN:
+    if abs(here - start) < LIMIT_MARGIN:
         return False
-    here = part.board.encoder(joint)
-    return bool(here > part.high[joint] - margin if turned > 0 else here < part.low[joint] + margin)
+    return bool(here > part.high[joint] - margin if here > start else here < part.low[joint] + margin)
 
 
 def _breakaway(rows: FloatArray, last: float) -> float:
@@ -233,13 +275,16 @@ def _breakaway(rows: FloatArray, last: float) -> float:
 def limp(part: Part, transmission: Transmission, joint: int, *, held: bool) -> Iterator[LimpMotor]:
     """Drive the motor of a joint; whatever has happened, its controller holds it again afterwards, if it did before.
 
-    Else it is left without power.
+    Else it is left without power, and so is one that the guard has given up meanwhile.
     """
+    motor = LimpMotor(part, transmission, joint)
     try:
-        yield LimpMotor(part, transmission, joint)
+        yield motor
     finally:
-        part.board.set_reference_duty_cycles([0.0], [joint])
-        part.set_mode(ControlMode.POSITION if held else ControlMode.IDLE, [joint])
+        group = [joint, *motor.along]
+        part.board.set_reference_duty_cycles([0.0] * len(group), group)
+        if part.guard is None or not part.guard.given_up(joint):
+            part.set_mode(ControlMode.POSITION if held else ControlMode.IDLE, group)
 
 
 def away_from_limits(part: Part, joint: int, distance: float) -> float:

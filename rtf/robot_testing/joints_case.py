@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from rtf.robot.control_modes import ControlMode, InteractionMode
-from rtf.robot.errors import NotSupportedError
+from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing.case import RobotTest
 from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.parameter_checks import swapped_ends
 from rtf.robot_testing.part import TOLERANCE
+from rtf.robot_testing.positioning import hold
 from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
@@ -57,26 +57,27 @@ class JointsTest(RobotTest):
         return ", ".join(self.robot_part.names[joint] for joint in joints)
 
     def hold(self, joints: Sequence[int] | None = None) -> None:
-        """Bring joints, all without any given, into stiff position mode. Ends as an error where one does not obey."""
+        """Bring joints, all without any given, into stiff position mode. Ends as an error where one does not obey.
+
+        Those that were given up are left alone.
+        """
         part = self.robot_part
-        chosen = list(range(part.axes)) if joints is None else list(joints)
-        with suppress(NotSupportedError):  # what cannot be compliant is stiff
-            part.board.set_interaction_modes([InteractionMode.STIFF] * len(chosen), chosen)
-        if not part.set_mode(ControlMode.POSITION, chosen):
-            modes = part.board.control_modes(chosen)
-            wrong = [
-                f"{part.names[joint]} stays in {mode.word}"
-                for joint, mode in zip(chosen, modes, strict=True)
-                if mode is not ControlMode.POSITION
-            ]
-            self.assert_error(f"{part.name} does not take position mode: {'; '.join(wrong)}")
+        chosen = part.held(joints)
+        hold(part, chosen)
+        modes = part.board.control_modes(chosen)
+        wrong = [
+            f"{part.names[joint]} stays in {mode.word}"
+            for joint, mode in zip(chosen, modes, strict=True)
+            if mode is not ControlMode.POSITION
+        ]
+        self.assert_error_if_true(wrong, f"{part.name} does not take position mode: {'; '.join(wrong)}")
 
     def bring_home(
         self, joints: Sequence[int] | None = None, *, speed: float = HOMING, tolerance: float = TOLERANCE
     ) -> None:
-        """Hold joints and bring them home. Ends as an error where one does not come."""
+        """Hold joints that were not given up, and bring them home. Ends as an error where one does not come."""
         part = self.robot_part
-        chosen = list(range(part.axes)) if joints is None else list(joints)
+        chosen = part.held(joints)
         self.hold(chosen)
         arrival = part.move(part.home[chosen], chosen, speed=speed, tolerance=tolerance)
         self.require(arrival, "home", part, chosen, part.home[chosen])
@@ -84,8 +85,8 @@ class JointsTest(RobotTest):
     def leave_out(self, error: GuardError) -> None:
         """Fail the joint that the guard had to stop, leave it without power, and choose it no more.
 
-        Nor those that share motors with it, of which nothing can be said then. Raises the error again where it is of a
-        joint that is not tested.
+        Nor those that are coupled with it: boards have them idle together, and nothing can be said of them then. Raises
+        the error again where it is of a joint that is not tested.
         """
         part, joint = self.robot_part, error.joint
         if part.guard is None or joint not in self.chosen:
@@ -93,13 +94,14 @@ class JointsTest(RobotTest):
         part.guard.give_up(joint, "it had to be stopped")
         with self.subresult(part.names[joint]):
             self.check(condition=False, text=str(error))
-        sharing = Transmission.read(part.board).sharing(joint)
-        for other in [one for one in self.chosen if one in sharing and one != joint]:
-            with self.subresult(part.names[other]):
-                self.inconclusive(
-                    f"{part.names[other]} shares motors with {part.names[joint]}, which had to be stopped"
-                )
-        self.chosen = [one for one in self.chosen if one not in sharing]
+        coupled = Transmission.read(part.board).coupled(joint)
+        for other in part.held(coupled):
+            why = f"is coupled with {part.names[joint]}, which had to be stopped"
+            part.guard.give_up(other, f"it {why}")
+            if other in self.chosen:
+                with self.subresult(part.names[other]):
+                    self.inconclusive(f"{part.names[other]} {why}")
+        self.chosen = [one for one in self.chosen if one not in coupled]
 
     def calmly(self, act: Callable[[], object]) -> None:
         """Do something that takes time, again without the joints that had to be stopped meanwhile, see ``leave_out``.

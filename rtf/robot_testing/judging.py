@@ -55,9 +55,9 @@ def judge_values(test: TestCase, name: str, values: Sequence[Judged], late: str 
 
 def _judge(test: TestCase, name: str, value: Judged) -> None:
     if math.isnan(value.value):
-        test.check_fail_if_true(
-            condition=True, text=f"{name}: there is no {value.name}; {likely_causes(value.finding)}"
-        )
+        causes = likely_causes(value.finding) if value.finding else ""
+        why = "; ".join(text for text in (f"{name}: there is no {value.name}", value.hint or causes) if text)
+        test.check_fail_if_true(condition=True, text=why)
         return
     low, high = (bound if math.isfinite(bound) else None for bound in (value.low, value.high))
     hint = value.hint

@@ -13,10 +13,17 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
 
 
+def each_once(times: FloatArray) -> list[int]:
+    """The places of those that differ, in their order; of equal ones the first, for what comes again turned nowhere."""
+    places: list[int] = np.unique(times, return_index=True)[1].tolist()
+    return places
+
+
 def turns_of(rotations: FloatArray, times: FloatArray, window: int) -> FloatArray:
     """How fast a frame turns, in deg/s and in its own axes, as the mean over each ``window`` intervals; (n-window, 3).
 
-    For windows in which it turns by a few degrees, where turns about different axes may be added.
+    For windows in which it turns by a few degrees, where turns about different axes may be added; ``times`` (s)
+    increase.
     """
     steps = zip(rotations[:-window], rotations[window:], strict=True)
     turned = np.degrees([rotation_vector(before.T @ after) for before, after in steps])

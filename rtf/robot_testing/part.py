@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -33,11 +33,15 @@ _HISTORY = 1000
 
 
 class Arrival(NamedTuple):
-    """How a move ended: whether all joints are there, where they are, and how long it took (s)."""
+    """How a move ended: whether all joints are there, where they are, how long it took (s), how near is there (deg).
+
+    Of joints that were given up it is told where they are, and they need not be there.
+    """
 
     reached: bool
     positions: FloatArray
     seconds: float
+    tolerance: float = TOLERANCE
 
 
 class Part:
@@ -84,17 +88,26 @@ class Part:
         """The position at a share of a joint's range: 0 is its lower limit, 1 its upper one."""
         return float(self.low[joint] + share * (self.high[joint] - self.low[joint]))
 
+    def held(self, joints: Sequence[int] | None = None) -> list[int]:
+        """Those of some joints, or of all, that the guard has not given up: the others get no power any more."""
+        chosen = range(self.axes) if joints is None else joints
+        return [joint for joint in chosen if self.guard is None or not self.guard.given_up(joint)]
+
     # Modes -------------------------------------------------------------------------------------------------------
 
     def set_mode(self, mode: ControlMode, joints: Sequence[int] | None = None, *, timeout: float = 1.0) -> bool:
-        """Ask for a mode of joints, and wait until all are in it; whether they are."""
+        """Ask for a mode of joints that were not given up, and wait until all are in it; whether they are."""
         return finish(self, self.entering(mode, joints, timeout=timeout), pace=PACE)
 
     def entering(self, mode: ControlMode, joints: Sequence[int] | None = None, *, timeout: float = 1.0) -> Course[bool]:
         """The same as a course."""
         self._need_guard("joints would change their modes")
-        chosen = list(range(self.axes)) if joints is None else list(joints)
-        self.board.set_control_modes([mode] * len(chosen), chosen)
+        asked = range(self.axes) if joints is None else joints
+        chosen = self.held(asked)
+        if not chosen:
+            return not asked
+        with suppress(RefusedError):  # boards may answer so when a joint has not obeyed: which one, its mode shows
+            self.board.set_control_modes([mode] * len(chosen), chosen)
         wanted = ControlMode.IDLE if mode is ControlMode.FORCE_IDLE else mode
         return (
             yield from until(
@@ -107,6 +120,11 @@ class Part:
     def state_age(self) -> float:
         """How old the newest state is, s by the robot's clock; NaN before the first."""
         return self.clock.now() - self.history.newest[0] if len(self.history) else math.nan
+
+    def tell_of_clocks(self, report: Callable[[str], None]) -> None:
+        """Report it where the board's stamps are by another clock than this machine's."""
+        if apart := self.history.clocks_apart:
+            report(f"{self.name}: {apart}")
 
     # Moving ------------------------------------------------------------------------------------------------------
 
@@ -121,7 +139,8 @@ class Part:
     ) -> Arrival:
         """Move joints under position control and wait until they are there, or the time is up; the guard looks on.
 
-        The time is twice what the distance takes at that speed, and some seconds more, unless it is given.
+        The time is twice what the distance takes at that speed, and some seconds more, unless it is given. Joints that
+        were given up are left out.
         """
         course = self.moving(targets, joints, speed=speed, tolerance=tolerance, timeout=timeout)
         return finish(self, course, pace=PACE)
@@ -140,15 +159,23 @@ class Part:
         chosen = list(range(self.axes)) if joints is None else list(joints)
         goal = np.asarray(targets, dtype=np.float64)
         speeds = np.broadcast_to(np.asarray(speed, dtype=np.float64), goal.shape)
-        begin, start = self.clock.now(), self.board.encoders(chosen)
+        held = self.held(chosen)
+        going = [place for place, joint in enumerate(chosen) if joint in held]
+        begin, here = self.clock.now(), self.board.encoders(chosen)
+        if not going:
+            return Arrival(not chosen, here, 0.0, tolerance)
         if timeout is None:
-            timeout = float(np.max(2 * np.abs(goal - start) / speeds, initial=0.0)) + GRACE
-        self.board.set_reference_speeds(speeds, chosen)
-        self.board.position_move(goal, chosen)
-        reached = yield from until(
-            self.clock, lambda: bool((np.abs(self.board.encoders(chosen) - goal) <= tolerance).all()), timeout
-        )
-        return Arrival(reached, self.board.encoders(chosen), self.clock.now() - begin)
+            timeout = float(np.nanmax(2 * np.abs(goal - here)[going] / speeds[going], initial=0.0)) + GRACE
+        self.board.set_reference_speeds(speeds[going], held)
+        self.board.position_move(goal[going], held)
+
+        def arrived() -> bool:
+            nonlocal here
+            here = self.board.encoders(chosen)  # where they are told to be in the end: they may move on
+            return bool((np.abs(here - goal)[going] <= tolerance).all())
+
+        reached = yield from until(self.clock, arrived, timeout)
+        return Arrival(reached, here, self.clock.now() - begin, tolerance)
 
     def _need_guard(self, what: str) -> None:
         if self.guard is None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.robot.control_modes import ControlMode, InteractionMode
-from rtf.robot.errors import NotSupportedError
+from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot_testing.causes import likely_causes
 from rtf.robot_testing.courses import finish
 from rtf.robot_testing.part import PACE, TOLERANCE
@@ -79,19 +79,21 @@ def _coming(
     return {
         joint: f"{part.names[joint]} is at {where:.2f} deg, not at {target:.2f}, though it was told twice to go there"
         for joint, where, target in zip(joints, arrival.positions, targets, strict=True)
-        if abs(where - target) > tolerance
+        if not abs(where - target) <= tolerance
     }
 
 
 def hold(part: Part, joints: Sequence[int]) -> None:
-    """Have joints held where they are: stiff where that can be said, in position mode."""
+    """Have joints held where they are: stiff where that can be said, in position mode; none that was given up."""
     finish(part, holding(part, joints), pace=PACE)
 
 
 def holding(part: Part, joints: Sequence[int]) -> Course[None]:
     """The same as a course."""
-    chosen = list(joints)
-    with suppress(NotSupportedError):  # then they are never anything else
+    chosen = part.held(joints)
+    if not chosen:
+        return
+    with suppress(NotSupportedError, RefusedError):  # what cannot be compliant is stiff
         part.board.set_interaction_modes([InteractionMode.STIFF] * len(chosen), chosen)
     yield from part.entering(ControlMode.POSITION, chosen)
 

@@ -141,6 +141,7 @@ class StepTest(RobotTest):
     def run(self) -> None:
         """Test joint by joint."""
         work(self.robot_part, singly(self.robot_part.names, self.chosen), self._course, pace=self.sample_time)
+        self.robot_part.tell_of_clocks(self.report)
 
     def _course(self, joint: int) -> Course[None]:
         part, problem = self.robot_part, None
@@ -188,11 +189,12 @@ class StepTest(RobotTest):
         now = part.board.control_modes(joint)[0]
         self.assert_true(now is mode, f"{part.names[joint]} left {mode.word} for {now.word} in the middle of a step")
         late = self._late(joint, times, ages, trace)
-        came = trace.time[trace.time >= times[0]]
+        stamps = trace.local_time
+        came = stamps[stamps >= times[0]]
         self._judge_number_of_states(joint, came - stepped, late)
-        order = np.argsort(trace.time, kind="stable")
-        order = order[trace.time[order] >= times[0]]
-        stamps = trace.time[order]
+        order = np.argsort(stamps, kind="stable")
+        order = order[stamps[order] >= times[0]]
+        stamps = stamps[order]
         taken = np.searchsorted(times, stamps, side="right") - 1
         return Cycle(
             time=stamps - stepped,

@@ -55,9 +55,12 @@ class StreamTest(RobotTest):
         """Listen for so long, the warm-up and the grace not counted; without ``arrivals`` these are known roughly."""
         self.listener.listen(self.warm_up + seconds + _GRACE, arrivals=arrivals)
 
-    def judged(self, messages: Sequence[Message], seconds: float) -> list[Message]:
-        """The messages of the window. Fails where there are too few to say anything of them."""
+    def judged(self, messages: Sequence[Message], seconds: float, name: str) -> list[Message]:
+        """The messages of the window. Fails where there are too few to say anything of them, or all have one stamp."""
         found = within(messages, self.warm_up, seconds)
+        latest = found or messages[len(messages) // 2 :]  # behind stamps that stand still there is no window
+        stands = len({one.number for one in latest}) >= _FEWEST and len({one.moment for one in latest}) == 1
+        self.assert_fail_if_true(stands, f"the stamps of {name} do not advance: {len(latest)} messages have the same")
         self.assert_true(
             len({message.number for message in found} if found and found[0].number >= 0 else found) >= _FEWEST,
             f"{len(messages)} messages came in {self.warm_up + seconds + _GRACE:g} s; "

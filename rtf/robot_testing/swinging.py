@@ -12,7 +12,7 @@ from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.part import PACE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.courses import Course
@@ -53,16 +53,38 @@ def ends_of(part: Part, joint: int, width: float, low: float | None = None, high
 
 
 class Swinger:
-    """Moves joints of one part to and fro. A joint that fails is left without power, and the others go on."""
+    """Moves joints of one part to and fro. A joint that fails is left without power, and the others go on.
+
+    So are those that are coupled with it: boards have such joints idle together, and what their motors do is no longer
+    to be told apart.
+    """
 
     def __init__(self, part: Part, transmission: Transmission, *, tolerance: float) -> None:
         self.part = part
         self.transmission = transmission
         self.tolerance = tolerance
+        self._doubts: dict[int, str] = {}
 
     def lost(self, joint: int) -> bool:
         """Whether a joint was given up."""
         return self.part.guard is not None and self.part.guard.given_up(joint)
+
+    def in_doubt(self, joint: int) -> str:
+        """Why nothing can be said of a joint that is coupled with one that was given up; "" of any other."""
+        return self._doubts.get(joint, "")
+
+    def give_up(self, joints: Collection[int]) -> None:
+        """Leave joints without power, and those that are coupled with them."""
+        guard = self.part.guard
+        if guard is None:
+            return
+        for joint in joints:
+            guard.give_up(joint, "it does not do what it is told")
+        for joint in joints:
+            for other in self.transmission.coupled(joint):
+                if not self.lost(other):
+                    self._doubts[other] = f"is coupled with {self.part.names[joint]}, which was left without power"
+                    guard.give_up(other, f"it {self._doubts[other]}")
 
     def swinging(self, joint: int, ends: Ends, count: int, speed: float) -> Course[Outcome]:
         """So many half-swings of one joint, and home again. One that the guard stops is given up as well."""
@@ -73,7 +95,7 @@ class Swinger:
                 if outcomes:
                     return outcomes[joint]
         except GuardError as error:
-            self._give_up(joint)
+            self.give_up([joint])
             return Outcome(f"had to be stopped: {error}", ("runs away",))
         return Outcome()
 
@@ -88,7 +110,7 @@ class Swinger:
     ) -> Course[dict[int, Outcome]]:
         """The same as a course."""
         part = self.part
-        failed = {j: Outcome("does not obey any more, and is left alone", ("sign",)) for j in joints if self.lost(j)}
+        failed = {j: self._lost_before(j) for j in joints if self.lost(j)}
         going = [j for j in joints if j not in failed]
         if not going:
             return failed
@@ -96,59 +118,81 @@ class Swinger:
             np.array([value for value, j in zip(values, joints, strict=True) if j not in failed])
             for values in (targets, speeds)
         )
-        begin, watch = part.board.encoders(going), _Watch(part, self.transmission, going)
+        watch = _Watch(part, self.transmission, going, wanted, self.tolerance)
+        seconds = float(np.nanmax(_TIMES * watch.away / pace, initial=0.0)) + _GRACE
         part.board.set_reference_speeds(pace, going)
         part.board.position_move(wanted, going)
-        seconds = float(np.max(_TIMES * np.abs(wanted - begin) / pace)) + _GRACE
         try:
-            yield from until(part.clock, lambda: self._arrived(going, wanted) or bool(watch.unseen(_UNSEEN)), seconds)
+            yield from until(part.clock, watch.over, seconds)
             unseen = watch.unseen(_UNSEEN)
         except GuardError:
+            watch.look()
             unseen = watch.unseen(_SUSPECT)
             if not unseen:
                 raise
-        for joint, outcome in self._late(going, wanted, unseen).items():
-            failed[joint] = outcome
-            self._give_up(joint)
-        return failed
+        late = _unseen_outcomes(unseen) or watch.late()
+        self.give_up(late)
+        return failed | {j: self._lost_before(j) for j in going if self.lost(j)} | late
 
-    def _give_up(self, joint: int) -> None:
-        if self.part.guard is not None:
-            self.part.guard.give_up(joint, "it does not do what it is told")
+    def _lost_before(self, joint: int) -> Outcome:
+        """What is said of a joint that was given up, but not for this move of its own."""
+        return Outcome(self._doubts.get(joint, "does not obey any more, and is left alone"), ("sign",))
 
-    def _arrived(self, going: list[int], wanted: FloatArray) -> bool:
-        return bool((np.abs(self.part.board.encoders(going) - wanted) <= self.tolerance).all())
 
-    def _late(self, going: list[int], wanted: FloatArray, unseen: dict[int, float]) -> dict[int, Outcome]:
-        if unseen:
-            return {
-                joint: Outcome(
-                    f"does not move by its encoder's account, while its motor turns it by {turned:.1f} deg", ("frozen",)
-                )
-                for joint, turned in unseen.items()
-            }
-        here = self.part.board.encoders(going).tolist()
+def _unseen_outcomes(unseen: dict[int, float]) -> dict[int, Outcome]:
+    return {
+        joint: Outcome(
+            f"does not move by its encoder's account, while its motor turns it by {turned:.1f} deg", ("frozen",)
+        )
+        for joint, turned in unseen.items()
+    }
+
+
+class _Watch:
+    """Looks whether joints come to where they shall, and whether a motor turns one whose encoder does not show it.
+
+    The controller of such a joint would turn it on and on. What is said is of the last look, which was at one state.
+    """
+
+    def __init__(
+        self, part: Part, transmission: Transmission, joints: list[int], wanted: FloatArray, tolerance: float
+    ) -> None:
+        self._board = part.board
+        self._transmission = transmission
+        self._joints = joints
+        self._wanted = wanted
+        self._tolerance = tolerance
+        self.look()
+        self._here_0, self._apart_0 = self._here, self._apart
+
+    def look(self) -> None:
+        """See where joints and motors are now."""
+        self._here, motors = self._board.encoders_together()
+        self._apart = self._transmission.disagreement(self._here, motors)
+
+    @property
+    def away(self) -> FloatArray:
+        """How far the joints are from where they shall come to (deg)."""
+        return np.abs(self._here[self._joints] - self._wanted)
+
+    def over(self) -> bool:
+        """Look, and say whether there is nothing more to wait for."""
+        self.look()
+        return bool((self.away <= self._tolerance).all()) or bool(self.unseen(_UNSEEN))
+
+    def unseen(self, least: float) -> dict[int, float]:
+        """The joints that were turned by ``least`` deg or more unseen, and how far their motors turned them (deg)."""
+        seen = np.abs(self._here - self._here_0)
+        turned = np.abs(self._apart - self._apart_0)
+        return {j: float(turned[j]) for j in self._joints if turned[j] > least and seen[j] < _SEEN_SHARE * turned[j]}
+
+    def late(self) -> dict[int, Outcome]:
+        """What is wrong with the joints that are not there."""
+        rows = zip(self._joints, self._here[self._joints].tolist(), self._wanted.tolist(), strict=True)
         return {
             joint: Outcome(
                 f"does not come to {goal:.1f} deg within the time it has; it is at {where:.1f} deg", ("does not move",)
             )
-            for joint, where, goal in zip(going, here, wanted.tolist(), strict=True)
-            if abs(where - goal) > self.tolerance
+            for joint, where, goal in rows
+            if not abs(where - goal) <= self._tolerance
         }
-
-
-class _Watch:
-    """Looks whether a motor turns a joint whose encoder does not show it: its controller would turn it on and on."""
-
-    def __init__(self, part: Part, transmission: Transmission, joints: Sequence[int]) -> None:
-        self._part = part
-        self._transmission = transmission
-        self._joints = joints
-        self._joint_0, self._motor_0 = part.board.encoders(), part.board.motor_encoders()
-
-    def unseen(self, least: float) -> dict[int, float]:
-        """The joints that were turned by ``least`` deg or more unseen, and how far their motors turned them (deg)."""
-        board = self._part.board
-        seen = np.abs(board.encoders() - self._joint_0)
-        turned = np.abs(board.motor_encoders() - self._motor_0) / np.abs(self._transmission.factors)
-        return {j: float(turned[j]) for j in self._joints if turned[j] > least and seen[j] < _SEEN_SHARE * turned[j]}

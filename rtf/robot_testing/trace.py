@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rtf import clock
 from rtf.robot.extended_state import Field
 
 if TYPE_CHECKING:
@@ -14,6 +15,10 @@ if TYPE_CHECKING:
 
     from rtf.robot.extended_state import ExtendedState
     from rtf.robot.interfaces import FloatArray
+
+
+#: Clocks that differ by more are told of, s: the way of a message takes less.
+_APART = 0.02
 
 
 class Trace:
@@ -24,11 +29,14 @@ class Trace:
     """
 
     def __init__(self, most: int | None = None) -> None:
-        self._states: deque[tuple[float, ExtendedState]] = deque(maxlen=most)
+        self._states: deque[tuple[float, float, ExtendedState]] = deque(maxlen=most)
 
     def add(self, stamp: float, state: ExtendedState) -> None:
-        """Keep a state. From the thread that receives it."""
-        self._states.append((stamp, state))
+        """Keep a state, and when it came. From the thread that receives it."""
+        time = clock.current()
+        # A simulator's clock is that of the stamps, and may not be asked from here: time would wait for this thread.
+        arrival = time.now() if isinstance(time, clock.SystemClock) else stamp
+        self._states.append((stamp, arrival, state))
 
     def __len__(self) -> int:
         return len(self._states)
@@ -36,16 +44,42 @@ class Trace:
     @property
     def newest(self) -> tuple[float, ExtendedState]:
         """The state that came last, with its stamp (s): both of the same message. IndexError before the first."""
-        return self._states[-1]
+        stamp, _, state = self._states[-1]
+        return stamp, state
 
     @property
     def time(self) -> FloatArray:
         """The stamps (s)."""
-        return np.array([stamp for stamp, _ in list(self._states)])
+        return np.array([stamp for stamp, _, _ in list(self._states)])
+
+    @property
+    def offset(self) -> float:
+        """By how much this machine's clock is ahead of that of the stamps (s), with the usual way of a message.
+
+        0 by a simulator's clock, which is that of the stamps, and before the first state.
+        """
+        states = list(self._states)
+        return float(np.median([arrival - stamp for stamp, arrival, _ in states])) if states else 0.0
+
+    @property
+    def local_time(self) -> FloatArray:
+        """The stamps by the clock that the test lives by (s): to be compared with what that says."""
+        return self.time + self.offset
+
+    @property
+    def clocks_apart(self) -> str:
+        """What to report of a robot whose clock is not this machine's; "" where they nearly agree."""
+        offset = self.offset
+        if not abs(offset) > _APART:
+            return ""
+        return (
+            f"the robot's clock is {abs(offset):.3f} s {'behind' if offset > 0 else 'ahead of'} this machine's; "
+            "times are judged without that, and synchronizing the clocks mends it"
+        )
 
     def column(self, field: Field) -> NDArray[Any]:
         """One field of all states, shape (states, axes)."""
-        return np.array([state.values(field) for _, state in list(self._states)])
+        return np.array([state.values(field) for _, _, state in list(self._states)])
 
     @property
     def positions(self) -> FloatArray:

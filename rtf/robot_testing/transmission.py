@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Bottle
     from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.control_modes import ControlMode
     from rtf.robot.interfaces import FloatArray
+    from rtf.testing import TestCase
 
 #: The remote variable with the coupling matrices: a list of square blocks, each flattened row by row.
 COUPLING_VARIABLE = "kinematic_mj"
@@ -25,12 +27,14 @@ COUPLING_VARIABLE = "kinematic_mj"
 class Transmission:
     """``rotor = gearbox * (coupling @ joint)``, all in deg; rows are motors, columns joints, by number in the part.
 
-    ``blocks`` has for each joint the joints of its board, among which there may be couplings.
+    ``blocks`` has for each joint the joints of its board, among which there may be couplings. ``untold`` is why nothing
+    is known of couplings; "" where the board tells of them.
     """
 
     gearbox: FloatArray
     coupling: FloatArray
     blocks: tuple[tuple[int, ...], ...]
+    untold: str = ""
 
     @classmethod
     def read(cls, board: RemoteControlBoard) -> Self:
@@ -41,9 +45,17 @@ class Transmission:
             raise RefusedError(f"gearbox ratios of {gearbox.tolist()} make no sense: none may be 0")
         try:
             told = board.variable(COUPLING_VARIABLE)
-        except (NotSupportedError, RefusedError):
-            return cls(gearbox, np.eye(axes), tuple((joint,) for joint in range(axes)))
+        except (NotSupportedError, RefusedError) as error:
+            return cls(gearbox, np.eye(axes), tuple((joint,) for joint in range(axes)), str(error))
         return cls(gearbox, *block_diagonal(told, axes))
+
+    def tell(self, test: TestCase, part: str) -> None:
+        """Warn that the joints of a part are taken to be uncoupled, where nothing is known of that."""
+        if self.untold:
+            test.warn(
+                f"{part} does not tell how its motors are coupled: each is taken to move its own joint alone, and what "
+                f"is said of coupled joints may be wrong ({COUPLING_VARIABLE}: {self.untold})"
+            )
 
     def rotors(self, joints: ArrayLike) -> FloatArray:
         """Where the rotors are (deg) when the joints are there; shape (axes,) or (states, axes)."""
@@ -66,10 +78,23 @@ class Transmission:
         turns = self.coupling != 0
         return {int(other) for other in np.flatnonzero(turns[turns[:, joint]].any(axis=0))} | {joint}
 
+    def coupled(self, joint: int) -> list[int]:
+        """A joint, and all that share motors with it, or with each other: boards may change their modes together."""
+        found, waiting = set[int](), {joint}
+        while waiting:
+            found |= waiting
+            waiting = set[int]().union(*map(self.sharing, waiting)) - found
+        return sorted(found)
+
     def disagreement(self, joints: ArrayLike, rotors: ArrayLike) -> FloatArray:
         """By how much rotors are elsewhere than the joints say, in deg of the joint of the same number."""
         apart: FloatArray = (np.asarray(rotors, dtype=np.float64) - self.rotors(joints)) / self.factors
         return apart
+
+    def went_along(self, board: RemoteControlBoard, joint: int, mode: ControlMode) -> list[int]:
+        """The joints coupled with one that are in the mode that only that one was asked for, as many boards do it."""
+        others = [one for one in self.coupled(joint) if one != joint]
+        return [one for one in others if board.control_mode(one) is mode]
 
     def holding_duty(self, duties: ArrayLike, joint: int) -> float:
         """The duty cycle (%) at which the motor of a joint alone gives the torque that it has from all its motors."""

@@ -22,6 +22,7 @@ SUITE = "".join([
     entry("healthy"),
     entry("motor-encoder", "motor_encoder_sign l_shoulder_roll"),
     entry("joint-encoder", "encoder_sign l_elbow"),
+    entry("gear", "wrong_gear_ratio l_elbow factor=-1"),
     entry("motor", "motor_sign l_elbow"),
     entry("dead", "motor_dead l_elbow", '<parameter name="pwmMax">15</parameter>'),
     entry("misspelt", more='<parameter name="Posthreshold">(4 4)</parameter> <parameter name="pwmMax">(9)</parameter>'),
@@ -60,13 +61,14 @@ def test_the_duty_cycles_grow_in_steps_from_what_holds_the_joint(outcome):
     ("name", "joint", "words"),
     [
         ("motor-encoder", "l_shoulder_roll", "encoder counts the wrong way"),
-        ("joint-encoder", "l_elbow", "the joint turns the other way"),
+        ("joint-encoder", "l_elbow", "l_elbow is not driven, for it had to be left idle"),
+        ("gear", "l_elbow", "the joint turns the other way"),
         ("motor", "l_elbow", "the motor's wires"),
         ("dead", "l_elbow", "does not move with up to 15 %"),
     ],
 )
 def test_each_wrong_sign_is_named_for_what_it_is(outcome, name, joint, words):
-    """A motor's encoder, a joint's encoder, a motor: three wrongs that look alike and are told apart."""
+    """A motor's encoder, a joint's encoder, a gear, a motor: wrongs that look alike and are told apart."""
     assert outcome.verdict(name) is Verdict.FAILED
     assert failed_parts(outcome, name) == [joint]
     assert words in said(outcome, name)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robot_outcomes import failed_parts, said
-from rtf.testing.events import SeriesRecorded
+from rtf.testing.events import SeriesRecorded, SubResultEnded
 from rtf.testing.verdict import Verdict
 
 TORSO = '<parameter name="part">torso</parameter> <parameter name="every">3</parameter>'
@@ -22,6 +22,8 @@ SUITE = "".join([
     entry("jump", "motor_encoder_jump torso_roll delay=12", '<parameter name="cycles">36</parameter>'),
     entry("joint", "encoder_drift torso_yaw", '<parameter name="cycles">36</parameter>'),
     entry("frozen", "motor_encoder_frozen torso_pitch", '<parameter name="cycles">6</parameter>'),
+    entry("play", "backlash torso_yaw play=0.6", '<parameter name="cycles">18</parameter>'),
+    entry("pitch", "encoder_frozen torso_pitch", '<parameter name="cycles">6</parameter>'),
     entry("none", more='<parameter name="cycles">0</parameter>'),
 ])  # fmt: skip
 
@@ -80,6 +82,21 @@ def test_a_frozen_motor_encoder_does_not_pass_for_one_without_drift(outcome):
     """It shows at home what it showed before, and in between, too."""
     assert outcome.verdict("frozen") is Verdict.FAILED
     assert "torso_pitch swings, its motor's encoder does not" in said(outcome, "frozen")
+
+
+def test_play_is_no_drift(outcome):
+    """Home is always come to from the same side: after an odd number of half-swings, and the first time, too."""
+    assert outcome.verdict("play") is Verdict.PASSED, outcome.detail("play")
+    assert np.ptp(visits(outcome, "play")["torso_yaw"]) < 0.1
+
+
+def test_of_a_joint_that_is_coupled_with_a_lost_one_nothing_is_said(outcome):
+    """The one whose encoder is frozen fails, and the other, which boards have idle with it, is left out."""
+    assert outcome.verdict("pitch") is Verdict.FAILED
+    assert failed_parts(outcome, "pitch") == ["torso_pitch"]
+    (other,) = outcome.of(SubResultEnded, verdict=Verdict.INCONCLUSIVE, subject="torso_roll")
+    assert other.test == "s/pitch"
+    assert "torso_roll is coupled with torso_pitch, which was left without power" in said(outcome, "pitch")
 
 
 def test_no_swings_are_no_test(outcome):

@@ -160,15 +160,18 @@ def test_encoders_are_compared_over_swings(recording, joint, low, high, speed):
 
 @pytest.mark.parametrize(("joint", "low", "high", "speed"), [(0, -5, 6, 20), (1, -4, 7, 15)])
 def test_drift_is_looked_for_after_swings(recording, joint, low, high, speed):
-    """Five half-swings, home before them, after every second one and in the end; all joints together."""
+    """Five half-swings behind two to begin with, home before them, after every second one and in the end; all together.
+
+    Home is always come to from the lower end.
+    """
     home = home_of(recording, "drift")[joint]
     moves = recording.told("drift", "position_move", joint)
-    assert close([one.value(joint) for one in moves], [home, high, low, home, high, low, home, high, home])
+    assert close([one.value(joint) for one in moves], [high, low, home, high, low, home, high, low, home, low, home])
     assert {one.joints for one in moves} == {(0, 1)}
-    assert recording.in_force("drift", "set_reference_speeds", joint) == [speed] * 9
+    assert recording.in_force("drift", "set_reference_speeds", joint) == [speed] * 11
     for one, two in pairwise(moves):
         way = abs(one.value(joint) - one.positions[joint])
-        rest = 0.7 if one.value(joint) == moves[0].value(joint) else 0.0  # measured at rest, at home only
+        rest = 0.7 if one.value(joint) == moves[2].value(joint) else 0.0  # measured at rest, at home only
         assert two.time - one.time >= NEARLY * way / speed + rest
 
 
@@ -303,7 +306,10 @@ def test_a_step_of_torque_is_a_step(recording):
 
 @pytest.mark.parametrize("joint", [0, 1])
 def test_torques_are_told_about_the_one_that_holds(recording, joint):
-    """0.2 Nm above, at and below it: a joint alone, a group, and the whole part, whose other joint is told nothing."""
+    """0.2 Nm above, at and below it: a joint alone, a group, and the whole part.
+
+    The joint that shares motors with one of them is told what it bears, beside them and with the whole part.
+    """
     told = recording.told("torques", "set_reference_torques", joint)
     assert [one.form for one in told] == ["single"] * 4 + ["group"] * 4 + ["all"] * 4
     assert [one.joints for one in told[::4]] == [(joint,), (0, 1), (0, 1, 2)]
@@ -311,7 +317,10 @@ def test_torques_are_told_about_the_one_that_holds(recording, joint):
         held, *others = (one.value(joint) for one in told[4 * form : 4 * form + 4])
         assert close(others, [held + 0.2, held, held - 0.2], 1e-6)
         assert abs(held) < 0.1 * STRONGEST
-    assert recording.values("torques", "set_reference_torques", 2) == [0] * 4
+    other = recording.told("torques", "set_reference_torques", 2)
+    assert [one.form for one in other] == ["group"] * 3 + ["all"] * 4
+    assert close([one.value(2) for one in other], [other[0].value(2)] * 7, 0.05)
+    assert 0 < abs(other[0].value(2)) < 0.1 * STRONGEST
 
 
 def test_a_compliant_joint_is_pushed_to_both_sides(recording):

@@ -66,3 +66,10 @@ def test_joints_of_a_differential_share_their_motors():
     matrix, members = block_diagonal(TORSO, 3)
     torso = Transmission(np.ones(3), matrix, members)
     assert [torso.sharing(joint) for joint in range(3)] == [{0}, {1, 2}, {1, 2}]
+
+
+def test_joints_are_coupled_through_others():
+    """A chain of two differentials changes its modes together, though its ends share no motor."""
+    chain = Transmission(np.ones(4), np.array([[1.0, 0, 0, 0], [-1, 1, 0, 0], [0, -1, 1, 0], [0, 0, 0, 1]]), ((),) * 4)
+    assert chain.sharing(0) == {0, 1}
+    assert [chain.coupled(joint) for joint in range(4)] == [[0, 1, 2]] * 3 + [[3]]

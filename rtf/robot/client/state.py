@@ -129,6 +129,26 @@ class StateReader(Newest[ExtendedState]):
         Raises StaleStateError when nothing came within the time-out, NotSupportedError for what the board says is not
         valid, RefusedError for an axis that it does not have. Flat, as controllers call it a thousand times a second.
         """
+        state = self._current()
+        if not state.valid[field]:
+            raise self._not_valid(field)
+        values = state.floats[field] if field <= Field.CURRENTS else state.values(field)
+        if axes is None:
+            return values.copy()
+        if type(axes) is int and 0 <= axes < len(values):
+            return values[axes : axes + 1].copy()
+        return values[chosen(self.board, len(values), axes)]
+
+    def together(self, *fields: Field) -> tuple[NDArray[Any], ...]:
+        """Copies of several fields for all axes, all of the same message. Errors as for ``read``."""
+        state = self._current()
+        for field in fields:
+            if not state.valid[field]:
+                raise self._not_valid(field)
+        return tuple(state.values(field).copy() for field in fields)
+
+    def _current(self) -> ExtendedState:
+        """The state that came last. Raises an error for one that is too old, or of another board."""
         came = self._came if self._unread is None else self._read()
         if came is None:
             raise self._none()
@@ -138,14 +158,7 @@ class StateReader(Newest[ExtendedState]):
         state = came.value
         if state.axes != self.axes:
             raise self._of_another(state)
-        if not state.valid[field]:
-            raise self._not_valid(field)
-        values = state.floats[field] if field <= Field.CURRENTS else state.values(field)
-        if axes is None:
-            return values.copy()
-        if type(axes) is int and 0 <= axes < len(values):
-            return values[axes : axes + 1].copy()
-        return values[chosen(self.board, len(values), axes)]
+        return state
 
     def times(self, axes: AxisSelection = None) -> FloatArray:
         """When what is read was true, by the robot's clock; the same for all axes. Errors as for ``read``."""

@@ -123,6 +123,11 @@ class BoardStub(Device, Generic[Rpc]):
 
     # What is measured: flat, as it is asked for all the time --------------------------------------------------------
 
+    def encoders_together(self) -> tuple[FloatArray, FloatArray]:
+        """Where all joints and all motors are (deg), of the same moment: two readings may be of two states."""
+        joints, motors = self._link.state.together(Field.JOINT_POSITIONS, Field.MOTOR_POSITIONS)
+        return joints, motors
+
     def encoders(self, joints: AxisSelection = None) -> FloatArray:
         """See IEncoders."""
         return self._link.state.read(Field.JOINT_POSITIONS, joints)

@@ -1,0 +1,169 @@
+"""Tests of torques and duty cycles on a part that is no simulated one: what is asked first, skipped, and refused."""
+
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+
+from harness import run_command, write_files
+from rtf import clock
+from rtf.bottle import Property
+from rtf.middleware.naming import configuration
+from rtf.middleware.naming.configuration import find_network
+from rtf.middleware.naming.server import NameServer
+from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.devices.fake_board import FakeBoard
+from rtf.robot.server.control_board import ControlBoardDevice
+from rtf.testing.events import Asked, Message, SubResultEnded
+from rtf.testing.verdict import Severity, Verdict
+
+
+def entry(name, test, **parameters):
+    """A test of the suite."""
+    rows = "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in parameters.items())
+    return f'<test name="{name}"><parameter name="part">arm</parameter>{rows} {test} </test>'
+
+
+SUITE = "".join([
+    entry("own-loop", "PositionControlAccuracyExternalPid"),
+    entry("own-loop-raw", "PositionControlAccuracyExternalPid", Kp=50),
+    entry("torque-unknown", "TorqueControlAccuracy"),
+    entry("torque-dead", "TorqueControlAccuracy", joints="(0)"),
+    entry("references-dead", "TorqueControlConsistency", joints="(0)"),
+    entry("limp", "TorqueControlStiffDampCheck", joints="(1)"),
+    entry("impedance", "TorqueControlStiffDampCheck", joints="(0 1)", stiffness="(1 0)", damping=0, duration=1),
+])  # fmt: skip
+STRAY_SUITE = entry("stray", "MotorStiction", joints="(0 2)", outputMax=2, outputStep=1)
+RUNAWAY_SUITE = entry("runaway", "TorqueControlConsistency", joints="(0)")
+#: A joint that is far outside of its limits, and one that goes far in torque mode: by so many deg.
+STRAY, RUNAWAY, FAR = 2, 0, 15.0
+
+
+class Board(FakeBoard):
+    """A board that keeps the moments of what it is told, with joints that go or are where they should not."""
+
+    def __init__(self, *arguments, fault="", **named):
+        super().__init__(*arguments, **named)
+        self.told = []
+        self.fault = fault
+
+    def fill_state(self, state):
+        """See IStateSource."""
+        time = super().fill_state(state)
+        if self.fault == "stray":
+            state.joint_positions[STRAY] = 300.0
+        elif self.fault == "runaway":
+            state.torques += 1e-3 * np.sin(1e4 * time)  # somebody measures them
+            if self.control_modes(RUNAWAY)[0] is ControlMode.TORQUE:
+                state.joint_positions[RUNAWAY] += FAR
+        return time
+
+    def _note(self, what, joints):
+        self.told.append((clock.now(), what, [joints] if isinstance(joints, int) else joints))
+
+    def set_control_modes(self, modes, joints=None):
+        """See IControlMode."""
+        self._note(modes if isinstance(modes, ControlMode) else modes[0], joints)
+        super().set_control_modes(modes, joints)
+
+    def set_interaction_modes(self, modes, joints=None):
+        """See IInteractionMode."""
+        self._note(modes if isinstance(modes, InteractionMode) else modes[0], joints)
+        super().set_interaction_modes(modes, joints)
+
+    def set_reference_duty_cycles(self, duties, motors=None):
+        """See IPWMControl."""
+        self._note("duty", motors)
+        super().set_reference_duty_cycles(duties, motors)
+
+    def set_impedance(self, joint, stiffness, damping):
+        """See IImpedanceControl."""
+        self._note((stiffness, damping), joint)
+        super().set_impedance(joint, stiffness, damping)
+
+
+def run(folder, suite, fault=""):
+    """Run tests on ``/bot/arm``, which may move; how they ended, and what its board was told."""
+    write_files(folder, {"suite.xml": f'<suite name="s">{suite}</suite>'})
+    with pytest.MonkeyPatch.context() as patch, ExitStack() as opened:
+        patch.setenv("YARP_CONFIG_HOME", str(folder / "user"))
+        configuration.write_place(opened.enter_context(NameServer()).contact)
+        network = find_network()
+        opened.callback(network.names.close)
+        board = Board("arm", network=network, fault=fault)
+        board.open(Property.parse("(GENERAL (Joints 3))"))
+        opened.callback(board.close)
+        server = ControlBoardDevice("server", network=network)
+        server.open(Property({"name": "/bot/arm", "period": 0.01}))
+        opened.callback(server.close)
+        server.attach({"arm": board})
+        words = ("--suite", "suite.xml", "--allow-motion", "--answer", "yes")
+        return run_command(folder, *words, YARP_ROBOT_NAME="bot", RTF_CLOCK="", YARP_CLOCK=""), board.told
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """All tests that need nothing but such a board."""
+    return run(tmp_path_factory.mktemp("real"), SUITE)
+
+
+@pytest.mark.parametrize(
+    ("test", "verdict", "words"),
+    [
+        ("own-loop", Verdict.SKIPPED, "give Kp"),
+        ("own-loop-raw", Verdict.ERROR, "Kp 50, more than 20"),
+        ("torque-unknown", Verdict.SKIPPED, "arm does not say which joints have torque control"),
+        ("torque-dead", Verdict.ERROR, "joint0 (0 Nm); likely: nobody estimates the torques: wholeBodyDynamics"),
+        ("references-dead", Verdict.ERROR, "joint0 (0 Nm); likely: nobody estimates the torques: wholeBodyDynamics"),
+        ("limp", Verdict.SKIPPED, "no joint of arm has stiffness or damping: give"),
+    ],
+)
+def test_what_cannot_be_tested_is_not_begun(ran, test, verdict, words):
+    """The sentence says why, and the mend; no joint has been without its controller."""
+    outcome, told = ran
+    assert outcome.verdict(test) is verdict, outcome.detail(test)
+    assert words in outcome.detail(test)
+    assert not {what for _, what, _ in told} & {ControlMode.PWM, ControlMode.TORQUE, "duty"}
+
+
+def test_the_operator_is_asked_before_a_joint_gives_way(ran):
+    """Not after, when it sinks upon who reads the question."""
+    outcome, told = ran
+    (asked,) = (one for one in outcome.of(Asked, test="s/impedance") if "gives way" in one.text)
+    compliant = [time for time, what, _ in told if what is InteractionMode.COMPLIANT]
+    softened = [time for time, what, _ in told if what == (1.0, 0.0)]
+    assert len(compliant) == len(softened) == 1
+    assert asked.time < softened[0] < compliant[0]
+
+
+def test_a_joint_without_stiffness_and_damping_is_left_out(ran):
+    """Nothing can be said of it."""
+    outcome, _ = ran
+    ended = {one.subject: one for one in outcome.of(SubResultEnded, test="s/impedance")}
+    assert ended["joint1"].verdict is Verdict.SKIPPED
+
+
+def test_a_joint_far_outside_of_its_limits_is_not_driven(tmp_path):
+    """It fails by its name, idle from the beginning to the end, and the others are tested.
+
+    That nothing is known of couplings is said once.
+    """
+    outcome, told = run(tmp_path, STRAY_SUITE, "stray")
+    failures = {one.subject: one.detail for one in outcome.of(Message, severity=Severity.FAILURE)}
+    assert "joint2 is not driven, for it had to be left idle: it shows 300.0 deg" in failures["joint2"]
+    assert "joint0 does not move" in failures["joint0"]
+    (warning,) = outcome.of(Message, severity=Severity.WARNING)
+    assert "arm does not tell how its motors are coupled" in warning.detail
+    driven = {joint for _, what, joints in told if what == "duty" for joint in joints or ()}
+    assert driven == {0}
+    modes = [what for _, what, joints in told if isinstance(what, ControlMode) and STRAY in (joints or [STRAY])]
+    assert modes[-1] is ControlMode.IDLE
+    assert ControlMode.PWM not in modes
+
+
+def test_a_joint_that_runs_away_by_what_should_hold_it_fails(tmp_path):
+    """It is held at once, and said how far it went, whatever its torques were until then."""
+    outcome, told = run(tmp_path, RUNAWAY_SUITE, "runaway")
+    assert outcome.verdict("runaway") is Verdict.FAILED
+    assert "joint0 went 15.0 deg by torques within 0.1 Nm of what holds it" in outcome.detail("runaway")
+    assert [what for _, what, _ in told if isinstance(what, ControlMode)][-1] is ControlMode.POSITION

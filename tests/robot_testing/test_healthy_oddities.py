@@ -1,0 +1,129 @@
+"""What healthy robots and busy machines may do without being blamed, and what tests must not take for healthy."""
+
+from __future__ import annotations
+
+import math
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from rtf import clock
+from rtf.robot.client.control_board import RemoteControlBoard
+from rtf.robot_testing.case import RobotTest
+from rtf.robot_testing.courses import finish
+from rtf.robot_testing.listening import Message
+from rtf.robot_testing.orientations import each_once, turns_of
+from rtf.robot_testing.swinging import Ends, Swinger
+from rtf.robot_testing.transmission import Transmission
+from rtf.testing.outcome import Inconclusive, TestFailure, TestProblem
+
+from .kept_test import kept_test
+from .part_bench import PartBench
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.robot.interfaces import AxisSelection
+
+
+class SlowlyAsked(RemoteControlBoard):
+    """A client whose process gets no processor for a second when it first asks whether a move is done."""
+
+    asked = False
+
+    def motion_done(self, joints: AxisSelection = None) -> bool:
+        """See IPositionControl."""
+        if not self.asked:
+            self.asked = True
+            clock.current().sleep(0.4)
+            clock.current().sleep(0.4)
+            clock.current().sleep(0.4)
+        return super().motion_done(joints)
+
+
+@pytest.fixture
+def bench() -> Iterator[PartBench]:
+    """The bench."""
+    with ExitStack() as stack:
+        yield PartBench(stack)
+
+
+def test_a_motor_that_turns_with_another_joint_is_not_frozen():
+    """Motors may be numbered as they are wired: that of a joint need not be the one of the same number."""
+    with ExitStack() as stack:
+        bench = PartBench(stack, coupling=np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+        transmission = Transmission.read(bench.board)
+        swinger = Swinger(bench.part, transmission, tolerance=1.0)
+        test = kept_test("OpticalEncodersConsistency", robot_part=bench.part, transmission=transmission, chosen=[0])
+        with bench.part.recorded() as trace:
+            outcome = finish(bench.part, swinger.swinging(0, Ends(-10.0, 10.0), 2, 20.0), pace=0.02)
+        assert outcome.complaint == ""
+        test.swinger, test._swings = swinger, {0: type("Swing", (), {"trace": trace})}
+        test._judge(0, outcome, trace)
+        assert test.kept.failures == []
+        assert test.kept.values["speed of the joint, derived by told"] == pytest.approx(1.0, abs=0.01)
+
+
+def test_stamps_that_stand_still_are_told_of():
+    """From the beginning, in the warm-up, and right behind it. The same message again and again is another matter."""
+    test = kept_test("PortsFrequency")
+    for moving in (0, 10, 20):
+        stamps = [0.01 * min(number, moving) for number in range(200)]
+        messages = [Message(number, stamp, 0.01 * number, 8, number, None) for number, stamp in enumerate(stamps)]
+        with pytest.raises(TestFailure, match=r"the stamps of /bot/x:o do not advance: 1\d\d messages have the same"):
+            test.judged(messages, 1.0, "/bot/x:o")
+    with pytest.raises(TestFailure, match="3 are needed to say anything"):
+        test.judged([Message(7, 0.0, 0.01 * number, 8, 7, None) for number in range(200)], 1.0, "/bot/x:o")
+
+
+def test_a_sensor_that_tells_of_nothing_fails():
+    """Values that are no numbers never repeat themselves."""
+    test = kept_test("SensorsDuplicateReadings", network=None)
+    values = np.random.default_rng(1).normal(size=(50, 3))
+    test._judge_channels("/bot/analog:o", values)
+    values[10, 1] = math.nan
+    values[:, 2] = math.inf
+    with pytest.raises(TestFailure, match=r"^channel 1, channel 2 of /bot/analog:o tells of values that are"):
+        test._judge_channels("/bot/analog:o", values)
+
+
+def test_measurements_that_come_again_turn_nowhere():
+    """A server that is faster than its sensor sends each of them several times."""
+    times = np.repeat([1.0, 2.0, 3.0], 4)
+    places = each_once(times)
+    assert places == [0, 4, 8]
+    still = np.broadcast_to(np.eye(3), (3, 3, 3))
+    assert turns_of(still, times[places], 1).tolist() == [[0.0] * 3] * 2
+
+
+def test_a_joint_without_a_range_cannot_be_stepped(bench: PartBench, monkeypatch: pytest.MonkeyPatch):
+    """It is named before anything moves."""
+    monkeypatch.setattr(RobotTest, "setup", lambda test: None)
+    test = kept_test("PositionControlAccuracy", joints=[0, 1], open_part=lambda name: bench.part)
+    bench.part.high[1] = bench.part.low[1]
+    with pytest.raises(TestProblem, match="no room for a step: the limits of joint1 leave no range"):
+        test.setup()
+
+
+def test_duty_cycles_may_be_counted_in_steps(bench: PartBench):
+    """What a board reads back of 2 % is what its timer makes of it; what is far off is none of it."""
+    test = kept_test("MovementReferencesTest", robot_part=bench.part, chosen=[0, 1], way=np.array([1.0, -1.0]))
+    for step, fails in ((0.13, False), (0.7, True)):
+        bench.device.duty_step = step
+        test.kept.failures.clear()
+        test._duty()
+        assert any("reference duty cycle" in text for text in test.kept.failures) is fails
+
+
+def test_a_move_that_was_over_before_anybody_looked_has_begun():
+    """A machine that is too busy to see it says so, and blames no joint."""
+    with ExitStack() as stack:
+        bench = PartBench(stack, SlowlyAsked)
+        test = kept_test("MotorTest", robot_part=bench.part, clock=bench.time, chosen=[0])
+        test.targets, test.speeds = np.array([10.0]), np.array([20.0])
+        test.low, test.high = test.targets - 1.0, test.targets + 1.0
+        test._move("single", [0], test.targets)
+        assert test.kept.failures == []
+        assert isinstance(test.kept.ended["joint0 single"], Inconclusive)
