@@ -129,17 +129,18 @@ def test_what_was_heard_counts_whatever_the_process_says_at_last(lines: bytes, v
 
 
 @pytest.mark.parametrize(
-    ("where", "lines", "cut_short"),
+    ("where", "severity", "cut_short"),
     [
-        (Phase.RUN, to_line(Message(severity=Severity.ERROR, title="x", test="s/t")), False),
-        (Phase.TEARDOWN, to_line(Message(severity=Severity.ERROR, title="x", test="s/t")), True),
-        (Phase.CLEANUP, to_line(Message(severity=Severity.FAILURE, title="x", test="s/t")), True),
-        (Phase.CLEANUP, to_line(Message(severity=Severity.WARNING, title="x", test="s/t")), False),
+        (Phase.RUN, Severity.ERROR, False),
+        (Phase.TEARDOWN, Severity.ERROR, True),
+        (Phase.CLEANUP, Severity.FAILURE, True),
+        (Phase.CLEANUP, Severity.WARNING, False),
     ],
 )
-def test_what_goes_wrong_while_it_undoes_things_cuts_it_short(where: Phase, lines: bytes, cut_short: bool):
+def test_what_goes_wrong_while_it_undoes_things_cuts_it_short(where: Phase, severity: Severity, cut_short: bool):
     """Nobody knows then what it left behind."""
-    assert attempt(phase(where) + lines + FINISHED, End(0))[0].cut_short is cut_short
+    said = to_line(Message(severity=severity, title="x", test="s/t"))
+    assert attempt(phase(where) + said + FINISHED, End(0))[0].cut_short is cut_short
 
 
 @pytest.mark.parametrize("last", [b'{"finished":{}}\n', b'{"finished":{"outcome":"splendid"}}\n', b'{"finished":7}\n'])
