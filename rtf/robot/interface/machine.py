@@ -117,6 +117,8 @@ class RobotInterface:
                 self._tell(Weight.ERROR, "not all devices are open, so nothing is done with those that are")
         finally:
             self._close()
+        # What was told to stop and not waited for may be about to end.
+        self._wishes.wait(lambda: all(task.done for task in self._alone), Deadline.after(self._patience.abort))
         hanging = [*self._rack.hanging, *(task.name for task in self._alone if not task.done)]
         return Outcome(self._was_ready, (*self._rack.failures, *self._failures), tuple(hanging))
 
