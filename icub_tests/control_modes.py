@@ -25,6 +25,7 @@ from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot_testing import Limits, Safety, likely_causes
 from rtf.robot_testing.joints_case import JointsTest
 from rtf.robot_testing.mode_walk import ModeWalk
+from rtf.robot_testing.snapshot import answered
 from rtf.robot_testing.torque import greatest_torque, torque_flags
 from rtf.testing import Parameter
 
@@ -361,10 +362,8 @@ def _current(board: RemoteControlBoard, joints: list[int], way: FloatArray) -> N
 
 
 def _current_of(board: RemoteControlBoard, joint: int) -> float:
-    try:
-        return _EFFORT / 100.0 * board.current_range(joint)[1]
-    except (NotSupportedError, RefusedError):
-        return _CURRENT
+    found = answered(partial(board.current_range, joint))
+    return _CURRENT if found is None else _EFFORT / 100.0 * found[1]
 
 
 _COMMANDS = (

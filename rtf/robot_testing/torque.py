@@ -11,6 +11,7 @@ from rtf.robot.errors import NotSupportedError, RefusedError, StaleStateError
 from rtf.robot_testing.causes import likely_causes
 from rtf.robot_testing.courses import finish, pause
 from rtf.robot_testing.part import PACE
+from rtf.robot_testing.snapshot import answered
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,10 +61,7 @@ def torque_flags(part: Part) -> list[bool]:
 
 def greatest_torque(board: RemoteControlBoard, joint: int) -> float | None:
     """The most that a joint can exert (Nm); None where the board does not say it, as many do not."""
-    try:
-        return max(map(abs, board.torque_range(joint))) or None
-    except (NotSupportedError, RefusedError):
-        return None
+    return answered(lambda: max(map(abs, board.torque_range(joint)))) or None
 
 
 def mean_torques(part: Part, seconds: float) -> FloatArray:

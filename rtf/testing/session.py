@@ -16,7 +16,7 @@ from rtf import clock
 from rtf.testing.events import Answered, Asked, Event, SubResultEnded, from_record, to_record
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem, TestStopped
 from rtf.testing.places import OWN_FOLDER, raised_place
-from rtf.testing.verdict import Phase, Severity, Verdict
+from rtf.testing.verdict import UNDOING_PHASES, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -27,7 +27,6 @@ TEXT_LIMIT = 1 << 20
 
 #: Looking up a member of an enumeration runs Python code; see :class:`Session`.
 _BAD = (Severity.FAILURE, Severity.ERROR)
-_UNDOING = (Phase.TEARDOWN, Phase.CLEANUP)
 _FAILURE = Severity.FAILURE
 _PASSED = Verdict.PASSED
 _NOTHING: Mapping[str, float | str | None] = {}
@@ -194,7 +193,7 @@ class Session:
 
         A stop that came a moment before keeps it from being called, but not what undoes things.
         """
-        if self.phase in _UNDOING:
+        if self.phase in UNDOING_PHASES:
             self._stop = None
         self._stoppable = True
         try:
@@ -227,7 +226,7 @@ class Session:
     def _note(self, severity: Severity, text: str) -> None:
         """Count a failure or an error. What the test as a whole came to names the part in which it was found."""
         subject = self.subject
-        self.undoing_failed = self.undoing_failed or self.phase in _UNDOING
+        self.undoing_failed = self.undoing_failed or self.phase in UNDOING_PHASES
         for tally in self._tallies()[1:]:
             tally.note(severity, text)
         self.tally.note(severity, text if subject in text else f"{subject}: {text}")

@@ -76,6 +76,10 @@ class Phase(StrEnum):
     CHECK = "check"
 
 
+#: Those in which a test undoes what it has done.
+UNDOING_PHASES = (Phase.TEARDOWN, Phase.CLEANUP)
+
+
 class FixtureState(StrEnum):
     """Where one incarnation of a fixture is in its life."""
 

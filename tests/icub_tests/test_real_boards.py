@@ -7,15 +7,14 @@ import pytest
 
 from harness import run_command, write_files
 from rtf import clock
-from rtf.bottle import Property
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.configuration import find_network
 from rtf.middleware.naming.server import NameServer
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.server.control_board import ControlBoardDevice
 from rtf.testing.events import Asked, Message, SubResultEnded
 from rtf.testing.verdict import Severity, Verdict
+from served import served
 
 
 def entry(name, test, **parameters):
@@ -91,12 +90,7 @@ def run(folder, suite, fault=""):
         network = find_network()
         opened.callback(network.names.close)
         board = Board("arm", network=network, fault=fault)
-        board.open(Property.parse("(GENERAL (Joints 3))"))
-        opened.callback(board.close)
-        server = ControlBoardDevice("server", network=network)
-        server.open(Property({"name": "/bot/arm", "period": 0.01}))
-        opened.callback(server.close)
-        server.attach({"arm": board})
+        opened.enter_context(served(board, "/bot/arm", network=network, period=0.01))
         words = ("--suite", "suite.xml", "--allow-motion", "--answer", "yes")
         return run_command(folder, *words, YARP_ROBOT_NAME="bot", RTF_CLOCK="", YARP_CLOCK=""), board.told
 

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import pytest
 
 from harness import Outcome, run_command, write_files
-from rtf.bottle import Property
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.configuration import find_network
 from rtf.middleware.naming.server import NameServer
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.server.control_board import ControlBoardDevice
 from rtf.testing.events import Message, ParametersResolved, PhaseStarted, TestEnded
 from rtf.testing.verdict import ExitCode, Phase, Verdict
+from served import served
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -96,25 +95,18 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     with pytest.MonkeyPatch.context() as patch, ExitStack() as opened:
         patch.setenv("YARP_CONFIG_HOME", str(folder / "user"))
         configuration.write_place(opened.enter_context(NameServer()).contact)
-        board = opened.enter_context(served())
+        board = opened.enter_context(head())
         words = ("--suite", "suite.xml", "--allow-motion", "--answer", "yes")
         ran = run_command(folder, *words, YARP_ROBOT_NAME="bot", RTF_CLOCK="", YARP_CLOCK="")
         yield Bench(folder, validated, ran, board.encoders().tolist())
 
 
 @contextmanager
-def served() -> Iterator[FakeBoard]:
+def head() -> Iterator[FakeBoard]:
     """``/bot/head``, a part of three joints."""
     network = find_network()
-    with ExitStack() as opened:
-        opened.callback(network.names.close)
-        board = FakeBoard("head", network=network)
-        board.open(Property.parse("(GENERAL (Joints 3))"))
-        opened.callback(board.close)
-        server = ControlBoardDevice("server", network=network)
-        server.open(Property({"name": "/bot/head", "period": 0.02}))
-        opened.callback(server.close)
-        server.attach({"head": board})
+    board = FakeBoard("head", network=network)
+    with closing(network.names), served(board, "/bot/head", network=network, period=0.02):
         yield board
 
 

@@ -37,7 +37,7 @@ from rtf.testing.isolation import processes
 from rtf.testing.isolation.capture import Capture
 from rtf.testing.isolation.children import NurseryLostError
 from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, NUDGE_PERIOD, NUDGE_SIGNAL, STOP_SIGNAL
-from rtf.testing.verdict import MeasurementVerdict, Phase, Severity, Verdict
+from rtf.testing.verdict import UNDOING_PHASES, MeasurementVerdict, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -60,7 +60,6 @@ _QUOTED = 300
 #: The exit status of a process of ours that cannot reach its runner any more.
 _CUT_OFF = 71
 _CHANNEL_CLOSED = "the test closed the channel to its runner"
-_LEAVING_PHASES = (Phase.TEARDOWN, Phase.CLEANUP)
 _ORDER = (Phase.LOAD, Phase.SETUP, Phase.RUN, Phase.TEARDOWN, Phase.CLEANUP)
 
 #: What a test may say; anything else on its channel is an error of the test.
@@ -245,7 +244,7 @@ class Attempt:
         self._stop = stop
         self._failures_before_stop = self._failures
         child.signal(signal.SIGCONT)
-        if self._phase in _LEAVING_PHASES and stop.reason in ("fixture", "interrupted") and not self._kill_now():
+        if self._phase in UNDOING_PHASES and stop.reason in ("fixture", "interrupted") and not self._kill_now():
             return  # it is undoing what it did, which is what it would be stopped for; its time is limited
         child.signal(STOP_SIGNAL)
         self._deadline = clock.Deadline.after(self._limits.grace)
@@ -342,7 +341,7 @@ class Attempt:
             self._first = self._first or event.name
         else:
             return False
-        self._undoing_failed = self._undoing_failed or self._phase in _LEAVING_PHASES
+        self._undoing_failed = self._undoing_failed or self._phase in UNDOING_PHASES
         return True
 
     def _comes_next(self, event: PhaseStarted) -> bool:
@@ -355,9 +354,9 @@ class Attempt:
         self._phase = event.phase
         self._repetition = event.repetition
         limit = self._limits.of(event.phase)
-        if event.phase in _LEAVING_PHASES:
+        if event.phase in UNDOING_PHASES:
             self._nudge = clock.Deadline()
-        if self._stop is None or (event.phase in _LEAVING_PHASES and not self._killed):
+        if self._stop is None or (event.phase in UNDOING_PHASES and not self._killed):
             self._deadline = clock.Deadline.after(limit)
         return PhaseStarted(
             time=event.time, test=event.test, phase=event.phase, repetition=event.repetition, limit=limit

@@ -1,0 +1,31 @@
+"""A board behind the ports of a part, as a robot's are in another process."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Property
+from rtf.robot.server.control_board import ControlBoardDevice
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.middleware.network import Network
+    from rtf.robot.devices.fake_board import FakeBoard
+
+
+@contextmanager
+def served(board: FakeBoard, place: str, *, network: Network, period: float) -> Iterator[ControlBoardDevice]:
+    """Open a board with three joints, and serve it at ``place``, every ``period`` s; what serves it."""
+    board.open(Property.parse("(GENERAL (Joints 3))"))
+    try:
+        server = ControlBoardDevice("server", network=network)
+        server.open(Property({"name": place, "period": period}))
+        try:
+            server.attach({place.rpartition("/")[2]: board})
+            yield server
+        finally:
+            server.close()
+    finally:
+        board.close()
