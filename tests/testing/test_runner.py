@@ -17,6 +17,7 @@ from rtf.testing.events import (
     FixtureIncident,
     InternalError,
     RunEnded,
+    StackDumped,
     SuiteEnded,
     SuiteStarted,
     TestEnded,
@@ -484,6 +485,40 @@ def test_fixture_that_does_not_notice_that_it_is_to_end_is_woken(tmp_path: Path)
     )
     assert [incident.cause for incident in outcome.of(FixtureIncident)] == ["setup() did not come back within 0.3 s"]
     assert (tmp_path / "suite" / "log").read_text() == "torn-down\n"
+
+
+CROWDED = """
+        import sys, threading
+        def deep(depth, over):
+            over.wait() if depth == 0 else deep(depth - 1, over)
+        over = threading.Event()
+        for _ in range(30):
+            threading.Thread(target=deep, args=(40, over)).start()
+        try:
+            threading.Event().wait()
+        finally:
+            over.set()  # all of them leave their frames at once
+    def teardown(self):
+        note('torn-down')
+"""
+
+
+@pytest.mark.parametrize("kind", ["test", "fixture"])
+def test_stacks_are_written_before_it_is_asked_to_stop(tmp_path: Path, kind: str):
+    """A process that goes on while its frames are read would die of it, and tear nothing down."""
+    suites = {
+        "test": '<suite name="s"><test timeout="0.5">crowd.py</test></suite>',
+        "fixture": '<suite name="s"><fixture timeout="0.5" restarts="0">crowd.py</fixture><test>t.py</test></suite>',
+    }
+    plugins = {
+        "test": test_file(CROWDED),
+        "fixture": f"{HEAD}\nclass Rig(FixtureManager):\n    def setup(self):{CROWDED}",
+    }
+    outcome = run_suite(tmp_path, suites[kind], crowd__py=plugins[kind], t__py=test_file("pass"))
+    assert (tmp_path / "suite" / "log").read_text() == "torn-down\n"
+    (dumped,) = outcome.of(StackDumped)
+    assert dumped.text.count("in deep") == 30 * 41
+    assert "Fatal Python error" not in dumped.text
 
 
 def test_isolation_none_is_the_runners_own_process(tmp_path: Path):

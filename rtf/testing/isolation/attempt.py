@@ -36,7 +36,7 @@ from rtf.testing.events import (
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.capture import Capture
 from rtf.testing.isolation.children import NurseryLostError
-from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, NUDGE_PERIOD, NUDGE_SIGNAL, STOP_SIGNAL
+from rtf.testing.isolation.nursery_protocol import NUDGE_PERIOD, NUDGE_SIGNAL, STOP_SIGNAL
 from rtf.testing.verdict import UNDOING_PHASES, MeasurementVerdict, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
@@ -50,8 +50,6 @@ GRACE = 2.0
 _VANISH = 5.0
 #: How long a process may still take to end when its test is over.
 _LEAVING = 10.0
-#: How long it may take to write its stacks.
-_DUMPING = 0.2
 #: Beyond this many bytes of events, what only informs is counted and not kept; beyond twice as many, failures too.
 EVENT_BYTES = 64 << 20
 #: So many unintelligible lines are told of, the rest are counted; and so much is quoted of what was said.
@@ -270,7 +268,7 @@ class Attempt:
 
     def _ask_for_stacks(self, child: Child) -> None:
         self._dumped = self._phase
-        child.signal(DUMP_SIGNAL)
+        self._nursery.dump_stacks(child)
 
     def _press_on(self, child: Child) -> None:
         """It did not stop: kill it, and if even that shows no effect, the nursery with it."""
@@ -280,8 +278,8 @@ class Attempt:
         self._nursery.rouse()
         if self._dumped not in (None, self._phase) and not self._kill_now():  # it hangs in its teardown, too
             self._ask_for_stacks(child)
-            self._deadline = clock.Deadline.after(_DUMPING)
-            return
+            if self._over(child):
+                return
         self._killed = True
         self._nudge = clock.Deadline()
         child.signal(signal.SIGKILL, group=True)

@@ -17,6 +17,7 @@ from rtf.testing.isolation import nursery_protocol as wire
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.job import Job
 from rtf.testing.isolation.launch import Launched, launch
+from rtf.testing.isolation.stacks import StackFile
 from rtf.testing.outcome import TestingError
 
 if TYPE_CHECKING:
@@ -417,14 +418,13 @@ class Nursery(Brood):
         self._templates: dict[str, Template] = {}
         self._process: Launched | None = None
         self._lost: list[str] = []  # the marks of nurseries that died
-        self._dump = -1
-        self._dump_read = 0
+        self._stacks: StackFile | None = None
 
     def start(self) -> None:
         """Start the nursery process without waiting for it."""
         self._process, self._launched = self._launched or launch(), None
-        self._close_dump()
-        self._dump, self._dump_read = self._process.dump, 0
+        self._close_stacks()
+        self._stacks = StackFile(self._process.dump)
         self._attach(self._process.control)
         if self._preload:
             data = self._preload.encode()
@@ -479,16 +479,14 @@ class Nursery(Brood):
         self._templates[plugin.path] = template
         return template
 
+    def dump_stacks(self, child: Child) -> None:
+        """Have a child that runs a test dump its stacks, see :meth:`StackFile.dump`."""
+        if self._stacks is not None:
+            self._stacks.dump(child, self.reactor)
+
     def new_stacks(self) -> str:
         """What has been dumped since the last call, at most 256 KiB of it."""
-        if self._dump < 0:
-            return ""
-        size = os.fstat(self._dump).st_size
-        if size <= self._dump_read:
-            return ""
-        data = os.pread(self._dump, min(size - self._dump_read, 1 << 18), self._dump_read)
-        self._dump_read = size
-        return data.decode("utf-8", "backslashreplace")
+        return self._stacks.new() if self._stacks is not None else ""
 
     def rouse(self) -> None:
         """Let the nursery and its templates go on, should somebody have stopped one."""
@@ -518,12 +516,12 @@ class Nursery(Brood):
         for mark in self._lost:  # what was just being started when its nursery died may have shown itself only later
             end_orphans(mark)
         self._forget_children()  # gives the descriptors of spares and templates back: there is a nursery in every lane
-        self._close_dump()
+        self._close_stacks()
 
-    def _close_dump(self) -> None:
-        if self._dump >= 0:
-            os.close(self._dump)
-            self._dump = -1
+    def _close_stacks(self) -> None:
+        if self._stacks is not None:
+            self._stacks.close()
+            self._stacks = None
 
     def _told(self, kind: bytes, text: str) -> None:
         if kind == wire.READY:

@@ -7,9 +7,7 @@ of it happens in the thread of the supervisor.
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 import signal
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +15,8 @@ from rtf import clock
 from rtf.testing.events import EventError, Message, OutputCaptured, from_record
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.capture import Capture, Tail
-from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, NUDGE_PERIOD, NUDGE_SIGNAL, PARK_LIMIT
+from rtf.testing.isolation.nursery_protocol import NUDGE_PERIOD, NUDGE_SIGNAL, PARK_LIMIT
+from rtf.testing.isolation.stacks import StackFile
 from rtf.testing.session import bounded
 from rtf.testing.supervision.fixture_record import Cause
 from rtf.testing.verdict import FixtureState, Phase, Severity
@@ -82,6 +81,7 @@ class Incarnation:
         self._done = False
         self._end_told = False
         self._silence = clock.Deadline()
+        # its own, so that its stacks are never taken for those of the test that runs meanwhile
         self._stacks = StackFile()
         self._tail = Tail()
         self._capture = Capture(
@@ -147,8 +147,8 @@ class Incarnation:
         if "(stopped)" in processes.kernel_state(self.pid):
             cause += "; the process had been stopped by a signal"
         self._child.signal(signal.SIGCONT)
-        self._child.signal(DUMP_SIGNAL)
         self._dump_cause = cause
+        self._stacks.dump(self._child, self._nursery.reactor)
         return cause
 
     def _patience(self) -> clock.Deadline:
@@ -202,7 +202,6 @@ class Incarnation:
             self._interrupt()
         else:
             cause = self._did_not_come_back()
-            self._stacks.wait_for_dump(self._nursery)
             self._kill()
             if self._doing == "teardown()":
                 self._trouble(f"{cause}; killed", Phase.TEARDOWN)
@@ -235,7 +234,7 @@ class Incarnation:
     def _close(self) -> None:
         self._capture.close()
         fixture = self._fixture
-        stacks = self._stacks.text()
+        stacks = self._stacks.new()
         if not stacks and self._dump_cause:
             stacks = "the process did not answer the request for its stacks\n"
         if stacks:
@@ -372,42 +371,3 @@ def _how(end: End) -> str:
     if end.status is None:
         return "the process from which it was forked was lost"
     return processes.describe_end(end.exit_status, end.signal)
-
-
-class StackFile:
-    """A nameless file of the runner into which one process dumps its stacks; readable when that process has died.
-
-    One a fixture, so that its stacks are never taken for those of the test that runs meanwhile.
-    """
-
-    _LIMIT = 1 << 18
-
-    def __init__(self) -> None:
-        self._descriptor = os.memfd_create("rtf-stacks", os.MFD_CLOEXEC)
-
-    @property
-    def path(self) -> str:
-        """Where another process of this user opens it, as long as the runner lives."""
-        return f"/proc/{os.getpid()}/fd/{self._descriptor}"
-
-    def text(self) -> str:
-        """What was dumped, at most 256 KiB of it."""
-        return os.pread(self._descriptor, self._LIMIT, 0).decode("utf-8", "backslashreplace")
-
-    def wait_for_dump(self, nursery: Nursery) -> None:
-        """Wait until a dump that was asked for is written: it has grown and stopped growing; at most a second."""
-        deadline = clock.Deadline.after(1.0)
-        size = -1
-        while not deadline.expired:
-            now = os.fstat(self._descriptor).st_size
-            if now and now == size:
-                return
-            size = now
-            pause = clock.Deadline.after(0.02)
-            while not pause.expired:
-                nursery.reactor.run_once(pause)
-
-    def close(self) -> None:
-        """Give it back."""
-        with contextlib.suppress(OSError):
-            os.close(self._descriptor)
