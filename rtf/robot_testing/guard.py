@@ -21,6 +21,7 @@ from rtf.robot.interfaces import PidType
 from rtf.robot_testing.contacts import WITHIN, NoForcesError
 from rtf.robot_testing.ledger import MotionLedger
 from rtf.robot_testing.snapshot import Snapshot, answered
+from rtf.robot_testing.transmission import Transmission
 from rtf.testing.outcome import TestFailure
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ _ARRIVED = 2.0  # deg
 _PACE = 0.05  # s
 _STANDING = 1.0  # deg/s
 _WARMING = 1.0  # s between two looks at temperatures
+_SETTLING = 0.2  # s after which the state shows a mode that was asked for
 #: In these a joint goes on with what it was told last, and ``stop`` means nothing to it.
 _DRIVEN = frozenset({ControlMode.TORQUE, ControlMode.CURRENT, ControlMode.PWM, ControlMode.POSITION_DIRECT})
 #: In these it goes on although nobody commands it.
@@ -111,6 +113,9 @@ class MotionGuard:
         self._hottest = _some(self._ask(board.temperature_limit))
         self._felt = -np.inf  # when temperatures were last asked for, s of the robot's clock
         self._given_up: set[int] = set()
+        self._idle_since: dict[int, float] = {}  # of those that were given up here, s of the robot's clock
+        self._powered_again: set[int] = set()  # of these it was told
+        self._coupling: Transmission | None = None  # asked for where a joint is given up
         self._secured: set[int] = set()  # joints that nobody drives any more
         self._unwatched: set[str] = set()  # what the state has not had, and was told
         self._contacts = contacts
@@ -136,10 +141,14 @@ class MotionGuard:
         """Leave a joint that does not obey without power: it is neither watched nor parked, nor powered any more."""
         if joint in self._given_up:
             return
-        self.board.set_control_modes(ControlMode.IDLE, joint)
-        self._given_up.add(joint)
+        self._leave_idle(joint)
         MotionLedger().gave_up(self.name, joint)
         self._report(f"{self._names[joint]} is left idle: {reason}")
+
+    def _leave_idle(self, joint: int) -> None:
+        self.board.set_control_modes(ControlMode.IDLE, joint)
+        self._given_up.add(joint)
+        self._idle_since[joint] = self._clock.now()
 
     def leave_alone(self, joints: Collection[int]) -> None:
         """Neither watch nor move nor power joints that somebody else has given up."""
@@ -153,6 +162,12 @@ class MotionGuard:
     def _kept(self) -> list[int]:
         """The joints that were not given up."""
         return [joint for joint in range(len(self._names)) if joint not in self._given_up]
+
+    def _companions(self, joint: int) -> list[int]:
+        """The joints that are coupled with one: many boards change their modes together."""
+        if self._coupling is None:
+            self._coupling = Transmission.read(self.board)
+        return [one for one in self._coupling.coupled(joint) if one != joint]
 
     # While joints move -----------------------------------------------------------------------------------------------
 
@@ -169,12 +184,38 @@ class MotionGuard:
             raise
 
     def _look(self) -> None:
+        self._watch_given_up()
         positions = self.board.encoders()
         self._judge(np.isnan(positions), positions, "has no position: its encoder gives {}")
         if self.snapshot.limits:
             outside = (positions < self._low) | (positions > self._high)
             self._judge(outside, positions, "is at {:.1f} deg, beyond its limits")
         self._watch_motion()
+
+    def _watch_given_up(self) -> None:
+        """See that what was left idle is so: nobody looks at such a joint, and it may run away.
+
+        Where a board changes the modes of several joints together, whoever powers one of them powers it as well. That
+        is told once, by GuardError.
+        """
+        if not self._given_up:
+            return
+        now, modes = self._clock.now(), self.board.control_modes()
+        for joint in sorted(self._given_up):
+            since = self._idle_since.get(joint, -np.inf)
+            if modes[joint] in _LIMP or 0 <= now - since < _SETTLING:  # the state may be of before
+                continue
+            self._leave_idle(joint)
+            if joint in self._powered_again:  # it goes on: all that can be done is to ask again
+                continue
+            self._powered_again.add(joint)
+            for other in self._companions(joint):
+                self.give_up(other, f"it is coupled with {self._names[joint]}, which is to stay idle")
+            raise GuardError(
+                f"{self._names[joint]} ({self.name} joint {joint}) had been left idle, and was in {modes[joint].word}: "
+                "its board powers it with another joint, or somebody else does; it is idle again",
+                joint,
+            )
 
     def _watch_motion(self) -> None:
         """All but where joints are: one that is to come back may be anywhere."""
@@ -290,7 +331,7 @@ class MotionGuard:
         if held := [joint for joint in self._kept if joint not in idle]:
             problems.attempt(self._hold, held)
             problems.attempt(self.board.stop, held)
-        for joint in idle:
+        for joint in [*idle, *sorted(self._given_up)]:
             problems.attempt(self.board.set_control_modes, ControlMode.IDLE, joint)
         problems.tell("")
 
@@ -320,6 +361,7 @@ class MotionGuard:
         problems = _Problems()
         with suppress(NoAnswerError):  # it was told, and all others would wait as long for the same
             problems.attempt(self.secure)
+            problems.attempt(self._leave_companions)
             self._restore_settings(problems)
             problems.attempt(self._leave_faults)
             problems.attempt(self._park, seconds)
@@ -340,6 +382,14 @@ class MotionGuard:
             if modes[joint] in _DRIVEN:
                 self._secured.add(joint)
                 self._report(f"{self._names[joint]}: is held, was left in {modes[joint].word}")
+
+    def _leave_companions(self) -> None:
+        """Do not power joints that went idle with one that was given up: that one would be powered with them."""
+        modes, before = self.board.control_modes(), self.snapshot.modes
+        for joint in sorted(self._given_up):
+            for other in self._companions(joint):
+                if other not in self._given_up and modes[other] is ControlMode.IDLE is not before[other]:
+                    self.give_up(other, f"its board left it so with {self._names[joint]}, with which it is coupled")
 
     def _restore_settings(self, problems: _Problems) -> None:
         for joint in range(len(self._names)):
@@ -407,6 +457,7 @@ class MotionGuard:
                     self._complain_of(away, seconds)
                 self._clock.sleep(_PACE)
                 try:
+                    self._watch_given_up()
                     self._watch_motion()
                 except GuardError as error:
                     raise GuardError(f"on the way back {error}", error.joint) from None
@@ -437,10 +488,10 @@ class MotionGuard:
 
         def modes() -> None:
             for joint, (now, then) in enumerate(zip(board.control_modes(), before.modes, strict=True)):
-                if joint in self._given_up:
-                    problems.attempt(board.set_control_modes, ControlMode.IDLE, joint)
-                elif now is not then and then in _RESTORABLE:
+                if joint not in self._given_up and now is not then and then in _RESTORABLE:
                     problems.attempt(self._restore_mode, joint, now)
+            for joint in sorted(self._given_up):  # after all others, with which a board may have powered it
+                problems.attempt(board.set_control_modes, ControlMode.IDLE, joint)
 
         def speeds() -> None:
             if before.speeds is not None and not np.array_equal(board.reference_speeds(), before.speeds):

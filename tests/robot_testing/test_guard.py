@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from typing import TYPE_CHECKING
 
 import pytest
 
 from rtf import clock
-from rtf.bottle import Property
+from rtf.bottle import Bottle, Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.network import Network
 from rtf.robot.client.control_board import RemoteControlBoard, connect
@@ -37,6 +37,7 @@ class WrongBoard(FakeBoard):
     knows_torques = True
     lacks: frozenset[Field] = frozenset()  # what the state has not got
     refuses: frozenset[tuple[str, int]] = frozenset()  # methods that are refused, each for a joint
+    together: frozenset[int] = frozenset()  # joints whose modes change together
 
     def __init__(self, name: str, *, network: Network) -> None:
         super().__init__(name, network=network)
@@ -68,8 +69,10 @@ class WrongBoard(FakeBoard):
         """See IControlMode."""
         chosen = self._chosen(joints)
         self._may("mode", chosen)
-        self.commands.append(f"modes {[mode.word for mode in modes_for(len(chosen), modes)]} {chosen}")
-        super().set_control_modes(modes, joints)
+        each = modes_for(len(chosen), modes)
+        self.commands.append(f"modes {[mode.word for mode in each]} {chosen}")
+        for mode, joint in zip(each, chosen, strict=True):
+            super().set_control_modes(mode, [*self.together] if joint in self.together else joint)
 
     def max_current(self, motor: int) -> float:
         """See IAmplifierControl."""
@@ -120,7 +123,9 @@ class Bench:
         self.network = Network(LocalNames())
         self.time = stack.enter_context(clock.use(PublishingClock()))
         self.device = WrongBoard("fake", network=self.network)
-        self.device.open(Property.parse("(GENERAL (Joints 3))"))
+        # Joints 1 and 2 share their motors.
+        coupling = "(kinematic_mj (1.0) (1.0 0.0 -1.0 1.0))"
+        self.device.open(Property.parse(f"(GENERAL (Joints 3)) (VARIABLES {coupling})"))
         stack.callback(self.device.close)
         self.server = ControlBoardServer(
             self.device, "/fake", network=self.network, outlets=PostingOutlets(self.network)
@@ -413,3 +418,95 @@ def test_what_somebody_else_gave_up_is_left_alone(bench: Bench):
     guard.restore()
     assert bench.device.control_modes(1) == (ControlMode.IDLE,)
     assert bench.device.encoders([1]) == pytest.approx(50.0)
+
+
+def test_what_was_given_up_is_not_powered_with_a_neighbour(bench: Bench):
+    """Nobody would look at it then; after that its neighbour is without power, too."""
+    bench.device.together = frozenset({1, 2})
+    guard = bench.guard()
+    guard.give_up(1, "it runs away")
+    bench.time.sleep(0.5)
+    bench.publish()
+    guard.watch()
+    bench.device.set_control_modes(ControlMode.POSITION, 2)
+    bench.publish()
+    with pytest.raises(GuardError, match=r"joint1 \(/fake joint 1\) had been left idle, and was in pos: .* idle again"):
+        guard.watch()
+    assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
+    assert [guard.given_up(joint) for joint in range(3)] == [False, True, True]
+    assert bench.said[-1] == "joint2 is left idle: it is coupled with joint1, which is to stay idle"
+
+
+def test_what_does_not_become_idle_is_told_once(bench: Bench):
+    """The others can still be tested; it is asked again and again."""
+    guard = bench.guard()
+    guard.give_up(1, "it runs away")
+    for told in (True, False):
+        bench.time.sleep(0.5)
+        bench.device.set_control_modes(ControlMode.POSITION, 1)
+        bench.publish()
+        with pytest.raises(GuardError) if told else nullcontext():
+            guard.watch()
+        assert bench.device.control_modes(1) == (ControlMode.IDLE,)
+
+
+def test_a_state_of_before_is_no_power(bench: Bench):
+    """The one that was given up a moment ago may still be shown in its old mode."""
+    guard = bench.guard()
+    guard.give_up(1, "it runs away")
+    guard.watch()
+    assert bench.said == ["joint1 is left idle: it runs away"]
+
+
+@pytest.mark.parametrize("by_somebody_else", [False, True])
+def test_neighbours_of_what_was_given_up_are_not_put_back(bench: Bench, by_somebody_else: bool):
+    """They went idle with it, and it would have power with them; not even for a moment."""
+    bench.device.together = frozenset({1, 2})
+    guard = bench.guard()
+    bench.device.position_move([50.0], [2])
+    bench.time.sleep(10.0)
+    if by_somebody_else:
+        bench.device.set_control_modes(ControlMode.IDLE, 1)
+        guard.leave_alone({1})
+    else:
+        guard.give_up(1, "it runs away")
+    bench.device.commands.clear()
+    bench.publish()
+    bench.restore(guard)
+    assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
+    assert not [command for command in bench.device.commands if "pos" in command]
+    assert bench.said[-1] == "joint2 is left idle: its board left it so with joint1, with which it is coupled"
+
+
+def test_a_neighbour_that_kept_its_power_is_put_back(bench: Bench):
+    """There are boards that change modes one by one."""
+    guard = bench.guard()
+    guard.give_up(1, "it runs away")
+    bench.device.set_control_modes(ControlMode.VELOCITY, 2)
+    bench.publish()
+    bench.restore(guard)
+    assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.POSITION)
+
+
+def test_where_couplings_are_not_told_what_was_given_up_stays_idle(bench: Bench):
+    """On the way back its neighbour powers it; it is noticed, and the last word is idle."""
+    bench.device.together = frozenset({1, 2})
+    bench.device.set_variable("kinematic_mj", Bottle())
+    guard = bench.guard()
+    guard.give_up(1, "it runs away")
+    bench.time.sleep(1.0)
+    bench.measure("joint_positions", 2, 50.0)
+    with pytest.raises(RobotError, match=r"on the way back joint1 \(/fake joint 1\) had been left idle"):
+        bench.restore(guard)
+    assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
+
+
+def test_without_a_state_what_was_given_up_stays_idle(bench: Bench):
+    """Whatever is held then does not power it."""
+    bench.device.together = frozenset({1, 2})
+    guard = bench.guard()
+    guard.give_up(1, "it runs away")
+    bench.time.sleep(5.0)
+    with pytest.raises(StaleStateError):
+        guard.watch()
+    assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
