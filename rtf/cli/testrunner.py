@@ -113,6 +113,7 @@ def _resume(options: argparse.Namespace) -> int:
 
     from rtf.cli import running
     from rtf.cli.arguments import build_parser
+    from rtf.robot_testing.ledger import MotionLedger
     from rtf.testing import journal, replay
     from rtf.testing.events import RunStarted
 
@@ -140,6 +141,7 @@ def _resume(options: argparse.Namespace) -> int:
     planned = running.make_plan(original)
     if planned.refused:
         return int(running.refuse(planned))
+    MotionLedger(folder).resumed()
     run: RunOptions = running.run_options(original, folder, list(started.command))
     run = replace(run, done=done, resumed=True, seed=started.seed)
     return int(running.execute(planned, run, original))

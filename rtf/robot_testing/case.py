@@ -12,7 +12,7 @@ from rtf.middleware.network import default_network
 from rtf.middleware.time import CLOCK_VARIABLE, LockstepClock, clock_from_environment
 from rtf.robot.client.control_board import connect
 from rtf.robot.errors import RefusedError, RobotError, StaleStateError
-from rtf.robot_testing.contacts import ContactWatch, Forces, NoForcesError, force_port
+from rtf.robot_testing.contacts import ContactWatch, listen_to_forces
 from rtf.robot_testing.guard import Limits, MotionGuard
 from rtf.robot_testing.last_seconds import LastSeconds
 from rtf.robot_testing.ledger import MotionLedger
@@ -124,7 +124,10 @@ class RobotTest(TestCase):
             self.skip(f"/{self.robot_name} is no simulated robot, and it would move: testrunner --allow-motion lets it")
         ledger = MotionLedger()
         ledger.decided(self.robot_name, may_move=False)  # nor may who puts it back move it while nobody has answered
-        if not self.confirm(f"/{self.robot_name} is about to move. Is nobody within its reach, and may it?"):
+        idle = ledger.left_idle(self.robot_name)
+        warning = f" It may power again what was left idle, as it did not obey: {', '.join(idle)}." if idle else ""
+        question = f"/{self.robot_name} is about to move.{warning} Is nobody within its reach, and may it?"
+        if not self.confirm(question):
             self.skip("the operator does not want the robot to move")
         ledger.decided(self.robot_name, may_move=True)
         self._may_move = True
@@ -151,7 +154,9 @@ class RobotTest(TestCase):
         self._await_state(board)
         guard = forces = None
         if moves:
-            forces = self._listen_to_forces(place)
+            forces = listen_to_forces(place, network=self.network, report=self.report)
+            if forces is not None:
+                self.add_cleanup(forces.close)
             guard = MotionGuard(
                 board,
                 place,
@@ -180,19 +185,6 @@ class RobotTest(TestCase):
                     raise
             else:
                 return
-
-    def _listen_to_forces(self, place: str) -> Forces | None:
-        """The sensor of a limb that moves; None for other parts. It is told where a limb has none, once a part."""
-        port = force_port(place)
-        if port is None:
-            return None
-        try:
-            forces = Forces(port, network=self.network)
-        except NoForcesError as error:
-            self.report(f"{place} is not watched for contacts: {error}")
-            return None
-        self.add_cleanup(forces.close)
-        return forces
 
     # Values ------------------------------------------------------------------------------------------------------
 

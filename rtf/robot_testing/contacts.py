@@ -24,6 +24,8 @@ from rtf.robot.errors import RobotError
 from rtf.robot.extended_state import Field
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rtf.middleware.delivery import Delivery
     from rtf.middleware.network import Network
     from rtf.robot.client.control_board import RemoteControlBoard
@@ -254,6 +256,18 @@ class ContactWatch:
         swung = np.abs(speeds).sum(axis=1) ** 2
         inertia = self._load.weight / _GRAVITY * self._load.lever  # N by rad/s²
         return inertia * float(hastened.max() + swung.max())
+
+
+def listen_to_forces(place: str, *, network: Network, report: Callable[[str], None]) -> Forces | None:
+    """The sensor of a limb; None for other parts, and, which is reported, where it has none."""
+    port = force_port(place)
+    if port is None:
+        return None
+    try:
+        return Forces(port, network=network)
+    except NoForcesError as error:
+        report(f"{place} is not watched for contacts: {error}")
+        return None
 
 
 def force_port(place: str) -> str | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
@@ -47,8 +48,8 @@ _DRIVEN = frozenset({ControlMode.TORQUE, ControlMode.CURRENT, ControlMode.PWM, C
 _RESTLESS = _DRIVEN - {ControlMode.POSITION_DIRECT} | {ControlMode.VELOCITY}
 #: In these nothing drives it.
 _LIMP = frozenset({ControlMode.IDLE, ControlMode.HARDWARE_FAULT})
-#: Questions in a row without an answer (5 s each) after which a board is not asked any more.
-_UNANSWERED = 3
+#: Questions without an answer (5 s each) after which a board is not asked any more: in a row, and in all.
+_UNANSWERED, _LOST = 3, 5
 
 
 class GuardError(RobotError, TestFailure):
@@ -141,14 +142,18 @@ class MotionGuard:
         """Leave a joint that does not obey without power: it is neither watched nor parked, nor powered any more."""
         if joint in self._given_up:
             return
-        self._leave_idle(joint)
+        self._given_up.add(joint)  # before the board is told, whose answer may be lost
         MotionLedger().gave_up(self.name, joint)
+        self._leave_idle(joint)
         self._report(f"{self._names[joint]} is left idle: {reason}")
 
     def _leave_idle(self, joint: int) -> None:
-        self.board.set_control_modes(ControlMode.IDLE, joint)
-        self._given_up.add(joint)
         self._idle_since[joint] = self._clock.now()
+        self.board.set_control_modes(ControlMode.IDLE, joint)
+
+    def feel(self, contacts: ContactWatch | None) -> None:
+        """Watch the part for contacts from now on, or no more."""
+        self._contacts = contacts
 
     def leave_alone(self, joints: Collection[int]) -> None:
         """Neither watch nor move nor power joints that somebody else has given up."""
@@ -352,10 +357,10 @@ class MotionGuard:
 
     # Afterwards ------------------------------------------------------------------------------------------------------
 
-    def restore(self, seconds: float = PARKING_TIME) -> None:
+    def restore(self, seconds: float = PARKING_TIME, *, where_it_was: bool = True) -> None:
         """Put the part back; ``seconds`` are what joints have to come back. Raises one RobotError for all problems.
 
-        First of all nothing drives a joint any more. Then settings, where joints were, and modes. What was not changed
+        First of all nothing drives a joint any more. Then settings, ``where_it_was``, and modes. What was not changed
         is not written, and one thing that cannot be put back keeps no other from being so.
         """
         problems = _Problems()
@@ -364,7 +369,8 @@ class MotionGuard:
             problems.attempt(self._leave_companions)
             self._restore_settings(problems)
             problems.attempt(self._leave_faults)
-            problems.attempt(self._park, seconds)
+            if where_it_was:
+                problems.attempt(self._park, seconds)
             self._restore_modes(problems)
         problems.tell(f"{self.name} could not be put back as it was: ")
 
@@ -375,7 +381,7 @@ class MotionGuard:
         except StaleStateError as error:
             self._hold_unseen()
             raise RobotError(f"{error}; its joints are held where they were then") from error
-        going = [joint for joint in self._kept if modes[joint] in _RESTLESS]
+        going = [joint for joint in self._kept if modes[joint] in _RESTLESS or self._is_on_its_way(joint, modes[joint])]
         if going:
             self.halt(going)
         for joint in going:
@@ -397,6 +403,12 @@ class MotionGuard:
                 problems.attempt(step, joint)
         problems.attempt(self._restore_pids, problems)
         problems.attempt(self._restore_interactions)
+
+    def _is_on_its_way(self, joint: int, mode: ControlMode) -> bool:
+        """Whether a joint would go on to where it was told to, which the board does without anybody."""
+        if mode is ControlMode.MIXED:
+            return True
+        return mode is ControlMode.POSITION and answered(partial(self.board.motion_done, joint)) is False
 
     def _restore_current(self, joint: int) -> None:
         before = self.snapshot.max_currents[joint]
@@ -461,7 +473,9 @@ class MotionGuard:
                     self._watch_motion()
                 except GuardError as error:
                     raise GuardError(f"on the way back {error}", error.joint) from None
-        except BaseException:
+        except BaseException as error:
+            if isinstance(error, GuardError):
+                MotionLedger().blocked(self.name)
             self.halt(sent)
             raise
 
@@ -517,20 +531,27 @@ class _Problems:
 
     def __init__(self) -> None:
         self._texts: list[str] = []
-        self._unanswered = 0
+        self._unanswered = self._lost = 0
 
     def attempt(self, action: Callable[..., object], *arguments: object) -> None:
         """Do something. A board that does not answer again and again, or is gone, raises its NoAnswerError."""
         try:
             action(*arguments)
-        except RobotError as error:
-            if str(error) not in self._texts:
-                self._texts.append(str(error))
-            if not isinstance(error, NoAnswerError):
-                return
+        except NoAnswerError as error:
+            self._note(error)
             self._unanswered += 1
-            if isinstance(error, UnreachableError) or self._unanswered == _UNANSWERED:
+            self._lost += 1
+            if isinstance(error, UnreachableError) or self._unanswered == _UNANSWERED or self._lost == _LOST:
                 raise
+        except RobotError as error:
+            self._note(error)
+            self._unanswered = 0
+        else:
+            self._unanswered = 0
+
+    def _note(self, error: RobotError) -> None:
+        if str(error) not in self._texts:
+            self._texts.append(str(error))
 
     def tell(self, beginning: str) -> None:
         """Raise one RobotError for all; nothing when there were none."""

@@ -7,7 +7,7 @@ import socket
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, as_string
-from rtf.middleware.errors import MiddlewareError
+from rtf.middleware.errors import MiddlewareError, WaitTimeoutError
 from rtf.middleware.rpc import RpcClient, RpcServer
 from rtf.robot.errors import RobotError
 
@@ -22,8 +22,8 @@ class ReservedError(RobotError):
 class Reservation:
     """A robot is reserved until it is closed, or this process ends. Raises ReservedError, MiddlewareError.
 
-    The port ``/ROBOT/testrunner`` answers every question with who has it. Where it does not answer within ``patience``
-    seconds the one who had it is gone.
+    The port ``/ROBOT/testrunner`` answers every question with who has it, within ``patience`` seconds. Where nobody can
+    be reached the one who had it is gone.
     """
 
     def __init__(self, robot: str, *, network: Network, patience: float) -> None:
@@ -37,6 +37,11 @@ class Reservation:
         try:
             with RpcClient("", self._name, network=network) as client:
                 answer = client.call(Bottle(["who"]), timeout=patience)
+        except WaitTimeoutError:
+            raise ReservedError(
+                f"who holds port {self._name} does not answer; end that run, or free its name by "
+                f"`rtf name unregister {self._name}`"
+            ) from None
         except MiddlewareError:
             return  # its name was left behind
         who = as_string(answer.get(0)) if answer else "somebody"

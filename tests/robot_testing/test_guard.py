@@ -14,17 +14,19 @@ from rtf.middleware.network import Network
 from rtf.robot.client.control_board import RemoteControlBoard, connect
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.errors import RefusedError, RobotError, StaleStateError
+from rtf.robot.errors import NoAnswerError, RefusedError, RobotError, StaleStateError
 from rtf.robot.extended_state import Field
 from rtf.robot.interfaces import PidType, modes_for
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PostingOutlets
 from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
+from rtf.robot_testing.ledger import MotionLedger
 
 from ..robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
 
     from rtf.robot.extended_state import ExtendedState
     from rtf.robot.interfaces import AxisSelection, FloatArray
@@ -216,6 +218,26 @@ def test_limits_that_a_board_does_not_have_are_none(bench: Bench):
         guard.watch()
 
 
+def test_joint_whose_board_does_not_answer_is_given_up_all_the_same(bench: Bench, monkeypatch: pytest.MonkeyPatch):
+    """Nobody powers it afterwards."""
+    guard = bench.guard()
+
+    def lost(modes: ControlMode, joints: AxisSelection = None) -> None:
+        raise NoAnswerError(f"no answer to {modes} of {joints}")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(bench.board, "set_control_modes", lost)
+        with pytest.raises(NoAnswerError):
+            guard.give_up(1, "it runs away")
+    assert guard.given_up(1)
+    bench.device.position_move([50.0], [1])
+    bench.time.sleep(10.0)
+    bench.publish()
+    bench.restore(guard)
+    assert bench.device.control_modes(1) == (ControlMode.IDLE,)
+    assert bench.device.encoders([1]) == pytest.approx(50.0)
+
+
 def test_joint_that_was_given_up_is_not_watched(bench: Bench):
     """It is left idle, and said so."""
     guard = bench.guard()
@@ -365,6 +387,22 @@ def test_one_thing_that_cannot_be_put_back_keeps_no_other(bench: Bench):
     assert bench.device.control_modes() == guard.snapshot.modes
 
 
+def test_single_answers_that_are_lost_keep_nothing_from_being_put_back(bench: Bench, monkeypatch: pytest.MonkeyPatch):
+    """Only a board that does not answer again and again is not asked any more."""
+    guard = bench.guard()
+    bench.device.position_move([50.0], [0])
+    bench.time.sleep(10.0)
+    bench.publish()
+
+    def lost(joint: int) -> float:
+        raise NoAnswerError(f"no answer about joint {joint}")
+
+    monkeypatch.setattr(bench.board, "max_current", lost)
+    with pytest.raises(RobotError, match="no answer about joint 0; no answer about joint 1; no answer about joint 2"):
+        bench.restore(guard)
+    assert bench.device.encoders([0]) == pytest.approx(0.0, abs=2.0)
+
+
 def test_first_of_all_nobody_drives_a_joint(bench: Bench):
     """Before settings, and while others come back, which takes its time."""
     guard = bench.guard()
@@ -377,6 +415,21 @@ def test_first_of_all_nobody_drives_a_joint(bench: Bench):
     assert bench.device.commands[0] == "modes ['pos'] [1]"
     assert bench.device.control_modes() == guard.snapshot.modes
     assert bench.said == ["joint1: is held, was left in ipwm"]
+
+
+@pytest.mark.parametrize("mode", [ControlMode.POSITION, ControlMode.MIXED])
+def test_what_is_on_its_way_does_not_go_on(bench: Bench, mode: ControlMode):
+    """A joint that has just set off is still near where it was, and its board would take it to the end."""
+    bench.device.set_control_modes(mode, 0)
+    bench.publish()
+    guard = bench.guard()
+    bench.device.position_move([60.0], [0])
+    bench.publish()
+    bench.device.commands.clear()
+    bench.restore(guard)
+    assert bench.device.commands == ["stop [0]"]
+    bench.time.sleep(10.0)
+    assert bench.device.encoders([0]) == pytest.approx(0.0, abs=2.0)
 
 
 def test_what_does_not_come_back_is_stopped(bench: Bench):
@@ -510,3 +563,26 @@ def test_without_a_state_what_was_given_up_stays_idle(bench: Bench):
     with pytest.raises(StaleStateError):
         guard.watch()
     assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
+
+
+def test_what_was_blocked_is_noted(bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Somebody else would push against it again."""
+    monkeypatch.setenv("RTF_RUN_FOLDER", str(tmp_path))
+    guard = bench.guard()
+    bench.measure("joint_positions", 1, 50.0)
+    with pytest.raises(RobotError, match="did not come back"):
+        bench.restore(guard)
+    assert MotionLedger(tmp_path).is_blocked("/fake")
+
+
+def test_where_it_was_may_be_left_out(bench: Bench):
+    """Nobody moves it; its settings are put back."""
+    guard = bench.guard()
+    bench.device.position_move([50.0], [0])
+    bench.time.sleep(10.0)
+    bench.board.set_limits(1, -5.0, 5.0)
+    bench.publish()
+    guard.restore(where_it_was=False)
+    bench.time.sleep(10.0)
+    assert bench.device.encoders([0]) == pytest.approx(50.0)
+    assert bench.board.limits(1) == guard.snapshot.limits[1]

@@ -83,6 +83,54 @@ def test_what_was_given_up_and_kept_is_of_one_part(tmp_path: Path):
     assert ledger.kept("/icub/torso") is None
 
 
+def test_what_was_put_back_is_done_with(tmp_path: Path):
+    """Then the next one keeps how the part is; as long as nobody has put it back, the first counts."""
+    ledger = MotionLedger(tmp_path)
+    ledger.keep("/icub/head", Snapshot(np.array([1.0]), (ControlMode.POSITION,)))
+    ledger.put_back("/icub/torso")
+    assert ledger.kept("/icub/head") is not None
+    ledger.put_back("/icub/head")
+    assert ledger.kept("/icub/head") is None
+    ledger.keep("/icub/head", Snapshot(np.array([2.0]), (ControlMode.POSITION,)))
+    kept = ledger.kept("/icub/head")
+    assert kept is not None
+    assert kept.positions.tolist() == [2.0]
+
+
+def test_what_was_allowed_before_a_run_was_resumed_is_of_the_past(tmp_path: Path):
+    """So is where robots were; what did not obey still does not."""
+    ledger = MotionLedger(tmp_path)
+    ledger.decided("icub", may_move=True)
+    ledger.gave_up("/icub/head", 2)
+    ledger.keep("/icub/head", Snapshot(np.array([1.0]), (ControlMode.POSITION,)))
+    ledger.resumed()
+    assert not ledger.may_move("icub")
+    assert ledger.kept("/icub/head") is None
+    assert ledger.given_up("/icub/head") == {2}
+    assert ledger.left_idle("icub") == ["/icub/head joint 2"]
+    assert ledger.left_idle("icu") == []
+
+
+def test_a_run_that_moved_nothing_gets_no_ledger_when_it_is_resumed(tmp_path: Path):
+    """Its folder stays as it is."""
+    MotionLedger(tmp_path).resumed()
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_was_in_the_way_is_until_somebody_lets_the_robot_move(tmp_path: Path):
+    """Of that robot, and of that part."""
+    ledger = MotionLedger(tmp_path)
+    ledger.decided("icub", may_move=True)
+    ledger.blocked("/icub/left_arm")
+    assert ledger.is_blocked("/icub/left_arm")
+    assert not ledger.is_blocked("/icub/head")
+    ledger.decided("other", may_move=True)
+    ledger.decided("icub", may_move=False)
+    assert ledger.is_blocked("/icub/left_arm")
+    ledger.decided("icub", may_move=True)
+    assert not ledger.is_blocked("/icub/left_arm")
+
+
 @pytest.mark.parametrize("torn", ['{"robot": "icub", "may_mo', '{"place": "/icub/head", "given_up": 1}\n{"pla'])
 def test_a_line_that_was_torn_is_left_out(tmp_path: Path, torn: str):
     """Whoever wrote it was killed meanwhile; all others count."""
