@@ -94,7 +94,8 @@ class Forces:
 
     def newest(self, count: int) -> list[Delivery]:
         """The last messages, the newest first."""
-        return list(islice(reversed(self._messages), count))
+        # Copied in one step, for messages come meanwhile.
+        return list(self._messages)[: -count - 1 : -1]
 
     def rows(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """All that are kept: their numbers (-1 without a stamp), stamps (s), and forces (N) and torques (Nm).
@@ -160,7 +161,17 @@ class ContactWatch:
         self._heard: tuple[Delivery | None, float] | None = None  # the last message, and the state it came with, s
         self._free: _Look | None = None  # how it was before it struck something that it may still touch
         self._strange_since: float | None = None  # since when forces are no numbers, s
-        board.observe(lambda stamp, state: self._states.append((stamp, state)))
+        self._board = board
+        board.observe(self._see)
+
+    def _see(self, stamp: float, state: ExtendedState) -> None:
+        """In the thread of the connection."""
+        self._states.append((stamp, state))
+
+    def close(self) -> None:
+        """Look at the board no more, and hang up the sensor."""
+        self._board.unobserve(self._see)
+        self.forces.close()
 
     @property
     def source(self) -> str:

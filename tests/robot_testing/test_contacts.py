@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import threading
 from contextlib import ExitStack
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
@@ -248,6 +250,28 @@ def test_limits_that_the_guard_has_asked_for_are_not_asked_for_again(limb: Limb)
     part = Part("left_arm", limb.board, limb.time, limb.guard)
     assert part.high.tolist() == [high for _, high in limb.guard.snapshot.limits]
     assert part.fastest.tolist() == limb.guard.fastest.tolist()
+
+
+def test_messages_that_come_while_it_looks_disturb_nobody(limb: Limb):
+    """They come from another thread, at any moment."""
+    forces = limb.forces
+    message = forces.newest(1)[0]
+    over = threading.Event()
+
+    def hear() -> None:
+        while not over.is_set():
+            forces._messages.append(message)
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    hearing = threading.Thread(target=hear, name="hearing")
+    hearing.start()
+    try:
+        assert all(len(forces.newest(30)) == 30 for _ in range(500))
+    finally:
+        over.set()
+        hearing.join()
+        sys.setswitchinterval(before)
 
 
 def test_sensor_that_is_not_there_is_told():
