@@ -20,11 +20,11 @@ commands (each has its own --help):
   testrunner where FILE         where a parameter file is looked for, and which one wins
 
 examples:
-  testrunner --suite suites/demo.xml                  run a suite
-  testrunner --suite demo.xml -k "left and not leg"   only some of its tests
-  testrunner --test my_test.py --set speed=20         one test, with a parameter
-  testrunner --suites suites -r -j 2 --junit out.xml  all suites, two at a time
-  testrunner --resume rtf-runs/latest                 only what an interrupted run still owes
+  testrunner --suite suites/demo/demo.xml                run a suite
+  testrunner --suite demo.xml -k "left and not leg"      only some of its tests
+  testrunner --test my_test.py --set speed=20            one test, with a parameter
+  testrunner --suites my_suites -r -j 2 --junit out.xml  all suites of a folder, two at a time
+  testrunner --resume rtf-runs/latest                    only what an interrupted run still owes
 
 exit codes:
   0 passed   1 failures   2 interrupted   3 internal error   4 usage or suite file   5 nothing ran

@@ -7,16 +7,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rtf.testing.events import Diagnosed
 from rtf.testing.inspection import inspect_uses
+from rtf.testing.plugins import shipped_folder
+from rtf.testing.suite.model import TestEntry
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from rtf.cli.running import Plan
     from rtf.testing.inspection import Inspection
     from rtf.testing.plan import PlannedSuite
     from rtf.testing.plugins import PluginRef
-    from rtf.testing.suite.model import FixtureEntry, TestEntry
+    from rtf.testing.suite.model import FixtureEntry
 
 
 class _Use(NamedTuple):
@@ -33,15 +35,48 @@ def problems_of(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[Di
     """What is wrong with the plug-ins of a plan and with the values they would be given, in order."""
     uses = [*_uses(plan, tuple(overrides))]
     found = _inspected(uses)
+    simulated: dict[tuple[str, str], dict[str, str]] = {}  # by suite and name of the fixture, which come before tests
     for use in uses:
         if isinstance(use.plugin, str):
             yield _diagnosed(use.planned, use.entry, Severity.ERROR, use.plugin)
             continue
         inspection = found[use.plugin][tuple(use.values.values())]
+        values = {row["name"]: row["value"].strip('"') for row in inspection.values}
         for problem in inspection.problems:
             yield _diagnosed(use.planned, use.entry, Severity.ERROR, f"{use.what}: {problem}")
         for warning in inspection.warnings:
             yield _diagnosed(use.planned, use.entry, Severity.WARNING, f"{use.what}: {warning}")
+        if values and Path(use.plugin.path) == shipped_folder("fixture") / "simulator.py":
+            simulated[use.planned.suite.id, use.entry.name] = values
+        absent = _absent_part(use.planned, use.entry, values, simulated)
+        if absent:
+            yield _diagnosed(use.planned, use.entry, Severity.WARNING, f"{use.what}: {absent}")
+
+
+def _absent_part(
+    planned: PlannedSuite,
+    entry: TestEntry | FixtureEntry,
+    values: dict[str, str],
+    simulated: dict[tuple[str, str], dict[str, str]],
+) -> str:
+    """Says that the simulated robot on which a test stands does not have its part. Of other robots nothing is known."""
+    part = values.get("part", "")
+    if not part or not isinstance(entry, TestEntry):
+        return ""
+    names = [fixture.name for fixture in planned.suite.fixtures] if entry.fixtures is None else entry.fixtures
+    robots = [simulated[planned.suite.id, name] for name in names if (planned.suite.id, name) in simulated]
+    if len(robots) != 1 or values.get("robot", "").strip("/") not in ("", robots[0]["robot"].strip("/")):
+        return ""
+    known = _parts_of(robots[0])
+    return "" if part in known else f"part: the simulated robot has no {part!r}, but {', '.join(known)}"
+
+
+def _parts_of(robot: dict[str, str]) -> Collection[str]:
+    if robot["parts"]:
+        return [part.strip() for part in robot["parts"].split(",")]
+    from rtf.simulator.axes import PARTS
+
+    return PARTS
 
 
 def _uses(plan: Plan, overrides: tuple[tuple[str, str], ...]) -> Iterator[_Use]:

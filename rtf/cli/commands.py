@@ -12,7 +12,10 @@ from rtf.testing.verdict import ExitCode, Severity
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rtf.testing.events import Diagnosed
+    from rtf.testing.plan import Loaded
     from rtf.testing.plugins import PluginRef
+    from rtf.testing.suite.model import TestSuite
 
 
 def describe(words: Sequence[str]) -> ExitCode:
@@ -61,7 +64,8 @@ def validate(words: Sequence[str]) -> ExitCode:
     """Say everything that is wrong in suite files, their plug-ins and their parameters; run nothing."""
     from rtf.cli.check_plan import problems_of
     from rtf.cli.running import Plan, show_diagnostics
-    from rtf.testing.plan import Planner, load_files, suite_files
+    from rtf.testing.plan import Planner
+    from rtf.testing.suite.model import number_suites
 
     parser = Parser(
         prog="testrunner validate", description="Everything that is wrong in suite files, before anything moves."
@@ -81,14 +85,15 @@ def validate(words: Sequence[str]) -> ExitCode:
     )
     parser.add_argument("--strict", action="store_true", help="warnings count as errors")
     options = parser.parse_args(words)
-    files: list[tuple[Path, bool]] = []
+    suites: list[TestSuite] = []
+    found: list[Diagnosed] = []
     for name in options.suites:
-        path = Path(name)
-        files += [(found, False) for found in suite_files(path, recursive=True)] if path.is_dir() else [(path, True)]
-    loaded = load_files(files, dict(options.define))
+        loaded = _loaded(Path(name), dict(options.define))
+        suites += loaded.suites
+        found += loaded.diagnostics
     planner = Planner()
-    plan = Plan(planner.plan(planner.complete(loaded.suites)), loaded.diagnostics, loaded.has_errors)
-    found = [*loaded.diagnostics, *problems_of(plan, options.overrides)]
+    plan = Plan(planner.plan(planner.complete(number_suites(suites))), (), refused=False)
+    found += problems_of(plan, options.overrides)
     show_diagnostics(tuple(found))
     errors = sum(item.severity is Severity.ERROR for item in found)
     warnings = len(found) - errors
@@ -96,6 +101,20 @@ def validate(words: Sequence[str]) -> ExitCode:
     size = f"{_counted(len(plan.suites), 'suite')}, {_counted(tests, 'test')}"
     print(f"{size}: {_counted(errors, 'error')}, {_counted(warnings, 'warning')}")
     return ExitCode.USAGE if errors or (options.strict and warnings) else ExitCode.PASSED
+
+
+def _loaded(path: Path, variables: dict[str, str]) -> Loaded:
+    """The suite of a file, or all suites of a folder, where there has to be one."""
+    from rtf.testing.events import Diagnosed
+    from rtf.testing.plan import Loaded, load_files, suite_files
+
+    if not path.is_dir():
+        return load_files([(path, True)], variables)
+    loaded = load_files([(file, False) for file in suite_files(path, recursive=True)], variables)
+    if loaded.suites or loaded.diagnostics:
+        return loaded
+    text = "there is no suite in this folder"
+    return Loaded((), (Diagnosed(severity=Severity.ERROR, text=text, file=str(path)),))
 
 
 def _counted(number: int, noun: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.cli.check_plan import problems_of
-from rtf.cli.running import Plan, list_plan, show_diagnostics
+from rtf.cli.running import Plan, show_diagnostics, show_plan
 from rtf.testing.verdict import ExitCode, Severity
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def dry_run(plan: Plan, options: argparse.Namespace) -> ExitCode:
     """Print the plan and every problem. Exit code 0 when a run could begin."""
-    list_plan(plan)
+    show_plan(plan)
     problems = tuple(problems_of(plan, options.overrides))
     show_diagnostics(problems)
     errors = sum(problem.severity is Severity.ERROR for problem in problems)

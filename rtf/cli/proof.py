@@ -32,6 +32,10 @@ def proof(words: Sequence[str]) -> ExitCode:
     from rtf.robot_testing.proof import write_matrix
 
     cases = _cases(options)
+    wrong = _unknown(options.test) or ("" if cases else _nothing(options))
+    if wrong:
+        print(f"rtf proof: {wrong}", file=sys.stderr)
+        return ExitCode.USAGE
     if options.list:
         print("\n".join(f"{case.expectation.value:9}  {case.name}" for case in cases))
         print(f"{len(cases)} cases")
@@ -39,11 +43,8 @@ def proof(words: Sequence[str]) -> ExitCode:
     folder = Path(options.folder).absolute()
     if options.resume and (folder / "run").exists():
         code, by_test = _resume(folder)
-    elif cases:
-        code, by_test = _run(cases, folder, options.jobs)
     else:
-        print("rtf proof: no case is selected; --list shows them", file=sys.stderr)
-        return ExitCode.USAGE
+        code, by_test = _run(cases, folder, options.jobs)
     if code in (ExitCode.INTERRUPTED, ExitCode.USAGE, ExitCode.INTERNAL):
         print("PROOF INTERRUPTED  go on with it by: rtf proof --resume")
         return code
@@ -84,6 +85,25 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
 def _cases(options: argparse.Namespace) -> list[Case]:
     cases = _claimed(options.test, fast=options.fast, others=options.others)
     return [case for case in cases if not options.fault or case.fault in options.fault]
+
+
+def _unknown(tests: Sequence[str]) -> str:
+    """Says which of these tests claims nothing; empty when all of them do."""
+    import difflib
+
+    known = sorted({case.test for case in _claimed(fast=False, others=False)}) if tests else []
+    for test in tests:
+        if test not in known:
+            near = difflib.get_close_matches(test, known, n=1)
+            return f"there is no claim of a test {test!r}{f'; did you mean {near[0]}?' if near else ''}"
+    return ""
+
+
+def _nothing(options: argparse.Namespace) -> str:
+    """Says what has left no case."""
+    of = f" of {' or '.join(options.test)}" if options.test else ""
+    faults = f" with {' or '.join(options.fault)}" if options.fault else ""
+    return f"there is no case{of}{faults}{' in the fast subset' if options.fast else ''}"
 
 
 def _claimed(tests: Sequence[str] = (), *, fast: bool, others: bool) -> list[Case]:

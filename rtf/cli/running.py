@@ -90,35 +90,37 @@ def _suite_for(options: argparse.Namespace, name: str, plugins: list[tuple[str, 
 def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple[TestSuite, ...]:
     from rtf.testing import selection
 
-    filters = []
+    filters = {}
     planned = getattr(options, "planned", None)
     if planned is not None:  # a run that is resumed consists of what it consisted of
-        filters.append(selection.id_filter(planned))
+        filters["--resume"] = selection.id_filter(planned)
     else:
         if options.names:
-            filters.append(selection.name_filter(options.names))
+            filters[f"-k {options.names!r}"] = selection.name_filter(options.names)
         if options.tags:
-            filters.append(selection.tag_filter(options.tags))
+            filters[f"--tags {options.tags!r}"] = selection.tag_filter(options.tags)
         if options.last_failed:
-            filters.append(selection.id_filter(_failed_last_time(Path(options.runs))))
+            last = Path(options.runs) / run_folder.LATEST
+            failed = selection.id_filter(_failed_last_time(last))
+            filters[f"--last-failed (what did not pass in {last.resolve()})"] = failed
     if filters:
-        selected = selection.select(suites, filters, with_required=True)
+        selected = selection.select(suites, [*filters.values()], with_required=True)
         if not selected:
             total = sum(len(suite.tests) for suite in suites)
-            print(f"testrunner: none of {total} tests is selected; --list shows them", file=sys.stderr)
+            tests = f"none of {total} test{'s' if total != 1 else ''}"
+            print(f"testrunner: {tests} is selected by {' and '.join(filters)}", file=sys.stderr)
         suites = selected
     if options.shuffle is not None:
         suites = selection.shuffle(suites, options.shuffle)
     return suites
 
 
-def _failed_last_time(runs: Path) -> frozenset[str]:
+def _failed_last_time(folder: Path) -> frozenset[str]:
     from rtf.testing import replay
     from rtf.testing.results import RunResult
 
-    folder = runs / run_folder.LATEST
     if not folder.exists():
-        raise SuiteError(f"--last-failed: there is no earlier run in {runs}")
+        raise SuiteError(f"--last-failed: there is no earlier run in {folder.parent}")
     results = RunResult()
     for event in replay.as_one_run(folder):
         results.apply(event)
@@ -126,7 +128,27 @@ def _failed_last_time(runs: Path) -> frozenset[str]:
 
 
 def list_plan(plan: Plan) -> ExitCode:
-    """Print the tests of a plan, a line each: id, plug-in, tags, what it does to the robot, what is missing."""
+    """Print a plan, and below it why something of it is not found."""
+    show_plan(plan)
+    missing = tuple(_missing(plan))
+    show_diagnostics(missing)
+    return ExitCode.USAGE if plan.refused or missing else ExitCode.PASSED
+
+
+def _missing(plan: Plan) -> Iterator[Diagnosed]:
+    """Why a plug-in is not found, in a sentence; the places that were tried are told by ``--dry-run``."""
+    from rtf.testing.events import Diagnosed
+
+    for planned in plan.suites:
+        found = [(entry.location, plugin) for entry, plugin in planned.fixtures if isinstance(plugin, str)]
+        tests = [(test.entry.location, test.problem) for test in planned.tests if test.plugin is None]
+        for place, problem in (*found, *tests):
+            text = problem.partition("\n")[0]
+            yield Diagnosed(severity=Severity.ERROR, text=text, file=place.file, line=place.line, column=place.column)
+
+
+def show_plan(plan: Plan) -> None:
+    """Print the tests of a plan, a line each: id, plug-in, tags, what it does to the robot, whether it is missing."""
     show_diagnostics(plan.diagnostics)
     total = 0
     for planned in plan.suites:
@@ -143,7 +165,6 @@ def list_plan(plan: Plan) -> ExitCode:
             safety = f"  safety: {facts.safety}" if facts is not None and facts.safety else ""
             print(f"  {test.entry.id}  {test.entry.name}{tags}{safety}{missing}")
     print(f"{total} test{'s' if total != 1 else ''}")
-    return ExitCode.USAGE if plan.refused else ExitCode.PASSED
 
 
 def refuse(plan: Plan) -> ExitCode:
@@ -157,9 +178,10 @@ def refuse(plan: Plan) -> ExitCode:
 
 
 def show_diagnostics(diagnostics: tuple[Diagnosed, ...]) -> None:
-    """Print what is wrong with files to stderr, the way compilers do."""
+    """Print what is wrong with files, and with the command line, to stderr, the way compilers do."""
     for diagnosed in diagnostics:
         place = ":".join(str(part) for part in (diagnosed.file, diagnosed.line, diagnosed.column) if part)
+        place = place or "command line"
         hint = f" ({diagnosed.hint})" if diagnosed.hint else ""
         print(f"{place}: {diagnosed.severity}: {diagnosed.text}{hint}", file=sys.stderr)
 

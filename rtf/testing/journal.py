@@ -140,12 +140,15 @@ def read(path: Path) -> Iterator[Event]:
 
     Raises JournalError when there is no such file, and EventError for a line in the middle that is no event.
     """
+    run = path
     if path.is_dir():
         path /= FILE_NAME
     try:
         stream = path.open("rb")
+    except FileNotFoundError:
+        raise JournalError(f"there is no run in {run}: {path} is missing") from None
     except OSError as error:
-        raise JournalError(error.errno, f"cannot read the journal {path}: {error.strerror}") from None
+        raise JournalError(f"cannot read the journal {path}: {error.strerror}") from None
     with stream:
         held: tuple[int, EventError] | None = None
         for number, line in enumerate(stream, 1):

@@ -85,6 +85,39 @@ def test_validate_tells_every_problem_of_every_file(folder: Path):
     assert run_command(folder, "validate", "s.xml").exit_code == ExitCode.PASSED
 
 
+def test_validate_of_a_folder_without_suites_is_an_error(folder: Path):
+    """Somebody has mistyped a path, or forgotten to check something out; files that are no suites are none."""
+    (folder / "empty").mkdir()
+    (folder / "empty" / "notes.xml").write_text("<notes/>")
+    done = run_command(folder, "validate", "empty", "s.xml")
+    assert done.exit_code == ExitCode.USAGE
+    assert done.stderr == "empty: error: there is no suite in this folder\n"
+    assert "1 suite, 1 test: 1 error, 0 warnings" in done.stdout
+    assert run_command(folder, "validate", ".").exit_code == ExitCode.PASSED
+
+
+@pytest.mark.parametrize(
+    ("robot", "test", "said"),
+    [
+        ('param="--parts head,torso"', "--part left_arm", "the simulated robot has no 'left_arm', but head, torso"),
+        ("", "--part left_flipper", "the simulated robot has no 'left_flipper', but head, "),
+        ("", "--part left_arm", ""),
+        ('param="--parts head"', "--part left_arm --robot icub7", ""),
+    ],
+)
+def test_validate_warns_of_a_part_that_the_simulated_robot_has_not(folder: Path, robot: str, test: str, said: str):
+    """Of that robot it is known, of another one it is not."""
+    (folder / "sim.xml").write_text(
+        f'<suite name="sim"><fixture name="names">yarpserver</fixture>'
+        f'<fixture name="robot" depends="names" {robot}>simulator</fixture>'
+        f'<test param="{test}">JointLimits</test><test param="--part wing" fixtures="names">JointLimits</test></suite>'
+    )
+    done = run_command(folder, "validate", "sim.xml")
+    assert done.exit_code == ExitCode.PASSED
+    assert f"1 suite, 2 tests: 0 errors, {1 if said else 0} warning" in done.stdout
+    assert said in done.stderr
+
+
 BOMB = """
 import os
 from rtf.testing import Parameter, TestCase

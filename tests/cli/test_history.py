@@ -169,7 +169,7 @@ def test_whatever_tests_are_called_the_terminal_stays_whole(shown: Callable[...,
         (("nothing",), "no run has 'nothing' in it"),
         (("--robot", "r9"), "no run of that robot and station is in it"),
         (("--forget", "run-99"), "there is no run run-99"),
-        (("--import", "nowhere"), "cannot read the journal"),
+        (("--import", "nowhere"), "there is no run in "),
     ],
 )
 def test_what_is_not_there_is_an_error(shown: Callable[..., Shown], folder: Path, words: tuple[str, ...], told: str):

@@ -175,6 +175,46 @@ def test_selection(folder: Path):
     assert [*again.results.tests] == ["both/bad"]
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("-k", "nose"), "none of 1 test is selected by -k 'nose'\n"),
+        (("-k", "fine", "--tags", "two"), "none of 1 test is selected by -k 'fine' and --tags 'two'\n"),
+    ],
+)
+def test_what_selected_nothing_is_named(folder: Path, words: tuple[str, ...], said: str):
+    """So that it can be corrected."""
+    assert run_command(folder, "-s", "fine.xml", *words, "--list").stderr == f"testrunner: {said}"
+
+
+def test_a_last_run_without_failures_is_named(folder: Path):
+    """It need not be the run that somebody thinks of."""
+    last = run_command(folder, "-s", "fine.xml").folder.resolve()
+    done = run_command(folder, "-s", "both.xml", "--last-failed")
+    assert f"none of 2 tests is selected by --last-failed (what did not pass in {last})" in done.stderr
+
+
+def test_a_list_tells_what_is_not_found(folder: Path):
+    """In a sentence each, tests and fixtures; and nobody takes it for a plan that can be run."""
+    (folder / "lost.xml").write_text('<suite name="lost"><fixture>proces</fixture><test>Fin</test></suite>')
+    done = run_command(folder, "-s", "lost.xml", "--list")
+    assert done.exit_code == ExitCode.USAGE
+    assert done.stdout.count("NOT FOUND") == 2
+    fixture, test = done.stderr.splitlines()
+    assert fixture.startswith("lost.xml:1:20: error: no fixture plug-in 'proces'; did you mean ")
+    assert test.startswith("lost.xml:1:")
+    assert "error: no test plug-in 'Fin'; did you mean Fine" in test
+
+
+@pytest.mark.parametrize("option", ["--list", "--dry-run"])
+def test_what_is_wrong_with_the_command_line_says_so(folder: Path, option: str):
+    """No file is named where there is none."""
+    done = run_command(folder, "--test", "Fin", option)
+    assert done.exit_code == ExitCode.USAGE
+    assert done.stderr.startswith("command line: error: no test plug-in 'Fin'; did you mean Fine")
+    assert done.stderr.count("no test plug-in") == 1
+
+
 def test_shuffling_is_reproducible(folder: Path):
     """One seed, one order."""
     many = "".join(f'<test name="t{index}">fine.py</test>' for index in range(9))

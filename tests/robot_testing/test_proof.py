@@ -215,7 +215,14 @@ def test_a_proof_of_nothing_is_refused(tmp_path: Path):
     """And what an earlier one has left in the folder stays."""
     kept = tmp_path / "rtf-runs" / "proof" / "run"
     kept.mkdir(parents=True)
-    command = [sys.executable, "-m", "rtf.cli.tools", "proof", "--test", "NoSuchTest"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100, cwd=tmp_path, check=False)
-    assert (done.returncode, done.stderr) == (4, "rtf proof: no case is selected; --list shows them\n")
+    command = [sys.executable, "-m", "rtf.cli.tools", "proof"]
+    for words, said in (
+        (["--test", "JointLimit"], "there is no claim of a test 'JointLimit'; did you mean JointLimits?"),
+        (["--test", "JointLimit", "--list"], "there is no claim of a test 'JointLimit'; did you mean JointLimits?"),
+        (["--test", "JointLimits", "--fault", "rust"], "there is no case of JointLimits with rust"),
+    ):
+        done = subprocess.run(
+            [*command, *words], capture_output=True, text=True, timeout=100, cwd=tmp_path, check=False
+        )
+        assert (done.returncode, done.stderr) == (4, f"rtf proof: {said}\n")
     assert kept.exists()

@@ -110,8 +110,16 @@ def test_folder_that_cannot_be_written_is_an_error_that_names_it(tmp_path: Path)
     """The error is told before anything runs."""
     with pytest.raises(JournalError, match=r"cannot write the journal .*none/journal\.jsonl"):
         Journal(tmp_path / "none" / journal.FILE_NAME)
-    with pytest.raises(JournalError, match="cannot read the journal"):
-        [*journal.read(tmp_path / "none")]
+
+
+def test_a_run_that_is_not_there_is_named(tmp_path: Path):
+    """In words for people, be it the folder that is missing or only the journal in it."""
+    none, empty = tmp_path / "none", tmp_path / "empty"
+    empty.mkdir()
+    for run, missing in ((none, none), (empty, empty / journal.FILE_NAME)):
+        with pytest.raises(JournalError) as caught:
+            [*journal.read(run)]
+        assert str(caught.value) == f"there is no run in {run}: {missing} is missing"
 
 
 def test_lines_of_several_threads_are_whole(path: Path):
