@@ -15,6 +15,7 @@ from rtf.robot.errors import RefusedError, RobotError, StaleStateError
 from rtf.robot_testing.contacts import ContactWatch, listen_to_forces
 from rtf.robot_testing.guard import Limits, MotionGuard
 from rtf.robot_testing.last_seconds import LastSeconds
+from rtf.robot_testing.lateness import busyness, waited
 from rtf.robot_testing.ledger import MotionLedger
 from rtf.robot_testing.listening_board import listen_to
 from rtf.robot_testing.parameter_checks import refuse, wrong_fault, wrong_lists
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from rtf.robot.client.control_board import RemoteControlBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.part import Arrival
+    from rtf.testing.session import Session
 
 #: Which robot, where no parameter says it; given by the fixture that starts one.
 ROBOT_VARIABLE = "YARP_ROBOT_NAME"
@@ -85,8 +87,21 @@ class RobotTest(TestCase):
     def _name_of_robot(self) -> str:
         return (self.robot or os.environ.get(ROBOT_VARIABLE) or _DEFAULT_ROBOT).strip("/")
 
+    def attach_to(self, session: Session, environment: str) -> None:
+        """See TestCase."""
+        super().attach_to(session, environment)
+        session.excuse = self._excuse
+
+    def _excuse(self, error: Exception) -> str:
+        """Why a state that was too old says nothing of the robot; in lockstep nothing excuses it."""
+        if not isinstance(error, StaleStateError) or isinstance(self.clock, LockstepClock):
+            return ""
+        seconds, waiting = clock.monotonic() - self._began, waited() - self._waited_before
+        return busyness(waiting / seconds)
+
     def setup(self) -> None:
         """Find the robot and its time, and ask whether it may move."""
+        self._began, self._waited_before = clock.monotonic(), waited()
         self.robot_name = self._name_of_robot()
         self.network = default_network()
         self._parts = {}

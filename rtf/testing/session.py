@@ -107,6 +107,9 @@ class Session:
     costs the copy of a page of memory. Hence also plain attributes, and paths that are made when they are asked for.
     """
 
+    #: Says why nothing is to be concluded from an exception, "" where it is an error as ever; for a kind of tests that
+    #: knows such exceptions.
+    excuse: Callable[[Exception], str] | None = None
     #: Whether something went wrong in the teardown or a clean-up.
     undoing_failed = False
 
@@ -289,6 +292,8 @@ class Session:
                 place,
                 traceback_text=author_traceback(error),
             )
+        elif self.excuse is not None and (why := self.excuse(error)):
+            self._set_aside(Inconclusive(f"{text_of(error)}; but {why}").with_traceback(error.__traceback__))
         else:
             text = text_of(error)
             text = f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -4,12 +4,16 @@ from types import SimpleNamespace
 
 import pytest
 
+from rtf import clock
 from rtf.clock import SystemClock
-from rtf.robot.errors import StaleStateError
+from rtf.middleware.time import LockstepClock
+from rtf.robot.errors import RefusedError, StaleStateError
+from rtf.robot_testing import RobotTest, case
 from rtf.robot_testing.listening import Message
 from rtf.robot_testing.stream_test import RateTest
 from rtf.testing.outcome import Inconclusive
-from rtf.testing.verdict import MeasurementVerdict
+from rtf.testing.session import Session
+from rtf.testing.verdict import MeasurementVerdict, Verdict
 
 
 class Listening(RateTest):
@@ -98,3 +102,36 @@ def test_a_first_state_may_be_late(listening):
     with pytest.raises(StaleStateError):
         listening._await_state(Late(-1))
     assert sum(slept) < 3.0
+
+
+class Looks(RobotTest):
+    """A test whose states come too late."""
+
+    plugin_name = "looks"
+
+
+@pytest.mark.parametrize(
+    ("share", "time", "error", "verdict"),
+    [
+        pytest.param(0.9, SystemClock, StaleStateError, Verdict.INCONCLUSIVE, id="busy"),
+        pytest.param(0.2, SystemClock, StaleStateError, Verdict.ERROR, id="idle"),
+        pytest.param(0.9, LockstepClock, StaleStateError, Verdict.ERROR, id="lockstep"),
+        pytest.param(0.9, SystemClock, RefusedError, Verdict.ERROR, id="another error"),
+    ],
+)
+def test_states_that_are_too_old_say_nothing_where_the_machine_is_too_busy(
+    tmp_path, monkeypatch, share, time, error, verdict
+):
+    """Unless time waits for the test; and the sentence says what was too old."""
+    test, said = Looks(), []
+    session = Session("s/looks", said.append, folder=tmp_path, run_folder=tmp_path)
+    test.attach_to(session, "")
+    test.clock = object.__new__(time)
+    test._began, test._waited_before = clock.monotonic() - 10.0, 0.0
+    monkeypatch.setattr(case, "waited", lambda: 10.0 * share)
+    with session.part("joint"):
+        raise error("the last state is 0.6 s old")
+    assert said[-1].verdict is verdict
+    assert said[-1].reason.startswith("the last state is 0.6 s old; but this machine is too busy") is (
+        verdict is Verdict.INCONCLUSIVE
+    )
