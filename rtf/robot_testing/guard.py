@@ -41,6 +41,7 @@ _ARRIVED = 2.0  # deg
 _PACE = 0.05  # s
 _STANDING = 1.0  # deg/s
 _WARMING = 1.0  # s between two looks at temperatures
+_RETURNING = 3.0  # s for which states that have stopped are waited for, when a part is put back
 _SETTLING = 0.2  # s after which the state shows a mode that was asked for
 #: In these a joint goes on with what it was told last, and ``stop`` means nothing to it.
 _DRIVEN = frozenset({ControlMode.TORQUE, ControlMode.CURRENT, ControlMode.PWM, ControlMode.POSITION_DIRECT})
@@ -375,12 +376,18 @@ class MotionGuard:
         problems.tell(f"{self.name} could not be put back as it was: ")
 
     def secure(self) -> None:
-        """Have nothing drive a joint any more, and nothing go on: no reading is needed for that."""
+        """Have nothing drive a joint any more, and nothing go on: no reading is needed for that.
+
+        Where the state does not come, and does not come back either, that is told by RobotError.
+        """
         try:
             modes = self.board.control_modes()
         except StaleStateError as error:
             self._hold_unseen()
-            raise RobotError(f"{error}; its joints are held where they were then") from error
+            if not self._sees_again():
+                raise RobotError(f"{error}; its joints are held where they were then") from error
+            self._report(f"the states of {self.name} had stopped, and come again; its joints were held meanwhile")
+            modes = self.board.control_modes()
         going = [joint for joint in self._kept if modes[joint] in _RESTLESS or self._is_on_its_way(joint, modes[joint])]
         if going:
             self.halt(going)
@@ -396,6 +403,16 @@ class MotionGuard:
             for other in self._companions(joint):
                 if other not in self._given_up and modes[other] is ControlMode.IDLE is not before[other]:
                     self.give_up(other, f"its board left it so with {self._names[joint]}, with which it is coupled")
+
+    def _sees_again(self) -> bool:
+        """Wait whether states come again: a machine may have been too busy, or a network gone for a moment."""
+        end = self._clock.now() + _RETURNING
+        while self._clock.now() < end:
+            self._clock.sleep(_PACE)
+            with suppress(StaleStateError):
+                self.board.encoders()
+                return True
+        return False
 
     def _restore_settings(self, problems: _Problems) -> None:
         for joint in range(len(self._names)):

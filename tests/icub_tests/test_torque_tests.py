@@ -30,10 +30,31 @@ SUITE = "".join([
 ])  # fmt: skip
 
 
+#: The test of gravity, of which the tenth measurement fails: the second of the two in a posture.
+HALFWAY = """
+import sys
+from rtf.robot.errors import RobotError
+from rtf.testing.plugins import shipped_folder
+sys.path.insert(0, str(shipped_folder("test")))
+from torque_control_gravity_consistency import TorqueControlGravityConsistency
+
+class Halfway(TorqueControlGravityConsistency):
+    count = 0
+    def _measure(self, *arguments):
+        self.count += 1
+        if self.count == 10:
+            raise RobotError("nothing came any more")
+        return super()._measure(*arguments)
+"""
+
+
 @pytest.fixture(scope="module")
-def outcome(run_on_robot):
+def outcome(run_on_robot, tmp_path_factory):
     """One robot for all of them."""
-    return run_on_robot(SUITE, parts="left_arm")
+    plugin = tmp_path_factory.mktemp("plugins") / "halfway.py"
+    plugin.write_text(HALFWAY)
+    halfway = entry("gravity-halfway", str(plugin), **{**ROLL, "postures": 6})
+    return run_on_robot(SUITE + halfway, parts="left_arm")
 
 
 @pytest.mark.parametrize("name", ["references", "gravity", "impedance"])
@@ -108,3 +129,11 @@ def test_parameters_that_do_not_fit_are_errors(outcome):
     assert "zero has 3 values" in outcome.detail("references-off")
     assert outcome.verdict("gravity-no-model") is Verdict.ERROR
     assert "nowhere.urdf" in outcome.detail("gravity-no-model")
+
+
+def test_what_was_measured_before_something_went_wrong_is_judged(outcome, measured):
+    """Of whole postures only."""
+    assert outcome.verdict("gravity-halfway") is Verdict.ERROR
+    assert outcome.detail("gravity-halfway") == "l_shoulder_roll in all postures: RobotError: nothing came any more"
+    (found,) = measured(outcome, "gravity-halfway", "offset", "l_shoulder_roll")
+    assert found.value == pytest.approx(0.0, abs=0.5)

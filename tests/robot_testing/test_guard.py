@@ -460,6 +460,18 @@ def test_without_a_state_all_is_held_unseen(bench: Bench):
     assert bench.device.control_modes() == held
 
 
+def test_a_part_whose_states_come_again_is_put_back(bench: Bench):
+    """They had stopped for a moment, in which it was held."""
+    guard = bench.guard()
+    bench.device.position_move([50.0], [0])
+    bench.time.sleep(10.0)
+    bench.device.set_control_modes(ControlMode.TORQUE, 1)
+    bench.restore(guard)
+    assert bench.device.control_modes() == guard.snapshot.modes
+    assert bench.device.encoders([0]) == pytest.approx(0.0, abs=2.0)
+    assert bench.said[0] == "the states of /fake had stopped, and come again; its joints were held meanwhile"
+
+
 def test_what_somebody_else_gave_up_is_left_alone(bench: Bench):
     """Neither powered nor brought back."""
     guard = bench.guard()
