@@ -305,6 +305,8 @@ class Lane:
                 fixtures=self._supervisor.incarnations(names),
             )
             outcome = attempt.run(self._shared_child if isolation is Isolation.SUITE else None)
+            if attempt.stopped and isolation is Isolation.SUITE:
+                self._end_shared()  # what stopped this test is not to reach the next one
         outcome = self._confirmed(outcome, names)
         if outcome.cut_short:
             self._supervisor.park(names)

@@ -450,6 +450,32 @@ def test_shared_process_that_crashes_is_replaced(tmp_path: Path):
     assert len({*pids}) == 3
 
 
+def test_shared_process_that_was_stopped_is_replaced(tmp_path: Path):
+    """Also when it heeded that: what it was sent must not reach the next test."""
+    outcome = run_suite(
+        tmp_path,
+        '<suite name="s" isolation="suite"><test name="a">t.py</test><test name="hang" timeout="0.1">hang.py</test>'
+        '<test name="b">t.py</test><test name="c">t.py</test></suite>',
+        options={"grace": 30},
+        t__py=STATEFUL,
+        hang__py=test_file("time.sleep(99)"),
+    )
+    pids = [event.pid for event in outcome.of(TestStarted)]
+    assert pids[0] == pids[1]
+    assert pids[2] == pids[3]
+    assert pids[1] != pids[2]
+    assert outcome.verdict("b") is Verdict.MEASURED
+
+
+def test_test_that_somebody_else_interrupts_has_not_passed(tmp_path: Path):
+    """It was broken off before the check that fails."""
+    body = "self.check(True, '')\n        os.kill(os.getpid(), 2)\n        time.sleep(9)\n        self.check(False, '')"
+    outcome = run_suite(tmp_path, '<suite name="s"><test name="t">t.py</test></suite>', t__py=test_file(body))
+    assert outcome.verdict("t") is Verdict.ERROR
+    assert outcome.detail("t") == "it was told to stop, and not by the runner"
+    assert [event.reason for event in outcome.of(TestEnded)] == ["stopped"]
+
+
 #: Waits in its main thread, while another thread takes the signals: the interpreter learns of them, and is not woken.
 UNWAKEABLE = """
         import signal, threading

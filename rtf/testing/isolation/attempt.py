@@ -200,6 +200,11 @@ class Attempt:
             self._note(Severity.WARNING, "journal", f"{self._left_out} events left out: the test said too much")
         return replace(self._conclude(), duration=clock.monotonic() - began)
 
+    @property
+    def stopped(self) -> bool:
+        """Whether it was ended from outside: what its process was sent may still be under way when the test is over."""
+        return self._stop is not None
+
     # Waiting -----------------------------------------------------------------------------------------------------
 
     def _wait(self) -> None:
@@ -241,14 +246,24 @@ class Attempt:
     def _end_early(self, child: Child, stop: Stop) -> None:
         self._stop = stop
         self._failures_before_stop = self._failures
+        if self._over(child):
+            return
         child.signal(signal.SIGCONT)
-        if self._phase in UNDOING_PHASES and stop.reason in ("fixture", "interrupted") and not self._kill_now():
+        if self._undoes_instead(stop) and not self._kill_now():
             return  # it is undoing what it did, which is what it would be stopped for; its time is limited
         child.signal(STOP_SIGNAL)
         self._deadline = clock.Deadline.after(self._limits.grace)
         self._nudge = clock.Deadline.after(NUDGE_PERIOD)
         if self._kill_now():
             self._press_on(child)
+
+    def _undoes_instead(self, stop: Stop) -> bool:
+        """Whether it is undoing things; when it is overdue, whether it began to while its stacks were written."""
+        if self._phase not in UNDOING_PHASES:
+            return False
+        if stop.reason == "timeout":
+            return self._dumped not in (None, self._phase)
+        return stop.reason in ("fixture", "interrupted")
 
     def _channel_closed(self) -> Stop | None:
         """A process that dies closes its channel a moment before its end is known; one that lives on is cut off."""
@@ -278,8 +293,8 @@ class Attempt:
         self._nursery.rouse()
         if self._dumped not in (None, self._phase) and not self._kill_now():  # it hangs in its teardown, too
             self._ask_for_stacks(child)
-            if self._over(child):
-                return
+            if self._over(child) or not (self._deadline.expired or self._kill_now()):
+                return  # meanwhile it has come to the next phase, which has its own time
         self._killed = True
         self._nudge = clock.Deadline()
         child.signal(signal.SIGKILL, group=True)
@@ -413,9 +428,15 @@ class Attempt:
         if end is not None and end.status != 0:
             how = processes.describe_end(end.exit_status, end.signal)
             return self._error("crash", f"after the test was over its process ended badly: {how}")
+        return self._claim(finished)
+
+    def _claim(self, finished: dict[str, str]) -> Outcome:
+        """What is made of the last word of a process that ended well."""
         if self._failures or self._errors:  # what was heard counts, whatever the process says at last
             verdict, reason = (Verdict.FAILED, "failure") if self._failures else (Verdict.ERROR, "error")
             return Outcome(verdict=verdict, reason=reason, detail=finished.get("detail") or self._first)
+        if finished.get("stopped"):
+            return self._error("stopped", "it was told to stop, and not by the runner")
         try:
             verdict = Verdict(finished["outcome"])
         except (KeyError, ValueError):

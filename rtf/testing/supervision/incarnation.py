@@ -43,6 +43,8 @@ _OUTPUT_RATE = 8192.0
 _MESSAGE_BYTES = 16 << 20
 _TROUBLES = 100
 _COMPLAINTS = 5
+#: What a host may be doing on its way down, each once.
+_LAST_THINGS = ("on_collapse()", "park()", "teardown()")
 #: A process that says this much nonsense is not the one we started.
 _NONSENSE_LIMIT = 1000
 
@@ -75,6 +77,7 @@ class Incarnation:
         self._doing = "setup()"
         self._phase = Phase.SETUP
         self._dump_cause = ""  # why its stacks were asked for
+        self._to_come = {*_LAST_THINGS}
         self._listening = False  # before that SIGTERM would only kill it
         self._pressed = False  # it has been sent a signal to leave what it is doing
         self._killed = False
@@ -134,7 +137,10 @@ class Incarnation:
             self._collapse("the fixture's process closed the channel to its runner")
 
     def _too_late(self) -> None:
-        self._collapse(self._did_not_come_back())
+        phase = self._phase
+        cause = self._did_not_come_back()
+        self._phase = phase  # a setup that comes to its end while its stacks are written was too late all the same
+        self._collapse(cause)
 
     @property
     def up(self) -> bool:
@@ -201,7 +207,12 @@ class Incarnation:
         elif self._doing != "teardown()" and not self._pressed:
             self._interrupt()
         else:
-            cause = self._did_not_come_back()
+            overdue, cause = self._doing, self._did_not_come_back()
+            if self._child.end is not None or not (self.deadline.expired or self._kill_now()):
+                # meanwhile it has ended, or come to the next of the last things, which has its own time
+                if overdue == "teardown()":
+                    self._trouble(cause, Phase.TEARDOWN)
+                return
             self._kill()
             if self._doing == "teardown()":
                 self._trouble(f"{cause}; killed", Phase.TEARDOWN)
@@ -288,9 +299,9 @@ class Incarnation:
         if kind in ("collapsed", "failed", "trouble"):
             self._hear_of_trouble(kind, message)
         elif kind == "listening":
-            self._listening = True
-            if self._fixture.state is FixtureState.STOPPING:
+            if not self._listening and self._fixture.state is FixtureState.STOPPING:
                 self._interrupt()
+            self._listening = True
         elif kind == "doing" and self._fixture.state is FixtureState.STOPPING:
             self._going_down(str(message["what"]))
         elif kind == "done":
@@ -330,7 +341,10 @@ class Incarnation:
             self._notes.incident(fixture, cause)
 
     def _going_down(self, what: str) -> None:
-        """It has come to the next of the last things, each of which has its own time."""
+        """It has come to the next of the last things, each of which has its own time and begins once."""
+        if what not in self._to_come:
+            return
+        self._to_come.remove(what)
         self._doing = what
         self._phase = Phase.TEARDOWN
         self._pressed = False

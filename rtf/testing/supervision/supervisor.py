@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from rtf.testing.events import Event
     from rtf.testing.isolation.children import Nursery
     from rtf.testing.isolation.job import Job
+    from rtf.testing.plugins import PluginRef
 
 __all__ = ["Fixture", "Supervisor"]
 
@@ -66,6 +67,8 @@ class Supervisor:
         self._stop_now = stop_now
         self._kill_now = kill_now
         self._fixtures: dict[str, Fixture] = {}
+        self._settling = False  # what a test left is being put right, which only force keeps from being done
+        self._unsettled: set[tuple[str, PluginRef | None]] = set()  # what was forgotten while it owed a park
 
     @property
     def suite(self) -> str:
@@ -79,15 +82,21 @@ class Supervisor:
     # What the suite's run asks for -------------------------------------------------------------------------------
 
     def adopt(self, fixtures: Iterable[Fixture]) -> None:
-        """Take over fixtures, given in dependency order. One that is known, and the same, stays as it is."""
+        """Take over fixtures, given in dependency order. One that is known, and the same, stays as it is.
+
+        One by the name and plug-in of one that was forgotten while it owed a park owes it instead.
+        """
         for fixture in fixtures:
             known = self._fixtures.get(fixture.name)
             if known is not None and _same(known, fixture):
                 continue
             if known is not None:  # another fixture of that name, from an earlier suite of the run
-                self._take_down_with_dependents(known)
-                del self._fixtures[fixture.name]
+                self.take_down([dependent.name for dependent in self._dependents(known)])
+                self.forget([fixture.name])
             fixture.restarts_left = fixture.entry.restarts
+            if (fixture.name, fixture.plugin) in self._unsettled:
+                self._unsettled.remove((fixture.name, fixture.plugin))
+                fixture.owes_park = True
             self._fixtures[fixture.name] = fixture
 
     def names(self) -> list[str]:
@@ -130,7 +139,7 @@ class Supervisor:
             missing = next((fixture for fixture in wanted if not fixture.ready), None)
             if missing is None:
                 return ""
-            if self._stop_now():
+            if self._is_to_stop():
                 return _INTERRUPTED
             if missing.state is FixtureState.FAILED:
                 return f"fixture {missing.name} is not usable: {missing.failure}"
@@ -157,26 +166,28 @@ class Supervisor:
     def take_down(self, names: Iterable[str] | None = None) -> None:
         """Tear down these fixtures (default: all), dependents first; whatever goes wrong with one, all are done.
 
-        One of a robot that is there, which collapsed under a test that was cut short, comes up once more to park it.
+        One of a robot that is there, which collapsed under a test that was cut short, comes up once more to park it,
+        whatever stops the run but force. Where it cannot, an incident says so.
         Raises an ExceptionGroup, after all of them, if the supervision itself failed somewhere.
         """
         chosen = {*self._fixtures} if names is None else {*names}
-        for name in chosen:
-            if _is_to_park(self._fixtures[name]):
-                self.bring_up([name])
+        fixtures = [fixture for name, fixture in self._fixtures.items() if name in chosen]
         errors = []
-        for name in reversed([name for name in self._fixtures if name in chosen]):
-            try:
-                self._stop(self._fixtures[name])
-            except Exception as error:  # noqa: BLE001 - raised below, when the others are down
-                errors.append(error)
+        for step, order in ((self._settle, fixtures), (self._stop, reversed(fixtures))):
+            for fixture in order:
+                try:
+                    step(fixture)
+                except Exception as error:  # noqa: BLE001 - raised below, when the others are down
+                    errors.append(error)
         if errors:
             raise ExceptionGroup("fixtures could not be taken down in order", errors)
 
     def forget(self, names: Iterable[str]) -> None:
-        """Drop fixtures that are down."""
+        """Drop fixtures that are down. What they still owe is remembered for those that :meth:`adopt` gets later."""
         for name in [*names]:
-            self._fixtures.pop(name, None)
+            fixture = self._fixtures.pop(name, None)
+            if fixture is not None and _owes_park(fixture):
+                self._unsettled.add((name, fixture.plugin))
 
     # Up ----------------------------------------------------------------------------------------------------------
 
@@ -213,7 +224,7 @@ class Supervisor:
 
     def _start(self, fixture: Fixture) -> None:
         """Start the next incarnation of a stopped fixture, if it may have one; what it depends on is up."""
-        if fixture.owes_restart and (fixture.restarts_left <= 0 or fixture.hopeless):
+        if _used_up(fixture):
             self._give_up(fixture)
         elif fixture.plugin is None:
             fixture.last_cause = fixture.problem
@@ -228,9 +239,7 @@ class Supervisor:
             self._start_once(fixture)
 
     def _give_up(self, fixture: Fixture) -> None:
-        used = fixture.entry.restarts - fixture.restarts_left
-        times = f" ({used} restart{'s' if used != 1 else ''} used up)" if used else ""
-        fixture.failure = f"{fixture.last_cause}{times}"
+        fixture.failure = _why_given_up(fixture)
         self._notes.change(fixture, FixtureState.FAILED, fixture.failure)
 
     def _start_once(self, fixture: Fixture) -> None:
@@ -256,8 +265,8 @@ class Supervisor:
         process = self._up(name)
         if process is not None:
             process.ask("park")
-            self._wait(lambda: process.answered or not process.up)
-            self._fixtures[name].owes_park = not process.up
+            self._wait(lambda: process.answered or not process.up or (self._settling and self._kill_now()))
+            self._fixtures[name].owes_park = not (process.answered and process.up)
 
     def _backed_off(self, fixture: Fixture) -> bool:
         """Let the time before a restart pass. False when meanwhile the run is to stop, or what it needs collapsed."""
@@ -267,7 +276,10 @@ class Supervisor:
         return not self._no_longer_startable(fixture)
 
     def _no_longer_startable(self, fixture: Fixture) -> bool:
-        return self._stop_now() or not all(self._fixtures[name].ready for name in fixture.entry.depends)
+        return self._is_to_stop() or not all(self._fixtures[name].ready for name in fixture.entry.depends)
+
+    def _is_to_stop(self) -> bool:
+        return self._kill_now() if self._settling else self._stop_now()
 
     # While tests run ---------------------------------------------------------------------------------------------
 
@@ -296,6 +308,28 @@ class Supervisor:
 
     # Down --------------------------------------------------------------------------------------------------------
 
+    def _settle(self, fixture: Fixture) -> None:
+        """Have a fixture that owes a park come up once more for it, and tell of one that cannot.
+
+        One that was only handed the debt of an earlier suite's, and that nobody needed, passes it on untold.
+        """
+        if not _owes_park(fixture) or fixture.incarnation == 0:
+            return
+        problem = "" if _used_up(fixture) else self._bring_up_to_park(fixture)
+        if fixture.owes_park:
+            why = problem or _why_given_up(fixture)
+            text = f"{fixture.name} did not put back what a test left: {why}"
+            self._notes.incident(fixture, Cause(text=text, phase=Phase.TEARDOWN))
+
+    def _bring_up_to_park(self, fixture: Fixture) -> str:
+        """Says why it did not park, if it did not."""
+        self._settling = True
+        try:
+            problem = self.bring_up([fixture.name])
+        finally:
+            self._settling = False
+        return problem if problem not in ("", _INTERRUPTED) else "the run was ended by force"
+
     def _stop(self, fixture: Fixture) -> None:
         process = fixture.process
         if process is None:
@@ -311,12 +345,21 @@ class Supervisor:
             self._notes.change(fixture, FixtureState.STOPPED)
 
 
-def _is_to_park(fixture: Fixture) -> bool:
-    """Whether somebody has to put right what a test left, who does not come up by himself any more."""
-    if not fixture.owes_park or fixture.ready or fixture.hopeless or fixture.restarts_left <= 0:
-        return False
-    facts = None if fixture.plugin is None else facts_of(fixture.plugin)
+def _owes_park(fixture: Fixture) -> bool:
+    """Whether it has to put right what a test left on a robot that is there."""
+    facts = facts_of(fixture.plugin) if fixture.owes_park and fixture.plugin is not None else None
     return facts is not None and bool(facts.occupies) and facts.defines("park")
+
+
+def _used_up(fixture: Fixture) -> bool:
+    """Whether it may not have another incarnation."""
+    return fixture.owes_restart and (fixture.restarts_left <= 0 or fixture.hopeless)
+
+
+def _why_given_up(fixture: Fixture) -> str:
+    used = fixture.entry.restarts - fixture.restarts_left
+    times = f" ({used} restart{'s' if used != 1 else ''} used up)" if used else ""
+    return f"{fixture.last_cause}{times}"
 
 
 def _same(known: Fixture, other: Fixture) -> bool:

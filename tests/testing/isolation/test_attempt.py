@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf import clock
-from rtf.testing.events import Event, Message, OutputCaptured, PhaseStarted, TestStarted, to_line
+from rtf.testing.events import Event, Message, OutputCaptured, PhaseStarted, StackDumped, TestStarted, to_line
 from rtf.testing.isolation.attempt import Attempt, Limits, Stop
 from rtf.testing.isolation.children import End
 from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, STOP_SIGNAL
 from rtf.testing.plugins import PluginRef
 from rtf.testing.verdict import Phase, Severity, Verdict
 
@@ -24,7 +25,10 @@ FINISHED = b'{"finished":{"outcome":"passed","reason":"","detail":""}}\n'
 
 
 class Scripted:
-    """A child and its nursery in one: each turn of the reactor plays one step."""
+    """A child and its nursery in one: each turn of the reactor plays one step.
+
+    ``waits`` are the limits of the deadlines that were waited for. Stacks take one turn to be written.
+    """
 
     def __init__(self, *steps: bytes | End | Callable[[Scripted], None]) -> None:
         self.steps = [*steps]
@@ -33,6 +37,8 @@ class Scripted:
         self.channel_closed = False
         self.signals: list[tuple[int, bool]] = []
         self.abandoned = False
+        self.waits: list[float] = []
+        self.stacks = ""
 
     @property
     def reactor(self) -> Scripted:
@@ -46,6 +52,7 @@ class Scripted:
 
     def run_once(self, deadline: clock.Deadline) -> None:
         assert self.steps, "the attempt should be over"
+        self.waits.append(deadline.limit)
         step = self.steps.pop(0)
         if isinstance(step, bytes):
             for line in step.splitlines():
@@ -64,8 +71,15 @@ class Scripted:
     def drain(self) -> None:
         pass
 
+    def dump_stacks(self, child: Scripted) -> None:
+        child.signal(DUMP_SIGNAL)
+        if child.end is None:
+            self.run_once(clock.Deadline.after(1.0))
+            self.stacks += "stacks\n"
+
     def new_stacks(self) -> str:
-        return ""
+        new, self.stacks = self.stacks, ""
+        return new
 
     def rouse(self) -> None:
         pass
@@ -86,12 +100,22 @@ def attempt(
     limits: Limits | None = None,
     tick: Callable[[], Stop | None] = lambda: None,
     kill_now: Callable[[], bool] = lambda: False,
+    last: bool = True,
 ):
     """Carry out an attempt at a scripted child. Returns the outcome, the events and the child."""
     child = Scripted(*steps)
     events: list[Event] = []
     made = Attempt(
-        Job(kind="test", id="s/t", name="t", plugin=PLUGIN, folder="", run_folder="", repetition=repetition),
+        Job(
+            kind="test",
+            id="s/t",
+            name="t",
+            plugin=PLUGIN,
+            folder="",
+            run_folder="",
+            repetition=repetition,
+            last=last,
+        ),
         limits or Limits(),
         child,  # type: ignore[arg-type]
         events.append,
@@ -103,7 +127,22 @@ def attempt(
 
 
 def nothing(child: Scripted) -> None:
-    """Time passes."""
+    """A turn in which nothing is said."""
+
+
+@pytest.fixture
+def later(monkeypatch: pytest.MonkeyPatch):
+    """Makes a step after which it is so many seconds later; no other time passes."""
+    now = [1000.0]
+    monkeypatch.setattr(clock, "monotonic", lambda: now[0])
+
+    def make(seconds: float) -> Callable[[Scripted], None]:
+        def pass_by(_child: Scripted) -> None:
+            now[0] += seconds
+
+        return pass_by
+
+    return make
 
 
 def test_what_is_finished_and_ended_well_is_believed():
@@ -229,6 +268,105 @@ def test_test_in_its_teardown_is_not_cut_short_by_an_interrupt():
     outcome, _, child = attempt(phase(Phase.TEARDOWN), nothing, FINISHED, End(0), tick=lambda: stop)
     assert (2, False) not in child.signals
     assert outcome.verdict is Verdict.INTERRUPTED
+
+
+class TestTimeOut:
+    """What happens while stacks are written counts: it may take a second."""
+
+    LIMITS = Limits(setup=60.0, run=300.0, teardown=30.0, grace=2.0)
+
+    def test_stops_the_body_and_shows_its_stacks(self, later: Callable[[float], Callable[[Scripted], None]]):
+        """It is asked to stop, and has its teardown's time when it gets there."""
+        outcome, events, child = attempt(
+            phase(Phase.RUN), later(301.0), nothing, phase(Phase.TEARDOWN), FINISHED, End(0), limits=self.LIMITS
+        )
+        assert child.signals == [(18, False), (DUMP_SIGNAL, False), (18, False), (STOP_SIGNAL, False)]
+        assert (outcome.verdict, outcome.reason) == (Verdict.ERROR, "timeout")
+        assert outcome.detail == "run() did not end within 300 s"
+        assert [event.text for event in events if isinstance(event, StackDumped)] == ["stacks\n"]
+
+    @pytest.mark.parametrize("undoing", [Phase.TEARDOWN, Phase.CLEANUP])
+    def test_leaves_an_undoing_alone_that_began_meanwhile(
+        self, undoing: Phase, later: Callable[[float], Callable[[Scripted], None]]
+    ):
+        """It is not stopped, and has its whole time, because the body has ended by itself."""
+        outcome, _, child = attempt(
+            phase(Phase.RUN), later(301.0), phase(undoing), later(29.0), FINISHED, End(0), limits=self.LIMITS
+        )
+        assert (int(STOP_SIGNAL), False) not in child.signals
+        assert (9, True) not in child.signals
+        assert child.waits[3:] == [30.0, 30.0, 10.0]
+        assert (outcome.verdict, outcome.reason) == (Verdict.ERROR, "timeout")
+
+    def test_of_an_undoing_that_began_meanwhile_kills(self, later: Callable[[float], Callable[[Scripted], None]]):
+        """That time ends, too."""
+        outcome, _, child = attempt(
+            phase(Phase.RUN),
+            later(301.0),
+            phase(Phase.TEARDOWN),
+            later(31.0),
+            nothing,
+            End(9),
+            limits=self.LIMITS,
+        )
+        assert (9, True) in child.signals
+        assert child.signals.count((int(DUMP_SIGNAL), False)) == 2
+        assert outcome.detail.endswith("was killed")
+
+    def test_stops_an_undoing_that_takes_too_long(self, later: Callable[[float], Callable[[Scripted], None]]):
+        """The very phase that is overdue is not spared for being an undoing one."""
+        outcome, _, child = attempt(phase(Phase.TEARDOWN), later(31.0), nothing, FINISHED, End(0), limits=self.LIMITS)
+        assert (int(STOP_SIGNAL), False) in child.signals
+        assert outcome.detail == "teardown() did not end within 30 s"
+
+    def test_does_not_kill_clean_ups_that_began_meanwhile(self, later: Callable[[float], Callable[[Scripted], None]]):
+        """The teardown hung as the body had; what comes after it has its own time, which ends."""
+        steps = (
+            phase(Phase.RUN),
+            later(301.0),
+            nothing,  # the stacks of run(); then it is asked to stop
+            phase(Phase.TEARDOWN),
+            later(31.0),
+            phase(Phase.CLEANUP),  # while those of teardown() are written
+        )
+        _, _, child = attempt(*steps, later(29.0), FINISHED, End(0), limits=self.LIMITS)
+        assert (9, True) not in child.signals
+        outcome, _, child = attempt(*steps, later(31.0), nothing, End(9), limits=self.LIMITS)
+        assert child.signals.count((9, True)) == 1
+        assert outcome.detail.endswith("was killed")
+
+    def test_kills_by_force_whatever_began_meanwhile(self, later: Callable[[float], Callable[[Scripted], None]]):
+        """Who says so while the stacks are written need not say it again."""
+        forced = []
+
+        def clean_up(child: Scripted) -> None:
+            child.on_line(phase(Phase.CLEANUP).strip())
+            forced.append(True)
+
+        steps = (phase(Phase.RUN), later(301.0), nothing, phase(Phase.TEARDOWN), later(31.0), clean_up, End(9))
+        _, _, child = attempt(*steps, limits=self.LIMITS, kill_now=lambda: bool(forced))
+        assert (9, True) in child.signals
+
+    def test_sends_nothing_after_the_end(self, later: Callable[[float], Callable[[Scripted], None]]):
+        """A process that waits for its next job by now would take it for being about that one."""
+        outcome, _, child = attempt(phase(Phase.RUN), later(301.0), FINISHED, limits=self.LIMITS, last=False)
+        assert child.signals[-1] == (DUMP_SIGNAL, False)
+        assert outcome.reason == "timeout"
+
+
+@pytest.mark.parametrize(
+    ("said", "verdict", "reason"),
+    [
+        (b"", Verdict.ERROR, "stopped"),
+        (to_line(Message(severity=Severity.FAILURE, title="x", test="s/t")), Verdict.FAILED, "failure"),
+    ],
+    ids=["nothing", "failure"],
+)
+def test_test_that_somebody_else_stopped_has_not_passed(said: bytes, verdict: Verdict, reason: str):
+    """What it had not come to may be what fails. A failure that was found stands."""
+    stopped = FINISHED.replace(b'"detail":""', b'"detail":"","stopped":"stopped by the runner"')
+    outcome = attempt(phase(Phase.RUN) + said + stopped, End(0))[0]
+    assert (outcome.verdict, outcome.reason) == (verdict, reason)
 
 
 @pytest.mark.parametrize(

@@ -147,7 +147,9 @@ class Lab:
     def plugins(self) -> dict[str, str]:
         """The files of the fixture and the test."""
         folder = repr(str(self.folder))
-        return {"fx__py": FIXTURE.replace("FOLDER", folder), "t__py": TESTS.replace("FOLDER", folder)}
+        text = FIXTURE.replace("FOLDER", folder)
+        rig = text.replace("class Fx(FixtureManager):", 'class Rig(FixtureManager):\n    occupies = "rig"')
+        return {"fx__py": text, "rig__py": rig, "t__py": TESTS.replace("FOLDER", folder)}
 
     @property
     def calls(self) -> list[str]:
@@ -190,6 +192,28 @@ def fixture(
         f'timeout="{timeout}" teardown-timeout="{teardown}"{lost}>fx'
         f'<parameter name="label">{name}</parameter>{inner}</fixture>'
     )
+
+
+def rig(name: str = "rig", depends: str = "", **more: object):
+    """A fixture of something that is there once, which collapses under the first test."""
+    lost = {"on_check": "false", "after_test": "true", "on_lost": "error"}
+    return fixture(name, depends, **{**lost, **more}).replace(">fx<", ">rig<")  # type: ignore[arg-type]
+
+
+def on(what: Callable[[Event], bool], stage: int = 0) -> Callable[[Run], None]:
+    """Interrupts a run at each event for which something holds."""
+
+    def interfere(run: Run) -> None:
+        emit = run.emit
+
+        def listening(event: Event) -> None:
+            emit(event)
+            if what(event):
+                run.interrupts.request("a test", stage=stage)
+
+        run.emit = listening
+
+    return interfere
 
 
 def case(name: str = "t", attributes: str = "", **parameters: object):
@@ -491,7 +515,7 @@ class TestTeardown:
             ("kill", "ended in teardown(): killed by SIGKILL", None, "SIGKILL"),
             ("hang", "teardown() did not come back within 0.6 s; killed", None, ""),
             ("hang_in_c", "teardown() did not come back within 0.6 s; killed", None, ""),
-            ("stop", "stopped by a signal; killed", None, ""),
+            ("stop", "stopped by a signal", None, ""),
         ],
     )
     def test_is_told_and_the_others_are_torn_down(
@@ -573,6 +597,109 @@ class TestPark:
         assert cause in incidents(outcome)[0].cause
         assert outcome.of(TestStarted, test="s/u")[0].fixtures == {"fx": 2}
         assert verdicts(outcome, "s/u") == [Verdict.PASSED]
+
+
+class TestOwedPark:
+    """A fixture of a robot collapsed under a test, and what the test left is still as it was."""
+
+    AGAIN = ("rig before_restart #2", "rig setup #2", "rig park #2", "rig park #2", "rig teardown #2")
+
+    @pytest.mark.parametrize("how", ["at the end", "interrupted"])
+    def test_is_made_up_for_before_the_end(self, lab: Lab, how: str):
+        """It comes up once more to park, also when the run is to stop."""
+        collapsed = on(lambda event: isinstance(event, FixtureChanged) and event.state is COLLAPSED)
+        outcome = lab.run(rig() + case(hang="true"), interfere=collapsed if how == "interrupted" else None)
+        assert lab.calls[-5:] == [*self.AGAIN]
+        assert [incident.cause for incident in incidents(outcome, "rig")] == ["check() returned False"]
+
+    def test_is_made_up_for_when_the_first_try_was_interrupted(self, lab: Lab):
+        """The last restart was begun for another test; it is done all the same."""
+        second = on(
+            lambda event: isinstance(event, FixtureChanged) and event.state is STARTING and event.incarnation == 2
+        )
+        outcome = lab.run(rig(restarts=1) + case(hang="true") + case("u"), interfere=second)
+        assert lab.calls[-4:] == ["rig setup #3", "rig park #3", "rig park #3", "rig teardown #3"]
+        assert len(incidents(outcome, "rig")) == 1
+
+    def test_that_force_forbids_is_told(self, lab: Lab):
+        """One interrupt lets the back-off before it pass, one by force does not; what was left is not kept quiet."""
+
+        def interfere(run: Run) -> None:
+            on(lambda event: isinstance(event, FixtureChanged) and event.state is COLLAPSED)(run)
+            on(lambda event: isinstance(event, FixtureChanged) and event.state is STOPPED, stage=3)(run)
+
+        xml = rig().replace('backoff="0.01"', 'backoff="60 s"') + case(hang="true")
+        began = clock.monotonic()
+        outcome = lab.run(xml, interfere=interfere)
+        assert clock.monotonic() - began < 30.0
+        incident = incidents(outcome, "rig")[-1]
+        assert incident.cause == "rig did not put back what a test left: the run was ended by force"
+        assert incident.phase is Phase.TEARDOWN
+        assert "rig setup #2" not in lab.calls
+
+    def test_that_force_breaks_off_is_told(self, lab: Lab):
+        """Nobody waits then for a park that is under way either."""
+        second = on(
+            lambda event: isinstance(event, FixtureChanged) and (event.state, event.incarnation) == (READY, 2), 3
+        )
+        outcome = lab.run(rig(on_park="hang", times=2) + case(hang="true"), interfere=second)
+        causes = [incident.cause for incident in incidents(outcome, "rig")]
+        assert causes == [
+            "check() returned False",
+            "rig did not put back what a test left: the run was ended by force",
+            "killed before the end of teardown(), because the run was ended by force",
+        ]
+
+    def test_without_restarts_is_told(self, lab: Lab):
+        """Who cannot come up any more says what that means, and the run is not good."""
+        outcome = lab.run(rig(restarts=0, on_lost="skip") + case(hang="true"))
+        causes = [incident.cause for incident in incidents(outcome, "rig")]
+        assert causes == [
+            "check() returned False",
+            "rig did not put back what a test left: check() returned False",
+        ]
+        assert outcome.exit_code == ExitCode.FAILURES
+
+    def test_that_does_not_work_is_told(self, lab: Lab):
+        """The cause is the last one, with the restarts it took."""
+        outcome = lab.run(rig(restarts=2, times=9, on_park="raise") + case(hang="true"))
+        last = incidents(outcome, "rig")[-1].cause
+        assert last.startswith("rig did not put back what a test left: ")
+        assert last.endswith("park() raised RuntimeError: broken on purpose (2 restarts used up)")
+
+    def test_on_what_does_not_come_up_is_told(self, lab: Lab):
+        """The cause is that of what it depends on."""
+        below = fixture("a", on_check="kill", after_test="true", restarts=0, on_lost="error")
+        outcome = lab.run(below + rig("b", "a", on_check="kill") + case(hang="true"))
+        last = incidents(outcome, "b")[-1].cause
+        assert last.startswith("b did not put back what a test left: fixture a is not usable: ")
+
+    def test_by_what_is_not_there_is_not_told(self, lab: Lab):
+        """What occupies nothing took what was left with it."""
+        outcome = lab.run(fixture(restarts=0, on_check="false", after_test="true") + case(hang="true"))
+        assert [incident.cause for incident in incidents(outcome)] == ["check() returned False"]
+
+    def test_is_handed_on_to_later_suites(self, lab: Lab):
+        """The first incarnation of that name and plug-in parks; a suite that does not need it says nothing again."""
+        later = fixture("rig").replace(">fx<", ">rig<")
+        suites = {
+            "one": rig(restarts=0) + case(hang="true"),
+            "two": later + case(attributes='fixtures=""'),
+            "three": later + case() + case("u"),
+        }
+        files = {name + "__xml": f'<suite name="{name}">{xml}</suite>' for name, xml in suites.items()}
+        write_files(lab.folder, {**lab.plugins(), **files})
+        outcome = run_command(lab.folder, *(f"--suite={name}.xml" for name in suites))
+        assert lab.calls == [
+            "rig setup #1",
+            "rig on_collapse #1",
+            "rig teardown #1",
+            "rig setup #1",
+            "rig park #1",
+            "rig park #1",
+            "rig teardown #1",
+        ]
+        assert len(incidents(outcome, "rig")) == 2
 
 
 class TestChannel:

@@ -1,0 +1,154 @@
+"""One incarnation on its way down, against a process that says what the test makes it say at a given moment."""
+
+# ruff: noqa: D102 - the scripted child has the methods of the real one
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf import clock
+from rtf.testing.events import Event, FixtureIncident
+from rtf.testing.isolation.children import End
+from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, PARK_LIMIT
+from rtf.testing.plugins import PluginRef
+from rtf.testing.suite.model import FixtureEntry
+from rtf.testing.supervision.fixture_record import Fixture, Notes
+from rtf.testing.supervision.incarnation import TEARDOWN_LIMIT, Incarnation
+from rtf.testing.verdict import FixtureState
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+PLUGIN = PluginRef("fixture", "fx", "fx.py", "python")
+TEARDOWN = {"host": "doing", "what": "teardown()"}
+PARK = {"host": "doing", "what": "park()"}
+DONE = {"host": "done"}
+
+
+class Scripted:
+    """A child, its nursery and its reactor in one, whose time passes only while it is waited for.
+
+    ``plan`` is what it says at which second, ``in_dump`` what it says while its stacks are written: a message, or how
+    it ends.
+    """
+
+    def __init__(self, *plan: tuple[float, dict[str, str] | End], in_dump: tuple[dict[str, str] | End, ...] = ()):
+        self.time = 0.0
+        self.plan = [*plan]
+        self.in_dump = [*in_dump]
+        self.pid = 0
+        self.end: End | None = None
+        self.channel_closed = False
+        self.signals: list[int] = []
+        self.path = ""
+
+    @property
+    def reactor(self) -> Scripted:
+        return self
+
+    def take(self) -> Scripted:
+        return self
+
+    def mark_as_host(self) -> None: ...
+
+    def drain(self) -> None: ...
+
+    def begin(self, message: bytes, on_line: Callable[[bytes], None], on_output: Callable[[str, bytes], None]) -> None:
+        self.on_line = on_line
+
+    def send(self, line: bytes) -> None:
+        self.path = json.loads(line).get("path", self.path)
+
+    def signal(self, signum: int, *, group: bool = False) -> None:
+        self.signals.append(int(signum))
+        if signum == DUMP_SIGNAL:
+            Path(self.path).write_text("stacks\n")
+            self.plan = [(self.time, said) for said in self.in_dump] + self.plan
+            self.in_dump = []
+        elif signum == signal.SIGKILL:
+            self.end = self.end or End(9)
+
+    def run_once(self, deadline: clock.Deadline) -> None:
+        assert self.time < 3600.0, "it should be over"
+        if not self.plan or self.plan[0][0] > deadline.at:
+            self.time = max(self.time, deadline.at)
+            return
+        when, said = self.plan.pop(0)
+        self.time = max(self.time, when)
+        if isinstance(said, End):
+            self.end = said
+        else:
+            self.on_line(json.dumps(said).encode())
+
+
+def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[], bool] = lambda: False):
+    """Take an incarnation down that is up. Returns the causes of its incidents."""
+    monkeypatch.setattr(clock, "monotonic", lambda: child.time)
+    events: list[Event] = []
+    fixture = Fixture(FixtureEntry(name="fx", plugin="fx"), PLUGIN)
+    notes = Notes(events.append, lambda: "")
+
+    def wait(until: Callable[[], bool], limit: clock.Deadline) -> None:
+        while not until():
+            child.run_once(limit)
+
+    incarnation = Incarnation(fixture, notes, child, wait, kill_now)  # type: ignore[arg-type]
+    fixture.process = incarnation
+    fixture.state = FixtureState.STARTING
+    incarnation.begin(Job(kind="fixture", id="fx", name="fx", plugin=PLUGIN, folder="", run_folder=""))
+    child.on_line(b'{"host": "listening"}')
+    child.on_line(b'{"host": "ready"}')
+    fixture.state = FixtureState.STOPPING
+    incarnation.stop("")
+    return [event.cause for event in events if isinstance(event, FixtureIncident)]
+
+
+def test_what_comes_to_its_teardown_while_its_stacks_are_written_is_not_killed_in_it(monkeypatch: pytest.MonkeyPatch):
+    """park() hung, also when it was interrupted; the teardown that begins at last has its own time."""
+    at = PARK_LIMIT + 2.1 + TEARDOWN_LIMIT
+    child = Scripted((0.5, PARK), (at, DONE), (at, End(0)), in_dump=(TEARDOWN,))
+    assert stop(child, monkeypatch) == []
+    assert int(DUMP_SIGNAL) in child.signals
+    assert int(signal.SIGKILL) not in child.signals
+
+
+def test_what_has_ended_while_its_stacks_were_written_is_not_told_as_killed(monkeypatch: pytest.MonkeyPatch):
+    """What it ended by is what is told."""
+    child = Scripted((0.5, PARK), in_dump=(TEARDOWN, End(11)))
+    assert stop(child, monkeypatch) == ["the fixture's process ended in teardown(): killed by SIGSEGV"]
+    assert stop(Scripted((0.5, PARK), in_dump=(TEARDOWN, DONE, End(0))), monkeypatch) == []
+
+
+def test_teardown_that_ends_late_is_told_and_not_killed(monkeypatch: pytest.MonkeyPatch):
+    """It ends while its stacks are written: it took too long, and that is all that is wrong."""
+    child = Scripted((0.5, TEARDOWN), in_dump=(DONE, End(0)))
+    assert stop(child, monkeypatch) == ["teardown() did not come back within 30 s"]
+    assert int(signal.SIGKILL) not in child.signals
+
+
+def test_teardown_that_hangs_is_killed_however_late_it_began(monkeypatch: pytest.MonkeyPatch):
+    """Its time ends, too."""
+    child = Scripted((0.5, PARK), in_dump=(TEARDOWN,))
+    assert stop(child, monkeypatch) == ["teardown() did not come back within 30 s; killed"]
+    assert child.time < PARK_LIMIT + TEARDOWN_LIMIT + 4.0
+
+
+@pytest.mark.parametrize("said", [PARK, TEARDOWN, {"host": "doing", "what": "nothing much"}, {"host": "listening"}])
+def test_each_of_the_last_things_begins_once(said: dict[str, str], monkeypatch: pytest.MonkeyPatch):
+    """A process that says again and again what it is doing lives no longer for that."""
+    child = Scripted((0.5, PARK), (1.0, TEARDOWN), *((float(second), said) for second in range(2, 300)))
+    assert stop(child, monkeypatch) == ["teardown() did not come back within 30 s; killed"]
+    assert child.time < TEARDOWN_LIMIT + 2.0
+
+
+def test_force_kills_what_comes_to_its_teardown_while_its_stacks_are_written(monkeypatch: pytest.MonkeyPatch):
+    """Who says so meanwhile need not say it again."""
+    child = Scripted((0.5, PARK), in_dump=(TEARDOWN,))
+    assert len(stop(child, monkeypatch, lambda: int(DUMP_SIGNAL) in child.signals)) == 1
+    assert child.signals[-1] == signal.SIGKILL
+    assert child.time < PARK_LIMIT + 4.0
