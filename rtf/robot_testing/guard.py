@@ -388,7 +388,8 @@ class MotionGuard:
                 raise RobotError(f"{error}; its joints are held where they were then") from error
             self._report(f"the states of {self.name} had stopped, and come again; its joints were held meanwhile")
             modes = self.board.control_modes()
-        going = [joint for joint in self._kept if modes[joint] in _RESTLESS or self._is_on_its_way(joint, modes[joint])]
+        on_their_way = self._on_their_way(modes)
+        going = [joint for joint in self._kept if modes[joint] in _RESTLESS or joint in on_their_way]
         if going:
             self.halt(going)
         for joint in going:
@@ -421,11 +422,17 @@ class MotionGuard:
         problems.attempt(self._restore_pids, problems)
         problems.attempt(self._restore_interactions)
 
-    def _is_on_its_way(self, joint: int, mode: ControlMode) -> bool:
-        """Whether a joint would go on to where it was told to, which the board does without anybody."""
-        if mode is ControlMode.MIXED:
-            return True
-        return mode is ControlMode.POSITION and answered(partial(self.board.motion_done, joint)) is False
+    def _on_their_way(self, modes: Sequence[ControlMode]) -> set[int]:
+        """The joints that would go on to where they were told to, which a board does without anybody.
+
+        Where it does not answer that, all that might are.
+        """
+        found = {joint for joint in self._kept if modes[joint] is ControlMode.MIXED}
+        asked = [joint for joint in self._kept if modes[joint] is ControlMode.POSITION]
+        try:
+            return found.union(joint for joint in asked if answered(partial(self.board.motion_done, joint)) is False)
+        except NoAnswerError:
+            return found.union(asked)
 
     def _restore_current(self, joint: int) -> None:
         before = self.snapshot.max_currents[joint]

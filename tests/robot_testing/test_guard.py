@@ -432,6 +432,25 @@ def test_what_is_on_its_way_does_not_go_on(bench: Bench, mode: ControlMode):
     assert bench.device.encoders([0]) == pytest.approx(0.0, abs=2.0)
 
 
+def test_what_may_be_on_its_way_is_stopped_where_the_board_does_not_answer(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+):
+    """One answer that is lost keeps no joint going."""
+    guard = bench.guard()
+    bench.device.position_move([60.0], [0])
+    bench.device.set_control_modes(ControlMode.TORQUE, 1)
+    bench.publish()
+
+    def lost(joint: int) -> bool:
+        raise NoAnswerError(f"no answer about joint {joint}")
+
+    monkeypatch.setattr(bench.board, "motion_done", lost)
+    bench.restore(guard)
+    bench.time.sleep(10.0)
+    assert bench.device.encoders([0]) == pytest.approx(0.0, abs=2.0)
+    assert bench.device.control_modes() == guard.snapshot.modes
+
+
 def test_what_does_not_come_back_is_stopped(bench: Bench):
     """It would push on for ever against what is in its way."""
     guard = bench.guard()
