@@ -249,21 +249,13 @@ class Attempt:
         if self._over(child):
             return
         child.signal(signal.SIGCONT)
-        if self._undoes_instead(stop) and not self._kill_now():
-            return  # it is undoing what it did, which is what it would be stopped for; its time is limited
+        if self._phase in UNDOING_PHASES and not (self._deadline.expired or self._kill_now()):
+            return  # it is undoing what it did, which is what it would be stopped for; that has its own time
         child.signal(STOP_SIGNAL)
         self._deadline = clock.Deadline.after(self._limits.grace)
         self._nudge = clock.Deadline.after(NUDGE_PERIOD)
         if self._kill_now():
             self._press_on(child)
-
-    def _undoes_instead(self, stop: Stop) -> bool:
-        """Whether it is undoing things; when it is overdue, whether it began to while its stacks were written."""
-        if self._phase not in UNDOING_PHASES:
-            return False
-        if stop.reason == "timeout":
-            return self._dumped not in (None, self._phase)
-        return stop.reason in ("fixture", "interrupted")
 
     def _channel_closed(self) -> Stop | None:
         """A process that dies closes its channel a moment before its end is known; one that lives on is cut off."""

@@ -262,12 +262,17 @@ def test_stop_is_asked_for_then_pressed():
     )
 
 
-def test_test_in_its_teardown_is_not_cut_short_by_an_interrupt():
-    """What it would be stopped for is under way already."""
-    stop = Stop(Verdict.INTERRUPTED, "interrupted", "enough")
-    outcome, _, child = attempt(phase(Phase.TEARDOWN), nothing, FINISHED, End(0), tick=lambda: stop)
+@pytest.mark.parametrize("undoing", [Phase.TEARDOWN, Phase.CLEANUP])
+@pytest.mark.parametrize(
+    ("verdict", "reason"),
+    [(Verdict.INTERRUPTED, "interrupted"), (Verdict.FIXTURE_LOST, "fixture"), (Verdict.ERROR, "timeout")],
+)
+def test_test_that_undoes_things_is_not_cut_short(undoing: Phase, verdict: Verdict, reason: str):
+    """What it would be stopped for is under way already: also when the time of its suite is over."""
+    stop = Stop(verdict, reason, "enough")
+    outcome, _, child = attempt(phase(undoing), nothing, FINISHED, End(0), tick=lambda: stop)
     assert (2, False) not in child.signals
-    assert outcome.verdict is Verdict.INTERRUPTED
+    assert outcome.verdict is verdict
 
 
 class TestTimeOut:
