@@ -220,11 +220,6 @@ class ClassFacts:
         """What it does to its surroundings, in a word; empty if nobody says so, None if it cannot be told."""
         return None if self.definition is None else self.definition[0].safety_of(self.definition[1])
 
-    def defines(self, method: str) -> bool:
-        """Whether the class itself has a method of that name."""
-        body = [] if self.definition is None else self.definition[1].body
-        return any(isinstance(part, ast.FunctionDef) and part.name == method for part in body)
-
 
 _declared: dict[tuple[str, int], dict[str, ClassFacts]] = {}
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from rtf import clock
 from rtf.testing import plugins
 from rtf.testing.events import Message, OutputCaptured, to_line
-from rtf.testing.fixture import FixtureUnusable
+from rtf.testing.fixture import FixtureManager, FixtureUnusable
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.nursery_protocol import DUMP_FD, PARKING
 from rtf.testing.outcome import FixtureCollapsed, TestStopped
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from types import FrameType
 
-    from rtf.testing.fixture import FixtureManager
     from rtf.testing.isolation.job import Job
     from rtf.testing.isolation.worker import Wire
 
@@ -120,7 +119,8 @@ class Host:
         if manager is not None:
             up = self._set_up(manager)
             if up:
-                self.say(host="ready")
+                parks = type(manager).park is not FixtureManager.park
+                self.say(host="ready", of_robot=bool(manager.occupies) and parks)
                 self._watch(manager)
             self._come_down(manager, up=up)
         self.say(host="done")

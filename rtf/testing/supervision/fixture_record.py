@@ -34,6 +34,8 @@ class Fixture:
     hopeless: bool = False
     #: Whether a test that stood on it was cut short, and no incarnation has put right since what that one left.
     owes_park: bool = False
+    #: Whether it puts back something of which there is only one, such as a robot; it says so when it is up.
+    parks_robot: bool = False
     failure: str = ""
     last_cause: str = ""
     process: Incarnation | None = None

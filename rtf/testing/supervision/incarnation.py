@@ -309,6 +309,8 @@ class Incarnation:
         elif kind == "provides":
             self._provides(message["variables"])
         else:
+            if kind == "ready":
+                self._fixture.parks_robot = message["of_robot"] is True
             self._hear_of_life(kind)
 
     def _provides(self, variables: dict[str, str]) -> None:

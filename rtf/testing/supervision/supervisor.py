@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.testing.isolation.children import NurseryLostError
-from rtf.testing.plugins import facts_of
 from rtf.testing.supervision.fixture_record import Cause, Fixture, Notes
 from rtf.testing.supervision.incarnation import Incarnation
 from rtf.testing.verdict import FixtureState, Phase
@@ -96,7 +95,7 @@ class Supervisor:
             fixture.restarts_left = fixture.entry.restarts
             if (fixture.name, fixture.plugin) in self._unsettled:
                 self._unsettled.remove((fixture.name, fixture.plugin))
-                fixture.owes_park = True
+                fixture.owes_park = fixture.parks_robot = True
             self._fixtures[fixture.name] = fixture
 
     def names(self) -> list[str]:
@@ -347,8 +346,7 @@ class Supervisor:
 
 def _owes_park(fixture: Fixture) -> bool:
     """Whether it has to put right what a test left on a robot that is there."""
-    facts = facts_of(fixture.plugin) if fixture.owes_park and fixture.plugin is not None else None
-    return facts is not None and bool(facts.occupies) and facts.defines("park")
+    return fixture.owes_park and fixture.parks_robot
 
 
 def _used_up(fixture: Fixture) -> bool:

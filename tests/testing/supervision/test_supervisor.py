@@ -148,7 +148,8 @@ class Lab:
         """The files of the fixture and the test."""
         folder = repr(str(self.folder))
         text = FIXTURE.replace("FOLDER", folder)
-        rig = text.replace("class Fx(FixtureManager):", 'class Rig(FixtureManager):\n    occupies = "rig"')
+        # A lab's own kind of a fixture: how it parks is another's.
+        rig = f'{text.replace("class Fx(", "class Fx_(")}\nclass Rig(Fx_):\n    occupies = "rig"\n'
         return {"fx__py": text, "rig__py": rig, "t__py": TESTS.replace("FOLDER", folder)}
 
     @property
