@@ -53,6 +53,13 @@ def problems_of(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[Di
             yield _diagnosed(use.planned, use.entry, Severity.WARNING, f"{use.what}: {absent}")
 
 
+def missing_of(plan: Plan) -> Iterator[Diagnosed]:
+    """Why plug-ins of a plan are not found, a sentence each, without the places that were tried."""
+    for use in _uses(plan, ()):
+        if isinstance(use.plugin, str):
+            yield _diagnosed(use.planned, use.entry, Severity.ERROR, use.plugin.partition("\n")[0])
+
+
 def _absent_part(
     planned: PlannedSuite,
     entry: TestEntry | FixtureEntry,

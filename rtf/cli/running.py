@@ -128,23 +128,13 @@ def _failed_last_time(folder: Path) -> frozenset[str]:
 
 
 def list_plan(plan: Plan) -> ExitCode:
-    """Print a plan, and below it why something of it is not found."""
+    """Print a plan, and below it why something of it is not found: where that was looked for ``--dry-run`` tells."""
+    from rtf.cli.check_plan import missing_of
+
     show_plan(plan)
-    missing = tuple(_missing(plan))
+    missing = tuple(missing_of(plan))
     show_diagnostics(missing)
     return ExitCode.USAGE if plan.refused or missing else ExitCode.PASSED
-
-
-def _missing(plan: Plan) -> Iterator[Diagnosed]:
-    """Why a plug-in is not found, in a sentence; the places that were tried are told by ``--dry-run``."""
-    from rtf.testing.events import Diagnosed
-
-    for planned in plan.suites:
-        found = [(entry.location, plugin) for entry, plugin in planned.fixtures if isinstance(plugin, str)]
-        tests = [(test.entry.location, test.problem) for test in planned.tests if test.plugin is None]
-        for place, problem in (*found, *tests):
-            text = problem.partition("\n")[0]
-            yield Diagnosed(severity=Severity.ERROR, text=text, file=place.file, line=place.line, column=place.column)
 
 
 def show_plan(plan: Plan) -> None:

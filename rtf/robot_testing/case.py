@@ -15,7 +15,7 @@ from rtf.robot.errors import RefusedError, RobotError, StaleStateError
 from rtf.robot_testing.contacts import ContactWatch, listen_to_forces
 from rtf.robot_testing.guard import Limits, MotionGuard
 from rtf.robot_testing.last_seconds import LastSeconds
-from rtf.robot_testing.lateness import busyness, waited
+from rtf.robot_testing.lateness import Waiting, busyness
 from rtf.robot_testing.ledger import MotionLedger
 from rtf.robot_testing.listening_board import listen_to
 from rtf.robot_testing.parameter_checks import refuse, wrong_fault, wrong_lists
@@ -96,12 +96,11 @@ class RobotTest(TestCase):
         """Why a state that was too old says nothing of the robot; in lockstep nothing excuses it."""
         if not isinstance(error, StaleStateError) or isinstance(self.clock, LockstepClock):
             return ""
-        seconds, waiting = clock.monotonic() - self._began, waited() - self._waited_before
-        return busyness(waiting / seconds)
+        return busyness(self._waiting.share())
 
     def setup(self) -> None:
         """Find the robot and its time, and ask whether it may move."""
-        self._began, self._waited_before = clock.monotonic(), waited()
+        self._waiting = Waiting()
         self.robot_name = self._name_of_robot()
         self.network = default_network()
         self._parts = {}

@@ -169,7 +169,18 @@ class MotionGuard:
         """The joints that were not given up."""
         return [joint for joint in range(len(self._names)) if joint not in self._given_up]
 
-    def _companions(self, joint: int) -> list[int]:
+    def give_up_companions(self, joint: int, what: str) -> dict[int, str]:
+        """Give up the joints that are coupled with one, of which ``what`` is told; why, for each that was not yet.
+
+        The reason has no subject: ``is coupled with torso_roll, which …``.
+        """
+        why = f"is coupled with {self._names[joint]}, {what}"
+        others = [one for one in self.companions(joint) if one not in self._given_up]
+        for other in others:
+            self.give_up(other, f"it {why}")
+        return dict.fromkeys(others, why)
+
+    def companions(self, joint: int) -> list[int]:
         """The joints that are coupled with one: many boards change their modes together."""
         if self._coupling is None:
             self._coupling = Transmission.read(self.board)
@@ -215,8 +226,7 @@ class MotionGuard:
             if joint in self._powered_again:  # it goes on: all that can be done is to ask again
                 continue
             self._powered_again.add(joint)
-            for other in self._companions(joint):
-                self.give_up(other, f"it is coupled with {self._names[joint]}, which is to stay idle")
+            self.give_up_companions(joint, "which is to stay idle")
             raise GuardError(
                 f"{self._names[joint]} ({self.name} joint {joint}) had been left idle, and was in {modes[joint].word}: "
                 "its board powers it with another joint, or somebody else does; it is idle again",
@@ -401,7 +411,7 @@ class MotionGuard:
         """Do not power joints that went idle with one that was given up: that one would be powered with them."""
         modes, before = self.board.control_modes(), self.snapshot.modes
         for joint in sorted(self._given_up):
-            for other in self._companions(joint):
+            for other in self.companions(joint):
                 if other not in self._given_up and modes[other] is ControlMode.IDLE is not before[other]:
                     self.give_up(other, f"its board left it so with {self._names[joint]}, with which it is coupled")
 

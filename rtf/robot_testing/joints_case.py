@@ -11,7 +11,6 @@ from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.parameter_checks import swapped_ends
 from rtf.robot_testing.part import TOLERANCE
 from rtf.robot_testing.positioning import hold
-from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -94,13 +93,11 @@ class JointsTest(RobotTest):
         part.guard.give_up(joint, "it had to be stopped")
         with self.subresult(part.names[joint]):
             self.check(condition=False, text=str(error))
-        coupled = Transmission.read(part.board).coupled(joint)
-        for other in part.held(coupled):
-            why = f"is coupled with {part.names[joint]}, which had to be stopped"
-            part.guard.give_up(other, f"it {why}")
+        for other, why in part.guard.give_up_companions(joint, "which had to be stopped").items():
             if other in self.chosen:
                 with self.subresult(part.names[other]):
                     self.inconclusive(f"{part.names[other]} {why}")
+        coupled = [joint, *part.guard.companions(joint)]
         self.chosen = [one for one in self.chosen if one not in coupled]
 
     def calmly(self, act: Callable[[], object]) -> None:

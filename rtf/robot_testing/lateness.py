@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rtf import clock
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -92,6 +94,23 @@ def waited() -> float:
     except OSError:  # a kernel without it, or a container that hides it
         return 0.0
     return 1e-6 * int(found[1]) if found is not None else 0.0
+
+
+class Waiting:
+    """For how much of the machine's time since it was made something has waited for a processor."""
+
+    def __init__(self) -> None:
+        self._began, self._before = clock.monotonic(), waited()
+
+    @property
+    def seconds(self) -> float:
+        """The machine's time that has passed."""
+        return clock.monotonic() - self._began
+
+    def share(self) -> float:
+        """The share of that time; 0 before any has passed."""
+        seconds = self.seconds
+        return (waited() - self._before) / seconds if seconds > 0 else 0.0
 
 
 def busyness(waiting: float) -> str:

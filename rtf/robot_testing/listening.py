@@ -11,7 +11,6 @@ import zlib
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, NamedTuple, Self
 
-from rtf import clock as machine
 from rtf.errors import RtfError
 from rtf.middleware import remote
 from rtf.middleware.codecs import TextCodec
@@ -19,7 +18,7 @@ from rtf.middleware.names import Contact
 from rtf.middleware.port import Port
 from rtf.middleware.time import LockstepClock
 from rtf.middleware.types import Stamp
-from rtf.robot_testing.lateness import waited
+from rtf.robot_testing.lateness import Waiting
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -177,7 +176,7 @@ class Listener:
         clock, step = self._clock, _STEP_IN_LOCKSTEP if self.exact else _STEP
         if not arrivals:
             step = _LONG_STEP
-        began, begin, waited_before = machine.monotonic(), clock.now(), waited()
+        waiting, begin = Waiting(), clock.now()
         now, end = begin, begin + seconds
         while now < end - 1e-9:
             wanted = min(step, end - now)
@@ -187,10 +186,10 @@ class Listener:
             before, now = now, clock.now()
             self.late.append(now - before - wanted)
         self._moment = None
-        took = machine.monotonic() - began
+        took = waiting.seconds
         if not self.exact and took > 0:
             self.factor = (now - begin) / took
-            self.waiting = (waited() - waited_before) / took
+            self.waiting = waiting.share()
 
     @property
     def stalled(self) -> float:

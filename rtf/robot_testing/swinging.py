@@ -81,10 +81,7 @@ class Swinger:
         for joint in joints:
             guard.give_up(joint, "it does not do what it is told")
         for joint in joints:
-            for other in self.transmission.coupled(joint):
-                if not self.lost(other):
-                    self._doubts[other] = f"is coupled with {self.part.names[joint]}, which was left without power"
-                    guard.give_up(other, f"it {self._doubts[other]}")
+            self._doubts |= guard.give_up_companions(joint, "which was left without power")
 
     def swinging(self, joint: int, ends: Ends, count: int, speed: float) -> Course[Outcome]:
         """So many half-swings of one joint, and home again. One that the guard stops is given up as well."""

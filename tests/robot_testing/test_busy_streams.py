@@ -8,7 +8,7 @@ from rtf import clock
 from rtf.clock import SystemClock
 from rtf.middleware.time import LockstepClock
 from rtf.robot.errors import RefusedError, StaleStateError
-from rtf.robot_testing import RobotTest, case
+from rtf.robot_testing import RobotTest, lateness
 from rtf.robot_testing.listening import Message
 from rtf.robot_testing.stream_test import RateTest
 from rtf.testing.outcome import Inconclusive
@@ -127,8 +127,11 @@ def test_states_that_are_too_old_say_nothing_where_the_machine_is_too_busy(
     session = Session("s/looks", said.append, folder=tmp_path, run_folder=tmp_path)
     test.attach_to(session, "")
     test.clock = object.__new__(time)
-    test._began, test._waited_before = clock.monotonic() - 10.0, 0.0
-    monkeypatch.setattr(case, "waited", lambda: 10.0 * share)
+    monkeypatch.setattr(lateness, "waited", lambda: 0.0)
+    test._waiting = lateness.Waiting()
+    began = clock.monotonic()
+    monkeypatch.setattr(lateness, "waited", lambda: 10.0 * share)
+    monkeypatch.setattr(clock, "monotonic", lambda: began + 10.0)
     with session.part("joint"):
         raise error("the last state is 0.6 s old")
     assert said[-1].verdict is verdict

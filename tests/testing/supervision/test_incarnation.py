@@ -102,7 +102,7 @@ def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[]
     fixture.state = FixtureState.STARTING
     incarnation.begin(Job(kind="fixture", id="fx", name="fx", plugin=PLUGIN, folder="", run_folder=""))
     child.on_line(b'{"host": "listening"}')
-    child.on_line(b'{"host": "ready"}')
+    child.on_line(b'{"host": "ready", "of_robot": true}')
     fixture.state = FixtureState.STOPPING
     incarnation.stop("")
     return [event.cause for event in events if isinstance(event, FixtureIncident)]
