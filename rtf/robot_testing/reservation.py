@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import secrets
 import socket
-from typing import TYPE_CHECKING
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, NamedTuple
 
+from rtf import clock
 from rtf.bottle import Bottle, as_string
 from rtf.middleware.errors import MiddlewareError, WaitTimeoutError
 from rtf.middleware.rpc import RpcClient, RpcServer
@@ -14,43 +17,82 @@ from rtf.robot.errors import RobotError
 if TYPE_CHECKING:
     from rtf.middleware.network import Network
 
+_ASKS = "asks for it"
+_WORKS = "works with it"
+_LEAVES = "is about to leave"
+_LOOK_AGAIN = 0.02
+
 
 class ReservedError(RobotError):
     """Somebody else works with the robot; the sentence says who."""
 
 
+class _Rival(NamedTuple):
+    """Somebody else who has the robot or wants it: its port, who it is, and how far it is."""
+
+    port: str
+    who: str
+    stage: str
+
+    def is_before(self, port: str) -> bool:
+        """Whether who asks at ``port`` has to give up."""
+        return self.stage == _WORKS or (self.stage == _ASKS and self.port < port)
+
+
 class Reservation:
     """A robot is reserved until it is closed, or this process ends. Raises ReservedError, MiddlewareError.
 
-    The port ``/ROBOT/testrunner`` answers every question with who has it, within ``patience`` seconds. Where nobody can
-    be reached the one who had it is gone.
+    A port of its own, ``/ROBOT/testrunner/HOST-PID-…``, answers every question with who has the robot or asks for it,
+    within ``patience`` seconds. Where nobody can be reached the one who had it is gone.
+
+    Who wants the robot is known by its port before it looks for others, so of two that want it at once at least one
+    sees the other. Who sees somebody before it in the order of the names gives up; the first looks again till it is
+    alone.
     """
 
     def __init__(self, robot: str, *, network: Network, patience: float) -> None:
-        self._name = f"/{robot}/testrunner"
-        self._refuse_others(network, patience)
-        self._port = RpcServer(self._name, lambda _: Bottle([_me()]), network=network)
+        self._all = f"/{robot}/testrunner/"
+        self._name = f"{self._all}{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}"
+        self._stage = _ASKS
+        self._network = network
+        self._patience = patience
+        with ExitStack() as undo:
+            self._port = undo.enter_context(RpcServer(self._name, self._answer, network=network))
+            self._wait_to_be_alone()
+            undo.pop_all()
+        self._stage = _WORKS
 
-    def _refuse_others(self, network: Network, patience: float) -> None:
-        if network.names.query(self._name) is None:
-            return
+    def _answer(self, _: Bottle) -> Bottle:
+        return Bottle([f"process {os.getpid()} on {socket.gethostname()}", self._stage])
+
+    def _wait_to_be_alone(self) -> None:
+        deadline = clock.Deadline.after(self._patience)
+        while rivals := self._rivals():
+            first = next((one for one in rivals if one.is_before(self._name)), None)
+            if first or deadline.expired:
+                who = first or rivals[0]
+                raise ReservedError(f"{who.who} {who.stage} (port {who.port}); wait until that has ended")
+            clock.sleep(_LOOK_AGAIN)
+
+    def _rivals(self) -> list[_Rival]:
+        names = {contact.name for contact in self._network.names.list(self._all.rstrip("/"))} - {self._name}
+        found = [self._ask(name) for name in sorted(names) if name.startswith(self._all)]
+        return [rival for rival in found if rival]
+
+    def _ask(self, name: str) -> _Rival | None:
         try:
-            with RpcClient("", self._name, network=network) as client:
-                answer = client.call(Bottle(["who"]), timeout=patience)
+            with RpcClient("", name, network=self._network) as client:
+                answer = client.call(Bottle(["who"]), timeout=self._patience)
         except WaitTimeoutError:
             raise ReservedError(
-                f"who holds port {self._name} does not answer; end that run, or free its name by "
-                f"`rtf name unregister {self._name}`"
+                f"who holds port {name} does not answer; end that run, or free its name by `rtf name unregister {name}`"
             ) from None
         except MiddlewareError:
-            return  # its name was left behind
-        who = as_string(answer.get(0)) if answer else "somebody"
-        raise ReservedError(f"{who} works with it (port {self._name}); wait until that has ended")
+            return None  # its name was left behind
+        if not answer:
+            return _Rival(name, "somebody", _LEAVES)
+        return _Rival(name, as_string(answer.get(0)) or "somebody", as_string(answer.get(1)) or _WORKS)
 
     def close(self) -> None:
         """Let others have it."""
         self._port.close()
-
-
-def _me() -> str:
-    return f"process {os.getpid()} on {socket.gethostname()}"
