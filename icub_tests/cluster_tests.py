@@ -19,6 +19,7 @@ class ClusterTests(TestCase):
 
     aliases = ("cluster-tests", "clusterTests", "cluster-tests.lua")
     tags = ("machine",)
+    words_key = "hosts"  # where their names stand alone, as they did for the script of old
 
     hosts = Parameter(list[str], "names of the machines, user@host allowed", default=[])
     timeout_per_question = Parameter(float, "time that an answer may take", unit="s", default=10.0, low=0.1)

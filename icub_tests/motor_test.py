@@ -56,10 +56,14 @@ class MotorTest(JointsTest):
     overshoot = Parameter(float, "how far a joint may swing over its target", unit="deg", default=2.0, low=0.0)
     distance = Parameter(float, "how far targets are from home that are not given", unit="deg", default=10.0, low=1.0)
 
-    def setup(self) -> None:
-        """Open the part, bring it into position mode, and set speeds."""
+    def check_parameters(self, folder: str) -> None:
+        """See Declared. The port says which robot it is, also to who puts that one back."""
         if self.port:
             self.robot, _, self.part = self.port.strip("/").rpartition("/")
+        super().check_parameters(folder)
+
+    def setup(self) -> None:
+        """Open the part, bring it into position mode, and set speeds."""
         super().setup()
         part = self.robot_part
         self.targets = self._targets()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Property, is_complete, to_string
@@ -23,6 +24,11 @@ def split_arguments(text: str) -> list[str]:
     quote that is not closed protects the rest. Nothing is escaped. There is no limit to the number of words.
     """
     return [word[1] or word[2] for word in _WORD.finditer(text) if word[1] or word[2]]
+
+
+def loose_words(text: str) -> list[str]:
+    """The words of a parameter string that stand before its first ``--key``, and so belong to none."""
+    return list(takewhile(lambda word: not word.startswith("--"), split_arguments(text)))
 
 
 def parse_arguments(words: Iterable[str], *, into: Property | None = None) -> Property:

@@ -55,7 +55,7 @@ class RobotTest(TestCase):
     apart: ClassVar[tuple[str, ...]] = ()
     limits: ClassVar[Limits] = Limits()
 
-    robot = Parameter(str, "name of the robot; without it that of the fixture", default="")
+    robot = Parameter(str, "name of the robot; without it --robotname of the suite, or that of the fixture", default="")
     inject = Parameter(
         str, "a fault of the simulated robot to begin with, such as: jam l_elbow torque=400 delay=0.5", default=""
     )
@@ -85,7 +85,13 @@ class RobotTest(TestCase):
         return (("robot", {"robot": self._name_of_robot(), "parts": "*"}),)
 
     def _name_of_robot(self) -> str:
-        return (self.robot or os.environ.get(ROBOT_VARIABLE) or _DEFAULT_ROBOT).strip("/")
+        suite = self.suite_value("robotname")
+        return (self.robot or suite or os.environ.get(ROBOT_VARIABLE) or _DEFAULT_ROBOT).strip("/")
+
+    def _tell_of_other_robot(self) -> None:
+        other = os.environ.get(ROBOT_VARIABLE, "").strip("/")
+        if other and other != self.robot_name:
+            self.report(f"/{self.robot_name} is tested, as parameters or suite say; {ROBOT_VARIABLE} is {other}")
 
     def attach_to(self, session: Session, environment: str) -> None:
         """See TestCase."""
@@ -103,6 +109,7 @@ class RobotTest(TestCase):
         self._waiting = Waiting()
         self.robot_name = self._name_of_robot()
         self.network = default_network()
+        self._tell_of_other_robot()
         self._parts = {}
         self.clock = clock_from_environment(self.network)
         used = clock.use(self.clock)

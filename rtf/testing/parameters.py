@@ -18,8 +18,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args, get_origin, overload
 
-from rtf.bottle import Bottle, Value, as_bool, is_bool, to_string, to_text
+from rtf.bottle import Bottle, Value, as_bool, as_string, is_bool, to_string, to_text
 from rtf.resources import DiagnosticKind, find_parameters
+from rtf.resources.arguments import loose_words, parse_arguments
 from rtf.testing.measurement import limits_text, number, unit
 from rtf.testing.outcome import TestingError
 from rtf.testing.plugins import shipped_folder
@@ -27,6 +28,7 @@ from rtf.testing.plugins import shipped_folder
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    from rtf.bottle import Property
     from rtf.resources import Parameters
 
 T = TypeVar("T")
@@ -255,8 +257,11 @@ class Declared:
 
     #: Keys that files may carry and that mean nothing (any more).
     ignored_keys: ClassVar[tuple[str, ...]] = ()
+    #: The key that the words of ``param`` before its first ``--key`` belong to; without one they are refused.
+    words_key: ClassVar[str] = ""
     #: What reading the parameter file found doubtful, such as a variable that is not defined.
     parameter_warnings: tuple[str, ...] = ()
+    _suite_values: Property | None = None
 
     @classmethod
     def declarations(cls) -> dict[str, Parameter[Any]]:
@@ -287,11 +292,29 @@ class Declared:
         if not (param or parameters or overrides or len(declared) > _BUILT_IN):
             return []  # the common case of a test without parameters costs nothing
         found = find_parameters(param, environment, roots=_roots(folder))
+        self._suite_values = found.environment
         lost = [str(item) for item in found.diagnostics if item.kind is DiagnosticKind.UNBALANCED]
         self.parameter_warnings = tuple(text for text in map(str, found.diagnostics) if text not in lost)
-        rows = _Filling(self, declared, lost).fill([*_layers(found, parameters, overrides, place)])
+        source = f"param of {place}" if place else "param"
+        words = self._loose_words(param, source, lost)
+        rows = _Filling(self, declared, lost).fill([*words, *_layers(found, parameters, overrides, place)])
         self.check_parameters(folder)
         return rows
+
+    def _loose_words(self, param: str, source: str, problems: list[str]) -> Iterator[Given]:
+        """What stands in ``param`` before its first key. Were it dropped, a default would move something else."""
+        words = loose_words(param)
+        if words and self.words_key:
+            group = parse_arguments([f"--{self.words_key}", *words]).find_group(self.words_key)
+            assert group is not None
+            yield Given(self.words_key, group.tail(), source)
+        elif words:
+            text = " ".join(words)
+            problems.append(f"{text!r} belongs to no key ({source}); write --KEY VALUE, as in --{text.lstrip('-')}")
+
+    def suite_value(self, key: str) -> str:
+        """What the environment string of the suite says of a key, such as ``robotname``; empty without it."""
+        return as_string(self._suite_values.find(key)) if self._suite_values is not None else ""
 
     def check_parameters(self, folder: str) -> None:
         """Refuse values that cannot work together, before anything starts; called when all are filled.

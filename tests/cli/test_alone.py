@@ -10,6 +10,7 @@ import pytest
 from harness import Outcome, run_command, write_files
 from rtf.robot_testing import RobotTest, Safety
 from rtf.testing.events import Diagnosed, FixtureChanged, Message
+from rtf.testing.plugins import find, load_test
 from rtf.testing.verdict import ExitCode, FixtureState, Verdict
 
 if TYPE_CHECKING:
@@ -137,9 +138,11 @@ class TestRobotTests:
         for name in ("RTF_CLOCK", "YARP_CLOCK", "YARP_ROBOT_NAME"):
             monkeypatch.delenv(name, raising=False)
 
-    def asked(self, test: RobotTest, overrides: tuple[tuple[str, str], ...] = ()) -> list[tuple[str, dict[str, str]]]:
-        """What a test asks for with these values."""
-        test.resolve_parameters(param="", overrides=overrides)
+    def asked(
+        self, test: RobotTest, overrides: tuple[tuple[str, str], ...] = (), environment: str = ""
+    ) -> list[tuple[str, dict[str, str]]]:
+        """What a test asks for with these values, in a suite with this environment."""
+        test.resolve_parameters(param="", overrides=overrides, environment=environment)
         return [(name, dict(values)) for name, values in test.alone_fixtures()]
 
     def test_one_that_moves_is_put_back_by_the_fixture_robot(self, monkeypatch: pytest.MonkeyPatch):
@@ -148,6 +151,14 @@ class TestRobotTests:
         assert self.asked(Moves(), (("robot", "/bot"),)) == [("robot", {"robot": "bot", "parts": "*"})]
         monkeypatch.setenv("YARP_ROBOT_NAME", "icub7")
         assert self.asked(Moves()) == [("robot", {"robot": "icub7", "parts": "*"})]
+        assert self.asked(Moves(), environment="--robotname icub8") == [("robot", {"robot": "icub8", "parts": "*"})]
+        assert self.asked(Moves(), (("robot", "bot"),), "--robotname icub8")[0][1]["robot"] == "bot"
+
+    def test_the_robot_of_a_port_is_the_one_that_is_put_back(self):
+        """A motor test of old names a port, and no robot."""
+        assert self.asked(load_test(find("test", "MotorTest")), (("portname", "/bot/left_arm"),)) == [
+            ("robot", {"robot": "bot", "parts": "*"})
+        ]
 
     def test_one_that_listens_leaves_nothing(self):
         """Nothing has to be there."""

@@ -79,6 +79,32 @@ def test_a_misspelt_key_is_an_error_with_a_suggestion():
     assert problems("--part arm --sped 3") == ["unknown parameter 'sped' (param); did you mean 'speed'?"]
 
 
+@pytest.mark.parametrize("param", ["part leg joints (0 1)", "part leg joints (0 1) --part arm"])
+def test_words_before_the_first_key_are_not_dropped(param: str):
+    """A forgotten ``--`` would move another limb."""
+    assert "'part leg joints (0 1)' belongs to no key (param); write --KEY VALUE, as in --part leg joints (0 1)" in (
+        problems(param)
+    )
+
+
+class Hosts(TestCase):
+    """A test of which the words that stand alone have a meaning."""
+
+    words_key = "hosts"
+
+    hosts = Parameter(list[str], "machines", default=[])
+
+
+@pytest.mark.parametrize("param", ["pc104 icub@icub16", "--hosts pc104 icub@icub16"])
+def test_words_before_the_first_key_may_have_one(param: str):
+    """As a script of old has its parameter; and a key that is written as well counts more."""
+    test = Hosts()
+    test.resolve_parameters(param=param)
+    assert test.hosts == ["pc104", "icub@icub16"]
+    test.resolve_parameters(param="pc104 --hosts icub17")
+    assert test.hosts == ["icub17"]
+
+
 def test_wrong_case_is_recognised():
     """A key in the wrong case is the most frequent slip in real files."""
     assert problems("--Part arm")[0] == "unknown parameter 'Part' (param); did you mean 'part'?"
