@@ -186,7 +186,24 @@ def test_the_matrix_tells_what_does_not_hold():
     page = write_matrix([Finding(case, Judgement.MISSED, "passed", "a | b\nc", 1.0)])
     assert "0 of 1 claims hold" in page
     assert "| jam | plant | **nothing** |" in page
-    assert "| JointLimits | jam | l_elbow | torque 400 | **missed** | a \\| b c |" in page
+    assert "| JointLimits | jam | l_elbow | torque 400 Nm | **missed** | a \\| b c |" in page
+
+
+@pytest.mark.parametrize(
+    ("case", "severity"),
+    [
+        (Case("JointLimits", Expectation.FOUND, "backlash", "l_elbow"), "play 3 deg"),
+        (Case("JointLimits", Expectation.FOUND, "ft_bias", "x", {"force": 2.5}), "force 2.5 N, torque 0 Nm"),
+        (
+            Case("JointLimits", Expectation.FOUND, "jam", "x", delay=0.5, duration=2.0),
+            "torque 400 Nm, after 0.5 s, for 2 s",
+        ),
+        (Case("JointLimits", Expectation.HEALTHY), ""),
+    ],
+)
+def test_the_matrix_says_how_bad_a_fault_was(case: Case, severity: str):
+    """Also where its claim leaves the numbers as they are."""
+    assert f" | {severity} | found | " in write_matrix([Finding(case, Judgement.FOUND, "failed", "", 0.0)])
 
 
 def test_every_shipped_claim_can_be_tried():

@@ -11,6 +11,7 @@ from rtf.simulator.faults import KINDS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rtf.robot_testing.proof.cases import Case
     from rtf.robot_testing.proof.judging import Finding
 
 _LONGEST = 160
@@ -64,12 +65,23 @@ def _cases(findings: Sequence[Finding]) -> str:
     order = list(Expectation)
     for finding in sorted(findings, key=lambda f: (f.case.test, order.index(f.case.expectation), f.case.name)):
         case = finding.case
-        severity = ", ".join(f"{name} {value:g}" for name, value in case.values.items())
         came = finding.judgement.value if finding.judgement.good else f"**{finding.judgement.value}**"
         said = case.reason or finding.sentence
-        cells = [case.test, case.fault or "none", case.target, severity, came, said]
+        cells = [case.test, case.fault or "none", case.target, _severity(case), came, said]
         rows.append(f"| {' | '.join(_cell(cell) for cell in cells)} |\n")
     return "".join(rows)
+
+
+def _severity(case: Case) -> str:
+    """How bad the fault is, in all its numbers, also those that nobody set; and when it begins and ends."""
+    kind = KINDS.get(case.fault)
+    words = [
+        f"{one.name} {case.values.get(one.name, one.default):g} {one.unit}".strip()
+        for one in (kind.parameters if kind else ())
+    ]
+    words += [f"after {case.delay:g} s"] * (case.delay > 0)
+    words += [f"for {case.duration:g} s"] if case.duration is not None else []
+    return ", ".join(words)
 
 
 def _cell(text: str) -> str:
