@@ -48,19 +48,19 @@ def make_plan(options: argparse.Namespace) -> Plan:
 def _with_fixtures(
     suites: tuple[PlannedSuite, ...], planner: Planner, options: argparse.Namespace
 ) -> tuple[tuple[PlannedSuite, ...], tuple[Diagnosed, ...]]:
-    """The plan with what its tests ask for that no file names: ``--test`` and ``--tests`` have no fixtures else."""
-    if all(planned.suite.file for planned in suites):
+    """The plan with what its tests ask for where nobody names a fixture: no file, as with ``--test``, or not in it."""
+    if all(planned.suite.fixtures for planned in suites):
         return suites, ()
     from rtf.testing.alone import with_fixtures
 
     made: list[PlannedSuite] = []
     diagnostics: list[Diagnosed] = []
     for planned in suites:
-        if planned.suite.file:
+        if planned.suite.fixtures:
             made.append(planned)
             continue
         suite, said = with_fixtures(planned, options.overrides)
-        made += planner.plan([suite])
+        made += [planned] if suite is planned.suite else planner.plan([suite])
         diagnostics += said
     return tuple(made), tuple(diagnostics)
 

@@ -1,4 +1,4 @@
-"""What tests stand on that are run by themselves: the fixtures that they ask for, where no suite names any.
+"""What tests stand on where nobody names a fixture, on the command line or in a suite: those that they ask for.
 
 A test that may move something may leave something behind that has to be put right by somebody who outlives it. Unless
 its source says plainly that it does not, it is loaded and asked for its
@@ -37,8 +37,10 @@ class Stands(NamedTuple):
 
 
 def with_fixtures(planned: PlannedSuite, overrides: Sequence[tuple[str, str]]) -> Stands:
-    """The suite of the command line with the fixtures that its tests ask for; the others stand on none."""
+    """A suite without fixtures with those that its tests ask for; the others stand on none."""
     asking = {test.entry.id: test for test in planned.tests if _is_asked(test)}
+    if not asking:
+        return Stands(planned.suite, ())
     answers = _answers([*asking.values()], overrides)
     entries: dict[_Wanted, FixtureEntry] = {}
     diagnostics, tests = [], []

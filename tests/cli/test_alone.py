@@ -1,4 +1,4 @@
-"""``--test`` and ``--tests``: a test that may leave something behind stands on the fixtures that it asks for."""
+"""Where nobody names a fixture, a test that may leave something behind stands on those that it asks for."""
 
 from __future__ import annotations
 
@@ -89,9 +89,19 @@ def test_tests_that_want_the_same_share_it(folder: Path):
 
 
 def test_a_suite_says_itself_what_its_tests_stand_on(folder: Path):
-    """Whoever writes a suite knows better."""
-    write_files(folder, {"suite.xml": '<suite name="s"><test>tests/lifts.py</test></suite>'})
-    assert said(run_command(folder, "--suite", "suite.xml")) == ["stands on None"]
+    """Whoever names a fixture in a suite knows better."""
+    fixture = '<fixture name="high"><parameter name="height">9</parameter> rig </fixture>'
+    write_files(folder, {"suite.xml": f'<suite name="s">{fixture}<test>tests/lifts.py</test></suite>'})
+    assert said(run_command(folder, "--suite", "suite.xml")) == ["stands on 9"]
+
+
+def test_a_suite_that_names_no_fixture_is_asked_for(folder: Path):
+    """A robot that a suite of old moves is put back all the same."""
+    tests = '<test param="--height 3">tests/lifts.py</test><test>tests/looks.py</test>'
+    write_files(folder, {"suite.xml": f'<suite name="s">{tests}</suite>'})
+    outcome = run_command(folder, "--suite", "suite.xml")
+    assert (outcome.exit_code, said(outcome)) == (ExitCode.PASSED, ["stands on 3", "stands on None"])
+    assert started(outcome) == ["rig"]
 
 
 @pytest.mark.parametrize("option", ["--list", "--dry-run"])

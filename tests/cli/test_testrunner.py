@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from harness import Command, run_command, write_files
 from rtf.cli.arguments import build_parser
 from rtf.testing.verdict import ExitCode, Verdict
+from waiting import eventually
 
 FINE = """
 from rtf.testing import TestCase, Parameter
@@ -269,16 +271,21 @@ def test_version(folder: Path):
 
 def test_what_failed_last_can_be_interrupted_and_resumed(folder: Path):
     """A resumed run consists of the tests it consisted of, whatever had selected them."""
+    begun = folder / "begun"
     (folder / "slow.py").write_text(
-        FINE.replace("def run(self):", "def run(self):\n        import time; time.sleep(60)")
+        FINE.replace(
+            "def run(self):", f"def run(self):\n        import time; open({str(begun)!r}, 'w').close(); time.sleep(60)"
+        )
     )
     (folder / "mixed.xml").write_text(
         '<suite name="mixed"><test>fine.py</test><test>bad.py</test><test timeout="0.1">slow.py</test></suite>',
     )
     run_command(folder, "-s", "mixed.xml")
-    run = Command(
-        folder, "-s", "mixed.xml", "--last-failed", "--timeout", "50", "--run-timeout", "0.7", "--retries", "200"
-    )
+    begun.unlink(missing_ok=True)
+    run = Command(folder, "-s", "mixed.xml", "--last-failed", "--timeout", "50", "--retries", "2")
+    eventually(begun.exists, "it did not come to the slow test")
+    run.signal(signal.SIGINT)
+    run.signal(signal.SIGTERM)  # two of one kind may become one on their way
     assert run.wait().exit_code == ExitCode.INTERRUPTED
     (folder / "slow.py").write_text(FINE.replace("Fine", "Slow"))
     resumed = run_command(folder, "--resume", "rtf-runs/latest")
