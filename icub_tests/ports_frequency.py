@@ -40,6 +40,7 @@ class PortsFrequency(RateTest):
     )  # fmt: skip
     time = Parameter(float, "how long each is judged", unit="s", default=2.0, low=0.1)
     frequency = Parameter(float, "the rate of ports of which nothing else is said", unit="Hz", default=100.0, low=0.01)
+    # As in the parameter files of the iCub.
     tolerance = Parameter(float, "how far off a rate may be, likewise", unit="Hz", default=5.0, low=0.0)
 
     def parameter_problems(self) -> list[str]:

@@ -42,8 +42,10 @@ class SensorsDuplicateReadings(StreamTest):
         Bottle, "the ports: (name duplicates), where so many duplicates are tolerated", default=Bottle(),
         key="PORTS", aliases=("ports",),
     )  # fmt: skip
+    # As in the parameter files of the iCub.
     tolerated = Parameter(int, "how many duplicates are tolerated where nothing else is said", default=0, low=0)
     time = Parameter(float, "how long it listens", unit="s", default=2.0, low=0.1)
+    # As the original has it, which compares by 1e-12: what is less is the rounding of a number of 16 digits.
     same = Parameter(float, "values are the same that differ by so small a share of them", default=1e-12, low=0.0)
 
     def setup(self) -> None:
@@ -82,7 +84,8 @@ class SensorsDuplicateReadings(StreamTest):
     def _judge(self, one: _Tolerated) -> None:
         found = self.judged(self.listener.recorders[one.name].messages, self.time, one.name)
         stream = stream_of(found)
-        self._count("messages that came twice", stream.duplicates, one.duplicates, "messages sent twice")
+        twice = f"{stream.duplicates} messages came again, with the same number"
+        self._measure("messages that came twice", stream.duplicates, "count", one.duplicates, twice)
         values = readings_of(one.name, [message.data for message in stream.messages], self.network.dialect)
         self.assert_true(values.shape[1] > 0, "the messages tell of no measurement")
         self._judge_values(one, values, stream.times)
@@ -90,17 +93,26 @@ class SensorsDuplicateReadings(StreamTest):
     def _judge_values(self, one: _Tolerated, values: FloatArray, times: FloatArray) -> None:
         scale = np.maximum(np.abs(values).max(axis=0), np.finfo(float).tiny)
         repeats = (np.abs(np.diff(values, axis=0)) <= self.same * scale).all(axis=1)
-        runs = _runs(repeats)
-        total = int(repeats.sum())
-        self.measure("share of repeated values", 100.0 * total / len(repeats), "%")
-        self.measure("longest run of one value", max(runs), "count")
-        new = times[np.concatenate([[True], ~repeats])]
-        self.measure("longest time without a new value", float(np.diff(new, append=times[-1]).max()) * 1e3, "ms")
-        self._count("values that came twice", total, one.duplicates, _pattern(runs))
+        fresh = np.concatenate([[True], ~repeats])
+        self._record_ages(fresh, times)
+        runs, total, most = _runs(repeats), int(repeats.sum()), one.duplicates
+        why = _pattern(runs)
+        self._measure("share of repeated values", 100.0 * total / len(repeats), "%", 100.0 * most / len(repeats), why)
+        self._measure("longest run of one value", max(runs), "count", most + 1, why)
+        # So long it may take when all that is tolerated comes at once.
+        longest = 1e3 * float(np.diff(times).max()) * (most + 1)
+        without = 1e3 * float(np.diff(times[fresh], append=times[-1]).max())
+        self._measure("longest time without a new value", without, "ms", longest, why)
+        self._measure("values that came twice", total, "count", most, why)
         self._judge_channels(one.name, values)
 
-    def _count(self, name: str, count: int, tolerated: int, why: str) -> None:
-        self.measure(name, count, "count", high=tolerated, hint=f"{why}; {likely_causes('duplicate')}")
+    def _record_ages(self, fresh: NDArray[np.bool_], times: FloatArray) -> None:
+        """How old each value is when it comes: 0 for a new one, a saw for a sensor that is slower than its port."""
+        last = np.maximum.accumulate(np.where(fresh, np.arange(len(fresh)), 0))
+        self.record("age of the values", time=(times - times[0], "s"), age=(1e3 * (times - times[last]), "ms"))
+
+    def _measure(self, name: str, value: float, symbol: str, most: float, why: str) -> None:
+        self.measure(name, value, symbol, high=most, hint=f"{why}; {likely_causes('duplicate')}")
 
     def _judge_channels(self, port: str, values: FloatArray) -> None:
         names = channels_of(self.network, port, values.shape[1])

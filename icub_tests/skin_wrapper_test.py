@@ -14,6 +14,7 @@ from rtf.middleware.port import Port
 from rtf.robot.devices.fake_sensors import FakeAnalogSensor
 from rtf.robot.errors import DeviceError
 from rtf.robot.server.analog import AnalogDevice
+from rtf.robot_testing.causes import likely_causes
 from rtf.robot_testing.listening import Listener
 from rtf.testing import Parameter, TestCase
 
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 _RPC = "/rpc:i"
 _PARTS = ("left_hand", "left_forearm", "left_arm")
+#: The share of the messages that has to come: a loaded machine is slow, and next to nothing is what would be wrong. And
+#: what may come beyond all, as a share and in messages: what was late comes at once.
+_LEAST, _MORE, _BESIDE = 0.2, 1.5, 2
 
 
 class SkinWrapperTest(TestCase):
@@ -106,7 +110,10 @@ class SkinWrapperTest(TestCase):
             listener.listen(self.time)
         wanted = self.time * 1e3 / self.period
         for port, recorder in zip(ports, recorders, strict=True):
-            # A loaded machine is slow; that nothing or next to nothing comes is what would be wrong.
-            self.measure(
-                f"messages of {port}", len(recorder.messages), "count", low=0.2 * wanted, high=1.5 * wanted + 2
+            came = len(recorder.messages)
+            hint = (
+                f"{port} sends {came} messages in {self.time:g} s, and one is due every {self.period:g} ms; "
+                f"{likely_causes('slow' if came < wanted else 'duplicate')}"
             )
+            low, high = _LEAST * wanted, _MORE * wanted + _BESIDE
+            self.measure(f"messages of {port}", came, "count", low, high, hint=hint)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import socket
 import struct
@@ -11,6 +12,8 @@ import psutil
 
 from rtf import clock
 from rtf.bottle import Bottle, to_string
+from rtf.middleware.time import CLOCK_VARIABLE, YARP_CLOCK_VARIABLE
+from rtf.robot_testing.stream_test import StreamTest
 from rtf.testing import Parameter, TestCase
 
 if TYPE_CHECKING:
@@ -30,7 +33,8 @@ _ANSWERS = 4  # of several answers the quickest is the most exact
 class SystemStatus(TestCase):
     """Measures this machine for a moment: processors, memory, disk, temperatures, network and clock, each with a limit.
 
-    It needs no robot. Other machines are tested by running it there.
+    It needs no robot. Other machines are tested by running it there. That too much wants to run is only recorded where
+    the time is a simulator's, for no robot depends on such a machine, unless a limit is given.
     """
 
     aliases = ("systemStatus", "system-status")
@@ -38,25 +42,37 @@ class SystemStatus(TestCase):
 
     time = Parameter(float, "how long processors and network are watched", unit="s", default=1.0, low=0.1)
     hosts = Parameter(
-        Bottle, "other machines: (port of yarprun, most load in %); they are passed over", default=Bottle(), key="hosts"
+        Bottle, "other machines: (port of yarprun, most load in %); they are not asked", default=Bottle(), key="hosts"
+    )
+    # Beyond 1 something always waits for a processor.
+    load = Parameter(
+        float, "processes that want to run, for each processor, mean of a minute; 0: any", default=1.0, low=0.0
     )
     cpu = Parameter(float, "greatest load of one processor; 100: any", unit="%", default=100.0, low=0.0, high=100.0)
     cpu_mean = Parameter(float, "mean load of all of them; 100: any", unit="%", default=100.0, low=0.0, high=100.0)
+    # Of the 8 GiB of a robot's PC 400 MiB: what one more program takes.
     memory = Parameter(float, "least memory that is available", unit="%", default=5.0, low=0.0, high=100.0)
+    # Swap that is used does no harm while memory is available; none left ends programs.
     swap = Parameter(float, "most swap space that is used", unit="%", default=90.0, low=0.0, high=100.0)
+    # As much ext4 keeps for root: nobody else can write then.
     disk = Parameter(float, "least space that is free", unit="%", default=5.0, low=0.0, high=100.0)
     path = Parameter(str, "where on the disk; none: the folder of the run", default="")
+    # At about 100 degC processors slow themselves down.
     temperature = Parameter(float, "highest temperature of a sensor", unit="degC", default=90.0)
     network_errors = Parameter(int, "most errors of an interface meanwhile", default=0, low=0)
     time_server = Parameter(str, "an NTP server to compare the clock with; none: it is not compared", default="")
+    # chrony and ntpd keep a few ms in a local network; stamps of two machines are to agree within some messages.
     clock_offset = Parameter(float, "how far off the clock may be", unit="ms", default=50.0, low=0.0)
 
     def run(self) -> None:
         """Watch for a while, then judge each."""
-        for host in self.hosts:
-            name = to_string(host[0] if isinstance(host, Bottle) and len(host) else host)
+        for host in StreamTest.lines(self.hosts):
+            name, *limits = map(to_string, host)
+            given = "".join(f" --set cpu_mean={limit}" for limit in limits[:1])
             with self.subresult(name):
-                self.skip(f"{name} is another machine: run this test there")
+                self.skip(
+                    f"{name} is another machine, which is not asked; there run: testrunner --test SystemStatus{given}"
+                )
         psutil.cpu_percent(percpu=True)  # from here on it is counted
         before = psutil.net_io_counters(pernic=True)
         clock.sleep(self.time)
@@ -67,8 +83,7 @@ class SystemStatus(TestCase):
         with self.subresult("memory"):
             self._judge_memory()
         with self.subresult("disk"):
-            usage = psutil.disk_usage(self.path or str(self.folder))
-            self.measure("free space", 100.0 * usage.free / usage.total, "%", low=self.disk)
+            self._judge_disk(self.path or str(self.folder))
         with self.subresult("temperature"):
             self._judge_temperatures()
         with self.subresult("network"):
@@ -77,17 +92,33 @@ class SystemStatus(TestCase):
             self._judge_clock()
 
     def _judge_processors(self, loads: list[float]) -> None:
+        busy = "this machine has little time to spare; likely: a program that runs away, or that belongs elsewhere"
         for number, load in enumerate(loads):
-            self.measure(f"processor {number}", load, "%", high=_limit(self.cpu))
-        self.measure("all processors", sum(loads) / len(loads), "%", high=_limit(self.cpu_mean))
+            self.measure(f"processor {number}", load, "%", high=_limit(self.cpu), hint=busy)
+        self.measure("all processors", sum(loads) / len(loads), "%", high=_limit(self.cpu_mean), hint=busy)
         for minutes, load in zip((1, 5, 15), psutil.getloadavg(), strict=True):
-            self.measure(f"processes that want to run, mean of {minutes} min", load, "count")
+            most = self._most_load(len(loads)) if minutes == 1 else None
+            hint = f"{load:.1f} processes want to run on {len(loads)} processors: {busy}"
+            self.measure(f"processes that want to run, mean of {minutes} min", load, "count", high=most, hint=hint)
+
+    def _most_load(self, processors: int) -> float | None:
+        """How many processes may want to run; None for any."""
+        simulated = any(os.environ.get(name) for name in (CLOCK_VARIABLE, YARP_CLOCK_VARIABLE))
+        if not self.load or (simulated and self.parameter_source("load") == "default"):
+            return None
+        return self.load * processors
 
     def _judge_memory(self) -> None:
         memory, swap = psutil.virtual_memory(), psutil.swap_memory()
         self.measure("total memory", memory.total / _MIB, "MiB")
-        self.measure("available memory", 100.0 * memory.available / memory.total, "%", low=self.memory)
-        self.measure("used swap space", swap.percent, "%", high=self.swap)
+        leak = "programs will soon be ended for want of memory; likely: a program that takes more and more"
+        self.measure("available memory", 100.0 * memory.available / memory.total, "%", low=self.memory, hint=leak)
+        self.measure("used swap space", swap.percent, "%", high=self.swap, hint=leak)
+
+    def _judge_disk(self, path: str) -> None:
+        usage = psutil.disk_usage(path)
+        hint = f"the disk of {path} fills up; likely: recordings, logs, and cores of programs that crashed"
+        self.measure("free space", 100.0 * usage.free / usage.total, "%", low=self.disk, hint=hint)
 
     def _judge_temperatures(self) -> None:
         sensors = psutil.sensors_temperatures() if hasattr(psutil, "sensors_temperatures") else {}
@@ -99,13 +130,15 @@ class SystemStatus(TestCase):
         if not found:
             self.skip("this machine shows no temperatures")
         for name, current in found:
-            self.measure(name, current, "degC", high=self.temperature)
+            hint = f"{name} is hot, and its chip will slow down; likely: dust, a fan that stands still"
+            self.measure(name, current, "degC", high=self.temperature, hint=hint)
 
     def _judge_network(self, before: Mapping[str, object], after: Mapping[str, object]) -> None:
         for name in sorted(set(before) & set(after)):
             counts = {field: getattr(after[name], field) - getattr(before[name], field) for field in _COUNTED}
             errors = counts["errin"] + counts["errout"]
-            self.measure(f"errors of {name}", errors, "count", high=self.network_errors)
+            hint = f"{errors} packets of {name} were bad; likely: a cable, a connector, a wrong duplex mode"
+            self.measure(f"errors of {name}", errors, "count", high=self.network_errors, hint=hint)
             # Systems count as dropped, too, what nobody asked for.
             self.measure(f"packets that {name} dropped", counts["dropin"] + counts["dropout"], "count")
 
@@ -119,7 +152,8 @@ class SystemStatus(TestCase):
             self.assert_error(f"the time server {self.time_server} gives no time: {error}")
         way, offset = min(answers)
         self.measure("way to the time server and back", way * 1e3, "ms")
-        self.measure("clock is ahead by", -offset * 1e3, "ms", -self.clock_offset, self.clock_offset)
+        hint = f"the clock is not that of {self.time_server}; likely: chrony or ntpd does not run here, or asks another"
+        self.measure("clock is ahead by", -offset * 1e3, "ms", -self.clock_offset, self.clock_offset, hint=hint)
 
 
 def _limit(percent: float) -> float | None:

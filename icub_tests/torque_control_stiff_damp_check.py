@@ -48,12 +48,20 @@ class TorqueControlStiffDampCheck(RobotTest):
     part = Parameter(str, "the part whose joints are pushed", default="left_arm")
     joints = Parameter(list[int], "its joints; none: all with torque control", default=[])
     home = Parameter(list[float], "where they are pushed; none: where they are", unit="deg", default=[])
-    stiffness = Parameter(list[float], "in Nm/deg; none: that of the robot", default=[], low=0.0)
-    damping = Parameter(list[float], "in Nm s/deg; none: that of the robot, 0: not tested", default=[], low=0.0)
+    stiffness = Parameter(
+        list[float], "its stiffness meanwhile; none: that of the robot", unit="Nm/deg", default=[], low=0.0
+    )
+    damping = Parameter(
+        list[float], "its damping; none: that of the robot, 0: not tested", unit="Nm*s/deg", default=[], low=0.0
+    )
     duration = Parameter(float, "how long the operator moves a joint", unit="s", default=10.0, low=1.0)
+    # What the friction of a joint and the scale of its torque sensing leave of it; a wrong factor is more.
     slope = Parameter(float, "by which a slope may differ from what it is to be", unit="%", default=20.0, low=0.1)
+    # Below it a fifth of the torque's variance is something else, and the slope says little.
     correlation = Parameter(float, "of torque with way or speed, at least", default=0.9, low=0.0, high=1.0)
+    # Many times what play and the resolution of an encoder are.
     excursion = Parameter(float, "how far a joint has to be moved", unit="deg", default=1.0, low=0.01)
+    # Likewise, of the noise of a speed that a board takes from its encoder.
     fastest = Parameter(float, "how fast a joint has to be moved", unit="deg/s", default=5.0, low=0.01)
     plot_enabled = Parameter(bool, "understood for the sake of older files; it is always plotted", default=True)
 
@@ -209,7 +217,12 @@ class TorqueControlStiffDampCheck(RobotTest):
         )
         self.measure(f"{what}, share of what was set", -line.slope / wanted, "", low, high, hint=hint)
         correlation = abs(line.correlation) if math.isfinite(line.correlation) else 0.0
-        self.measure(f"correlation of torque, {what}", correlation, "", low=self.correlation)
+        course = "how far" if what == "stiffness" else "how fast"
+        hint = (
+            f"{name}: the torque does not follow {course} it gives way; "
+            f"{likely_causes('torque dead', 'impedance', 'irregular')}"
+        )
+        self.measure(f"correlation of torque, {what}", correlation, "", low=self.correlation, hint=hint)
 
     def _require_motion(self, name: str, what: str, reach: float, least: float, symbol: str) -> None:
         """A joint that was pushed has to move; one that nobody moved says nothing."""

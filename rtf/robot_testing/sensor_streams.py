@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Dialect
     from rtf.middleware.network import Network
-    from rtf.robot.interfaces import FloatArray, SensorInfo
+    from rtf.robot.interfaces import FloatArray, SensorInfo, SensorReading
     from rtf.robot.sensor_message import Measurements
 
 #: What the streams of servers of many sensors are called.
@@ -37,6 +37,23 @@ def readings_of(port: str, contents: Sequence[bytes], dialect: Dialect) -> Float
     return np.array(rows, dtype=np.float64)
 
 
+def sensors_in(port: str, contents: Sequence[bytes], dialect: Dialect, category: SensorCategory) -> list[FloatArray]:
+    """The measurements of each sensor of a category, in messages of many sensors, as rows; errors as ``readings_of``.
+
+    Servers of several categories have one of each unit in a message: gyroscopes and thermometers of a force sensor.
+    """
+    rows = [[one.values for one in _of_category(content, dialect, category)] for content in contents]
+    kinds = {tuple(values.size for values in row) for row in rows}
+    if len(kinds) > 1:
+        raise ValueError(f"{port}: messages have {sorted(kinds)} numbers of {category.name}, not always as many")
+    return [np.array(values, dtype=np.float64) for values in zip(*rows, strict=True)]
+
+
+def _of_category(content: bytes, dialect: Dialect, category: SensorCategory) -> list[SensorReading]:
+    found = SENSOR_MESSAGE.decode(content, dialect)
+    return found[category] if category < len(found) else []
+
+
 def _flat(measurements: Measurements) -> FloatArray:
     values = [reading.values for readings in measurements for reading in readings]
     return np.concatenate(values) if values else np.empty(0)
@@ -48,6 +65,15 @@ def sensors_of(network: Network, port: str) -> list[list[SensorInfo]]:
     with RpcClient("", server, network=network) as client:
         answer = client.call(call("getMetadata"), timeout=_RPC_TIMEOUT)
     return read_metadata(answer, server) if answer is not None else []
+
+
+def names_of(network: Network, port: str, category: SensorCategory) -> list[str]:
+    """What the sensors of a category are called; none where their server does not say it."""
+    try:
+        infos = sensors_of(network, port)
+    except RtfError:
+        return []
+    return [info.name for info in infos[category]] if category < len(infos) else []
 
 
 def channels_of(network: Network, port: str, count: int) -> list[str]:

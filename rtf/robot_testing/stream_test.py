@@ -92,8 +92,10 @@ class RateTest(StreamTest):
 
     # Senders skip readers that are busy: on a machine that is loaded some messages are missing without a fault.
     max_loss = Parameter(float, "share of messages that may be missing", unit="%", default=5.0, low=0.0, high=100.0)
-    max_duplicates = Parameter(int, "messages that may come again", default=0, low=0)
+    max_duplicates = Parameter(int, "messages that may come again", unit="count", default=0, low=0)
+    # A tenth of a second at 100 Hz: what reads a stream takes it for broken by then.
     max_gap = Parameter(float, "longest time without a message, in expected periods", default=10.0, low=1.0)
+    # A period of 100 Hz and a little; and two, for what goes by way of another machine.
     max_jitter = Parameter(
         float, "by how much later than the quickest message nine of ten may come, surely", unit="ms", default=12.0,
         low=0.0,

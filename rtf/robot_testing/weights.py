@@ -24,6 +24,14 @@ _SENSORS = {
     for limb in ("arm", "leg", "foot")
 }
 
+#: The same places by what the sensors are called in messages of many; icub-models 2.0 left the last word out.
+_PLACES = {name: place for place, (sensor, _) in _SENSORS.items() for name in (sensor, sensor.removesuffix("_sensor"))}
+
+
+def place_of(sensor: str) -> str:
+    """The place of a sensor, such as left_arm of l_arm_ft_sensor; "" for one that is not known."""
+    return _PLACES.get(sensor, "")
+
 
 def parts_above(place: str) -> tuple[str, ...]:
     """The parts on which the load of a sensor depends; none for a place that has no force-torque sensor."""

@@ -11,6 +11,8 @@ from rtf.testing.verdict import MeasurementVerdict, Verdict
 
 CASES = {
     "frozen": ("camera_frozen left", "left", "repeated pictures"),
+    "frozen-soon": ("camera_frozen left delay=0.9", "left", "same picture in a row"),
+    "frozen-late": ("camera_frozen left delay=2.1", "left", "repeated pictures"),
     "black": ("camera_black right", "right", "contrast"),
     "size": ("camera_size left", "left", "width"),
     "lost": ("loss /icubSim/cam/right share=0.4", "right", "lost"),
@@ -47,13 +49,14 @@ def outcome(run_on_robot):
 
 
 def test_healthy_cameras_pass(outcome, measured):
-    """Both eyes are counted and looked at; they are turned, for otherwise nothing would change."""
+    """Both eyes are counted and looked at; they are turned, for otherwise nothing would change, and then all does."""
     assert outcome.verdict("healthy") is Verdict.PASSED
     assert [event.subject for event in measured(outcome, "healthy", "width")] == [
         "/icubSim/cam/left",
         "/icubSim/cam/right",
     ]
-    assert all(event.value < 50 for event in measured(outcome, "healthy", "repeated pictures"))
+    assert [event.value for event in measured(outcome, "healthy", "repeated pictures")] == [0.0, 0.0]
+    assert [event.value for event in measured(outcome, "healthy", "same picture in a row")] == [1.0, 1.0]
 
 
 def test_nobody_is_asked_for_what_does_not_move():

@@ -1,10 +1,13 @@
 """FtSensorTest on the simulated robot."""
 
+from itertools import product
+
 import pytest
 
 from rtf.testing.verdict import MeasurementVerdict, Verdict
 
 PORT = "/icubSim/left_arm/analog:o"
+MANY = "/icubSim/FTs/measures:o"
 CASES = {
     "healthy": "",
     "biased": "ft_bias left_arm",
@@ -15,6 +18,8 @@ CASES = {
 EXPECTED = f"""
 <test name="expected"> <parameter name="portname">{PORT}</parameter>
   <parameter name="expected">(0 0 500 0 0 0)</parameter> FtSensorTest </test>
+<test name="many"> <parameter name="portname">{MANY}</parameter>
+  <parameter name="inject">ft_bias left_arm</parameter> FtSensorTest </test>
 <test name="five"> <parameter name="expected">(0 0 0 0 0)</parameter> FtSensorTest </test>
 """
 SUITE = (
@@ -62,6 +67,18 @@ def test_each_fault_is_found_at_its_sensor_only(outcome, measured, name, port, w
 def test_other_faults_are_not_its_business(outcome):
     """A unit that is mounted turned is no fault of these sensors."""
     assert outcome.verdict("elsewhere") is Verdict.PASSED
+
+
+def test_each_sensor_of_a_message_of_many_has_its_own_load(outcome, measured):
+    """All six are judged by the model, and the broken one fails alone; what has a port of its own is not read twice."""
+    found = measured(outcome, "many", "force x")
+    assert [one.subject for one in found] == [
+        f"{MANY}/{side}_{limb}_ft_sensor" for limb, side in product(("arm", "leg", "foot"), "lr")
+    ]
+    broken = [one.subject for one in found if one.verdict is MeasurementVerdict.FAILED]
+    assert broken == [f"{MANY}/l_arm_ft_sensor"]
+    assert outcome.verdict("many") is Verdict.FAILED
+    assert not measured(outcome, "healthy", "rate", MANY)
 
 
 def test_a_known_load_may_be_given(outcome, measured):

@@ -5,11 +5,12 @@ import threading
 from contextlib import closing
 from socket import AF_INET, SOCK_DGRAM, socket
 
+import psutil
 import pytest
 
 from harness import run_command, write_files
 from rtf import clock
-from rtf.testing.events import Measured, Message
+from rtf.testing.events import Measured, Message, SubResultEnded
 from rtf.testing.verdict import MeasurementVerdict, Verdict
 
 #: Does on this machine what ssh would do on another; hosts that are down and that ask for a password are known, too.
@@ -63,8 +64,10 @@ def outcome(tmp_path_factory):
         "hosts": ("SystemStatus", {"time": 0.2, "hosts": "((/pc104 40))"}),
         "full": ("SystemStatus", {"time": 0.2, "disk": 100}),
         "loaded": ("SystemStatus", {"time": 0.2, "cpu": 99, "cpu_mean": 99}),
+        "crowded": ("SystemStatus", {"time": 0.2, "load": 1e-6}),
         "clock": ("SystemStatus", {"time": 0.2, "time_server": server.place}),
         "skin": ("skinWrapperTest", {}),
+        "slow-skin": ("skinWrapperTest", {"prefix": "/slow", "period": 60000, "time": 0.1}),
     }
     entries = "".join(
         f'<test name="{name}">'
@@ -122,7 +125,32 @@ def test_this_machine_is_measured(outcome):
     assert outcome.verdict("status") in {Verdict.PASSED, Verdict.FAILED}
     names = {event.name for event in outcome.of(Measured, test="s/status")}
     assert {"processor 0", "all processors", "available memory", "used swap space", "free space"} <= names
-    assert any("another machine" in event.detail for event in outcome.of(Message, test="s/hosts"))
+    (other,) = (one for one in outcome.of(SubResultEnded, test="s/hosts") if one.subject == "/pc104")
+    assert other.verdict is Verdict.SKIPPED
+    assert "there run: testrunner --test SystemStatus --set cpu_mean=40" in other.reason
+
+
+LOAD = "processes that want to run, mean of 1 min"
+
+
+def test_more_than_the_processors_can_do_fails(outcome):
+    """It is judged without being asked for, as many processes as processors, and says what may be the cause."""
+    (usual,) = outcome.of(Measured, test="s/status", name=LOAD)
+    assert usual.high == psutil.cpu_count()
+    (crowded,) = outcome.of(Measured, test="s/crowded", name=LOAD)
+    assert crowded.verdict is MeasurementVerdict.FAILED
+    said = [one.detail for one in outcome.of(Message, test="s/crowded") if one.detail.startswith(LOAD)]
+    assert "likely: a program that runs away" in said[0]
+
+
+def test_a_busy_machine_fails_no_simulated_robot(run_on_robot):
+    """What waits for a processor delays nobody there; who gives a limit means it."""
+    entries = "<test name='usual'> SystemStatus </test>"
+    entries += "<test name='given'> <parameter name='load'>0.000001</parameter> SystemStatus </test>"
+    outcome = run_on_robot(entries, parts="head")
+    (usual,) = outcome.of(Measured, test="s/usual", name=LOAD)
+    (given,) = outcome.of(Measured, test="s/given", name=LOAD)
+    assert (usual.verdict, given.verdict) == (MeasurementVerdict.RECORDED, MeasurementVerdict.FAILED)
 
 
 def test_loads_without_a_limit_are_only_recorded(outcome):
@@ -137,7 +165,8 @@ def test_loads_without_a_limit_are_only_recorded(outcome):
 def test_limits_are_judged(outcome):
     """A disk that is not all free fails where it has to be."""
     assert outcome.verdict("full") is Verdict.FAILED
-    assert "free space" in outcome.detail("full")
+    said = [one.detail for one in outcome.of(Message, test="s/full") if one.detail.startswith("free space")]
+    assert "fills up; likely: " in said[0]
 
 
 def test_the_clock_is_compared_with_a_server(outcome):
@@ -153,3 +182,10 @@ def test_the_skin_wrapper_keeps_to_its_names(outcome):
     refused = [event.detail for event in outcome.of(Message, test="s/skin") if event.detail.startswith("refused")]
     assert len(refused) == 6
     assert all("there is a port /testSkinWrapper" in one for one in refused)
+
+
+def test_a_skin_that_sends_too_little_fails(outcome):
+    """By its port, how much came and how much was due, with likely causes."""
+    assert outcome.verdict("slow-skin") is Verdict.FAILED
+    said = [one.detail for one in outcome.of(Message, test="s/slow-skin") if one.detail.startswith("messages of")]
+    assert "/slow/one/skin sends 0 messages in 0.1 s, and one is due every 60000 ms; likely: " in said[0]

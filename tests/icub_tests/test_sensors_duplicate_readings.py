@@ -1,8 +1,10 @@
 """SensorsDuplicateReadings on the simulated robot."""
 
+import numpy as np
 import pytest
 
-from rtf.testing.verdict import Verdict
+from rtf.testing.events import SeriesRecorded
+from rtf.testing.verdict import MeasurementVerdict, Verdict
 
 
 def case(name, *rows):
@@ -50,6 +52,28 @@ def test_what_comes_again_is_found(outcome, measured, name, what, port):
     assert outcome.verdict(name) is Verdict.FAILED
     (found,) = measured(outcome, name, what, port)
     assert found.value > 10
+
+
+@pytest.mark.parametrize(
+    "what", ["share of repeated values", "longest run of one value", "longest time without a new value"]
+)
+def test_all_that_tells_of_repeated_values_has_its_limit(outcome, measured, what):
+    """What is tolerated limits it: a healthy robot has a margin, and a sensor that stands still has none."""
+    assert all(event.margin >= 0 for event in measured(outcome, "healthy", what))
+    (found,) = measured(outcome, "unit", what)
+    assert found.verdict is MeasurementVerdict.FAILED
+    (tolerated,) = measured(outcome, "tolerated", what)
+    assert tolerated.verdict is MeasurementVerdict.PASSED
+
+
+def test_the_ages_of_values_are_kept(outcome):
+    """They are to be looked at: a value that is repeated grows old."""
+    oldest = {
+        one.test.rpartition("/")[2]: np.load(outcome.folder / one.path)["age"].max()
+        for one in outcome.of(SeriesRecorded, name="age of the values", subject="/icubSim/inertial")
+    }
+    assert oldest["healthy"] == 0.0
+    assert oldest["unit"] == pytest.approx(990.0, abs=11.0)
 
 
 def test_sensors_that_never_change_are_named(outcome):

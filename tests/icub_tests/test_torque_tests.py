@@ -2,7 +2,9 @@
 
 import pytest
 
-from rtf.testing.verdict import Verdict
+from rtf.testing.events import Message
+from rtf.testing.plugins import find, load_test
+from rtf.testing.verdict import Severity, Verdict
 
 
 def entry(name, test, inject="", **parameters):
@@ -26,6 +28,7 @@ SUITE = "".join([
     entry("gravity-no-model", "TorqueControlGravityConsistency", **ROLL, model="nowhere.urdf"),
     entry("impedance", "TorqueControlStiffDampCheck", **ELBOW),
     entry("impedance-scale", "TorqueControlStiffDampCheck", "torque_scale l_elbow factor=1.5", **ELBOW),
+    entry("impedance-strict", "TorqueControlStiffDampCheck", **ELBOW, correlation=1.0, slope=99),
     entry("impedance-jam", "TorqueControlStiffDampCheck", "jam l_elbow", **ELBOW),
 ])  # fmt: skip
 
@@ -113,6 +116,16 @@ def test_a_fault_is_found_at_its_joint_only(outcome, measured, name, what, joint
     found = measured(outcome, name, what)
     assert any(one.margin < 0 for one in found if joint in one.subject)
     assert all(one.margin >= 0 for one in found if joint not in one.subject)
+
+
+def test_a_torque_that_follows_nothing_is_said_so(outcome):
+    """With likely causes; and what is set has the units in which it is given."""
+    assert outcome.verdict("impedance-strict") is Verdict.FAILED
+    said = [one.detail for one in outcome.of(Message, test="s/impedance-strict", severity=Severity.FAILURE)]
+    assert "l_elbow: the torque does not follow how far it gives way; likely: " in said[0]
+    assert "l_elbow: the torque does not follow how fast it gives way; likely: " in said[1]
+    given = type(load_test(find("test", "TorqueControlStiffDampCheck"))).declarations()
+    assert (given["stiffness"].unit, given["damping"].unit) == ("Nm/deg", "Nm*s/deg")
 
 
 def test_joints_that_do_not_obey_fail(outcome):
