@@ -77,7 +77,7 @@ class CameraTest(RateTest):
     # None should be; a driver that is polled out of step with its camera sends one of some dozens again.
     max_repeated = Parameter(
         float,
-        "pictures that may be equal to the one before; 100, and max_run 0, where a foreign simulator's world stands still",
+        "pictures that may be equal to the one before; 100, with max_run 0, where a foreign simulator stands still",
         unit="%",
         default=5.0,
         low=0.0,

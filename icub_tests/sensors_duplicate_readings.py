@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rtf.bottle import Bottle
+from rtf.robot.interfaces import SensorCategory
 from rtf.robot_testing import likely_causes
 from rtf.robot_testing.sensor_streams import channels_of, readings_of
 from rtf.robot_testing.stream_test import StreamTest
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
 
 _ENDINGS = ("/analog:o", "/measures:o", "/inertial")
+#: Sensors that show the same for seconds, as what they measure does not change, and their resolution is coarse.
+_AT_REST = tuple(
+    f" {category.name.lower()}"
+    for category in (SensorCategory.ORIENTATION, SensorCategory.TEMPERATURE, SensorCategory.MAGNETOMETER)
+)
 
 
 class _Tolerated(NamedTuple):
@@ -96,6 +102,11 @@ class SensorsDuplicateReadings(StreamTest):
         fresh = np.concatenate([[True], ~repeats])
         self._record_ages(fresh, times)
         runs, total, most = _runs(repeats), int(repeats.sum()), one.duplicates
+        if total > most and values.any() and np.array_equal(values, np.rint(values)):
+            self.inconclusive(
+                f"{total} of {len(values)} values are those before: whole numbers are at rest; move what is sensed, or "
+                "tolerate them in [PORTS]"
+            )
         why = _pattern(runs)
         self._measure("share of repeated values", 100.0 * total / len(repeats), "%", 100.0 * most / len(repeats), why)
         self._measure("longest run of one value", max(runs), "count", most + 1, why)
@@ -119,11 +130,15 @@ class SensorsDuplicateReadings(StreamTest):
         nothing = [name for name, fine in zip(names, np.isfinite(values).all(axis=0), strict=True) if not fine]
         self.assert_fail_if_true(nothing, f"{', '.join(nothing)} of {port} tells of values that are no numbers")
         still = np.ptp(values, axis=0) == 0.0
-        absent = still & (values[0] == 0.0)  # servers show zeros for what a unit has not got
-        if absent.any() and not absent.all():
-            self.warn(f"always 0: {', '.join(name for name, dead in zip(names, absent, strict=True) if dead)}")
-        stuck = [name for name, dead, gone in zip(names, still, absent, strict=True) if dead and not gone]
-        stuck = stuck or (names if absent.all() else [])
+        absent = still & (values[0] == 0.0) & (not still.all())  # servers show zeros for what a unit has not got
+        sensors = [name.rpartition(" ")[0] for name in names]
+        living = {sensor for sensor, dead in zip(sensors, still, strict=True) if not dead}
+        odd, stuck = [], []
+        for name, sensor, dead, gone in zip(names, sensors, still, absent, strict=True):
+            if dead:
+                (odd if gone or sensor in living or sensor.endswith(_AT_REST) else stuck).append(name)
+        if odd:
+            self.warn(f"always the same: {', '.join(odd)}; a coarse resolution at rest, or what the unit has not got")
         self.check_fail_if_true(
             stuck,
             f"{', '.join(stuck)} of {port} never changed in {len(values)} messages; {likely_causes('sensor frozen')}",

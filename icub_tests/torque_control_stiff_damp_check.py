@@ -31,6 +31,10 @@ _TRAVEL = 25.0
 _SPEED, _WAY, _REACH, _PUSH_TIME, _SWING_OUT = 25.0, 2.5, 6.0, 0.3, 0.4
 #: What a push is to be at least beyond the spring and the damper, as a share of the greatest torque: it is friction.
 _FRICTION = 0.03
+#: The variance of second differences of noise, as a multiple of the noise's own: 1 + 4 + 1.
+_OF_SECOND_DIFFERENCES = 6.0
+#: The least share of motion in what is measured of it that says something.
+_LEAST_MOTION = 0.5
 
 
 class TorqueControlStiffDampCheck(RobotTest):
@@ -188,7 +192,7 @@ class TorqueControlStiffDampCheck(RobotTest):
         name = part.names[joint]
         if not self.confirm(
             f"{name} gives way at your yes, and may sink: hold it now, and move it to and fro for {self.duration:g} s "
-            "from then on. Do you hold it?"
+            f"from then on, by less than {_TRAVEL:g} deg to either side. Do you hold it?"
         ):
             self.inconclusive(f"nobody moved {name}")
 
@@ -197,10 +201,10 @@ class TorqueControlStiffDampCheck(RobotTest):
 
     def _look_after(self, part: Part, joint: int, home: float) -> None:
         if self._is_far(part, joint, home):
-            raise GuardError(
-                f"{part.names[joint]} is at {part.board.encoder(joint):.1f} deg, more than {_TRAVEL:g} deg from where "
-                "it was"
-            )
+            text = f"{part.names[joint]} is at {part.board.encoder(joint):.1f} deg, more than {_TRAVEL:g} deg from home"
+            if not self.pushed:
+                self.inconclusive(f"{text}: move it less; {likely_causes('runs away', 'impedance')} if nobody did")
+            raise GuardError(text)
 
     # Judging -----------------------------------------------------------------------------------------------------
 
@@ -210,12 +214,13 @@ class TorqueControlStiffDampCheck(RobotTest):
         reach = float(np.ptp(moved)) / 2
         self._require_motion(name, what, reach, least, symbol)
         line = fit_line(moved, torques)
+        slope = -line.slope / self._share_of_motion(name, what, moved)
         low, high = 1.0 - self.slope / 100.0, 1.0 + self.slope / 100.0
         hint = (
-            f"{name}: {what} is {-line.slope:.4g} Nm{'' if what == 'stiffness' else ' s'}/deg, and was set to "
+            f"{name}: {what} is {slope:.4g} Nm{'' if what == 'stiffness' else ' s'}/deg, and was set to "
             f"{wanted:.4g}; {likely_causes('impedance')}"
         )
-        self.measure(f"{what}, share of what was set", -line.slope / wanted, "", low, high, hint=hint)
+        self.measure(f"{what}, share of what was set", slope / wanted, "", low, high, hint=hint)
         correlation = abs(line.correlation) if math.isfinite(line.correlation) else 0.0
         course = "how far" if what == "stiffness" else "how fast"
         hint = (
@@ -223,6 +228,16 @@ class TorqueControlStiffDampCheck(RobotTest):
             f"{likely_causes('torque dead', 'impedance', 'irregular')}"
         )
         self.measure(f"correlation of torque, {what}", correlation, "", low=self.correlation, hint=hint)
+
+    def _share_of_motion(self, name: str, what: str, moved: FloatArray) -> float:
+        """How much of the variance is motion: the rest, which scatters from state to state, makes a slope too flat."""
+        share = 1.0 - float(np.var(np.diff(moved, 2))) / _OF_SECOND_DIFFERENCES / float(np.var(moved))
+        if share < _LEAST_MOTION:
+            self.inconclusive(
+                f"{name}: {100.0 * (1.0 - share):.0f} % of what is measured of its motion for the {what} is noise: "
+                "move it further and faster"
+            )
+        return share
 
     def _require_motion(self, name: str, what: str, reach: float, least: float, symbol: str) -> None:
         """A joint that was pushed has to move; one that nobody moved says nothing."""

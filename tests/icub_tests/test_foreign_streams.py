@@ -29,6 +29,13 @@ CAMERAS = {
     "halting": lambda n: n - min(n % 100, 55),
     "blinking": lambda n: n - min(n % 100, 4),
 }
+#: One that is coarse in two channels, one that counts, and one that is broken.
+REPEATING = {
+    "coarse": lambda noise: np.where(np.arange(6) < 2, 34.5, noise),
+    "fingers": lambda _: np.arange(6.0),
+    "dead": lambda _: np.full(6, 0.25),
+}
+AGAIN = [f"(/bot/{name}/analog:o 0)" for name in REPEATING]
 #: Nothing that a busy machine does to a stream counts.
 ANYHOW = {"max_loss": 100, "max_gap": 1e6, "max_jitter": 1e6}
 LOUD = {**ANYHOW, "frequency_tolerance": 1e3, "force_noise": 1e3, "torque_noise": 1e3}
@@ -48,6 +55,7 @@ SUITE = "".join([
     entry("not-asked", "FtSensorTest", portname="/bot/left_leg/analog:o", use_model="false", **LOUD),
     entry("all", "FtSensorTest", **LOUD, **LOAD),
     entry("full", "FtSensorTest", portname="/bot/left_leg/analog:o", saturation=0.5, **LOUD, **LOAD),
+    entry("again", "SensorsDuplicateReadings", ports=f"({' '.join(AGAIN)})"),
     entry("dead-torque", "FtSensorTest", portname="/bot/left_leg/analog:o", least_torque_noise=900, **LOUD, **LOAD),
 ])  # fmt: skip
 
@@ -67,6 +75,17 @@ class Camera(FakeFrameGrabber):
         pixels = self._background.copy()
         pixels[self.shown(self.count) % self._height, :, 2] = 255
         return Image(pixels, "rgb"), self.count * PERIOD
+
+
+class Repeating(FakeAnalogSensor):
+    """A sensor of which the first channels never change; its values are ``made`` of those of another."""
+
+    def __init__(self, name, network, made):
+        super().__init__(name, network=network)
+        self.made = made
+
+    def _raw(self, now):
+        return self.made(np.random.default_rng().normal(size=6))
 
 
 class Feet(Device, IMultipleAnalogSensors):
@@ -99,6 +118,8 @@ def devices(network):
         yield f"/bot/cam/{name}", Camera(name, network), FrameGrabberDevice
     for place in ("left_leg", "left_hand"):
         yield f"/bot/{place}/analog:o", FakeAnalogSensor(place, network=network), AnalogDevice
+    for place, made in REPEATING.items():
+        yield f"/bot/{place}/analog:o", Repeating(place, network, made), AnalogDevice
     yield "/bot/feet", Feet("feet"), AnalogSensorsDevice
 
 
@@ -172,6 +193,18 @@ def test_sensors_in_one_message_are_judged_one_by_one(outcome):
     assert verdicts(outcome, "all") == dict.fromkeys(
         ["/bot/left_leg/analog:o", feet, f"{feet}/l_leg_ft", f"{feet}/odd"], Verdict.PASSED
     )
+
+
+def test_what_is_coarse_is_not_frozen(outcome):
+    """Neither two channels beside others that change, nor whole numbers at rest, of which nobody can tell."""
+    port = "/bot/{}/analog:o".format
+    assert verdicts(outcome, "again") == {
+        port("coarse"): Verdict.PASSED,
+        port("fingers"): Verdict.INCONCLUSIVE,
+        port("dead"): Verdict.FAILED,
+    }
+    warned = [one.detail for one in outcome.of(Message, test="s/again", severity=Severity.WARNING)]
+    assert any("always the same: channel 0, channel 1;" in text for text in warned)
 
 
 def test_what_is_wrong_is_said_in_terms_of_the_sensor(outcome):

@@ -1,8 +1,13 @@
 """The tests of torques against references, gravity, and impedance on the simulated robot."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
+from rtf.robot_testing import GuardError
 from rtf.testing.events import Message
+from rtf.testing.outcome import Inconclusive
 from rtf.testing.plugins import find, load_test
 from rtf.testing.verdict import Severity, Verdict
 
@@ -116,6 +121,33 @@ def test_a_fault_is_found_at_its_joint_only(outcome, measured, name, what, joint
     found = measured(outcome, name, what)
     assert any(one.margin < 0 for one in found if joint in one.subject)
     assert all(one.margin >= 0 for one in found if joint not in one.subject)
+
+
+@pytest.mark.parametrize(("noise", "least"), [(0.0, 0.995), (1.0, 0.94), (3.0, 0.6)])
+def test_noise_of_speeds_is_no_damping(noise: float, least: float):
+    """What scatters makes the slope of a line flatter by its share of the variance."""
+    test = load_test(find("test", "TorqueControlStiffDampCheck"))
+    random = np.random.default_rng(5)
+    speeds = 7.0 * np.sin(np.arange(0.0, 10.0, 0.01) * 2 * np.pi)
+    share = test._share_of_motion("j0", "damping", speeds + noise * random.normal(size=speeds.size))
+    assert share == pytest.approx(24.5 / (24.5 + noise**2), abs=0.06)
+    assert share >= least
+
+
+def test_more_noise_than_motion_says_nothing():
+    """Neither for nor against the robot."""
+    test = load_test(find("test", "TorqueControlStiffDampCheck"))
+    with pytest.raises(Inconclusive, match="is noise: move it further"):
+        test._share_of_motion("j0", "damping", np.random.default_rng(5).normal(size=1000))
+
+
+def test_an_operator_who_moves_a_joint_too_far_says_nothing_of_it():
+    """It is held all the same; in the simulator, where nobody else moves it, it has run away."""
+    test = load_test(find("test", "TorqueControlStiffDampCheck"))
+    part = SimpleNamespace(names=["j0"], board=SimpleNamespace(encoder=lambda _: 26.0))
+    for test.pushed, ends in ((False, Inconclusive), (True, GuardError)):
+        with pytest.raises(ends, match="more than 25 deg from home"):
+            test._look_after(part, 0, 0.0)
 
 
 def test_a_torque_that_follows_nothing_is_said_so(outcome):
