@@ -15,12 +15,12 @@ from rtf.robot.sensor_message import SENSOR_MESSAGE
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.descriptions import read_description
 from rtf.robot_testing.kinematics import rotation_of, rotation_vector
-from rtf.robot_testing.orientations import each_once, turn_between, turns_of, vertical_turn
+from rtf.robot_testing.orientations import each_once, sure_turn, turns_of, vertical_turn
+from rtf.robot_testing.positioning import late_joints
 from rtf.robot_testing.sensor_streams import MEASURES, sensors_of
 from rtf.robot_testing.stream_test import StreamTest
 from rtf.robot_testing.streams import stream_of
 from rtf.testing import Parameter
-from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,6 +37,7 @@ _HOMING_SPEED = 20.0
 #: Motion is compared over windows of so many messages; what turns slower than this (deg/s) is at rest.
 _WINDOW, _AT_REST = 10, 0.5
 _FEWEST_AT_REST = 20
+_ANY_TURN = 180.0  # deg: a turn that is known no better may be any
 
 
 class _Unit(NamedTuple):
@@ -89,6 +90,8 @@ class Imu(StreamTest):
     )  # fmt: skip
     max_gravity_error = Parameter(float, "the same of the direction of gravity", unit="deg", default=3.0, low=0.0)
     max_rate_error = Parameter(float, "rms error of the turning rate", unit="deg/s", default=3.0, low=0.0)
+    # The units know it ten times better; the joints that carry them know their zeros to a degree.
+    max_turn = Parameter(float, "by how much the unit surely is mounted turned", unit="deg", default=3.0, low=0.0)
     gravity_tolerance = Parameter(float, "how far off 9.81 gravity may be", unit="m/s^2", default=0.5, low=0.0)
 
     def setup(self) -> None:
@@ -155,9 +158,13 @@ class Imu(StreamTest):
         with ExitStack() as recording:
             traces = [recording.enter_context(part.recorded()) for part in self.robot_parts]
             self.robot_parts[0].wait(_REST)
-            for place, (part, joint) in enumerate(self.moved):
-                self.progress(place / len(self.moved), part.names[joint])
-                self._move(part, joint)
+            joints = self.moved
+            self.moved = []
+            for place, (part, joint) in enumerate(joints):
+                self.progress(place / len(joints), part.names[joint])
+                if self._move(part, joint):
+                    self.moved.append((part, joint))
+        self.assert_error_if_false(self.moved, "no joint moves as it should: nothing can be compared")
         self._check_motion(traces)
         times, angles = self._angles(traces)
         messages = stream_of(self.listener.recorders[stream].messages).messages
@@ -170,16 +177,17 @@ class Imu(StreamTest):
         home = part.home[joint]
         return min(part.high[joint], home + self.amplitude), max(part.low[joint], home - self.amplitude)
 
-    def _move(self, part: Part, joint: int) -> None:
-        home = part.home[joint]
-        try:
-            for goal in self._goals(part, joint):
-                there = part.move([goal], [joint], speed=self.speed)
-                self.require(there, "where the unit is to be felt", part, [joint], [goal])
-                part.wait(_REST)
-        finally:
-            back = part.move([home], [joint], speed=self.speed)
-        self.require(back, "home", part, [joint], [home])
+    def _move(self, part: Part, joint: int) -> bool:
+        """Move a joint to both sides and home. One that does not come there fails, and the others go on."""
+        late: dict[int, str] = {}
+        for goal in self._goals(part, joint):
+            late = late or late_joints(part, [joint], [goal], speed=self.speed)
+            part.wait(_REST)
+        late = late_joints(part, [joint], [part.home[joint]], speed=self.speed) | late
+        if late:
+            with self.subresult(part.names[joint]):
+                self.assert_fail(f"{late[joint]}; {likely_causes('does not move')}")
+        return not late
 
     def _check_motion(self, traces: Sequence[Trace]) -> None:
         """Without motion there is nothing to compare: that would be no success."""
@@ -226,22 +234,34 @@ class Imu(StreamTest):
             None if place is None else np.array([one[category][place].values for one in read])
             for category, place in zip(_CATEGORIES, (unit.gyroscope, unit.accelerometer), strict=True)
         )
-        return _Felt(stamps, np.array(expected), np.array(told), gyroscope, accelerometer)
+        felt = _Felt(stamps, np.array(expected), np.array(told), gyroscope, accelerometer)
+        self._require_numbers(unit, felt)
+        return felt
+
+    def _require_numbers(self, unit: _Unit, felt: _Felt) -> None:
+        told = [values.reshape(len(values), -1) for values in felt[2:] if values is not None]
+        missing = int((~np.isfinite(np.hstack(told))).any(axis=1).sum())
+        self.assert_fail_if_true(
+            missing,
+            f"{missing} of {felt.times.size} measurements of {unit.name} are no numbers; "
+            f"{likely_causes('sensor frozen')}",
+        )
 
     def _judge(self, unit: _Unit, felt: _Felt) -> None:
         turning = turns_of(felt.expected, felt.times, _WINDOW)
-        self._wrong = False
+        fast = np.linalg.norm(turning, axis=1)
         self._judge_orientation(felt)
         expected, found = [], []
         if felt.speeds is not None:
-            expected.append(turning)
-            found.append(self._judge_rates(felt.times, felt.speeds, turning))
+            rates = self._judge_rates(felt.times, felt.speeds, turning)
+            expected.append(turning[fast > _AT_REST])
+            found.append(rates[fast > _AT_REST])
         if felt.accelerations is not None:
-            up, measured = self._judge_gravity(unit, felt.expected, felt.accelerations, np.linalg.norm(turning, axis=1))
+            up, measured = self._judge_gravity(unit, felt.expected, felt.accelerations, fast)
             expected.append(up * _AT_REST)
             found.append(measured * _AT_REST)
-        if self._wrong and found:
-            self._explain(unit, np.concatenate(expected), np.concatenate(found))
+        if found:
+            self._judge_mounting(unit, np.concatenate(found), np.concatenate(expected))
 
     def _judge_orientation(self, felt: _Felt) -> None:
         heading = vertical_turn(felt.orientations, felt.expected)
@@ -296,23 +316,28 @@ class Imu(StreamTest):
         angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
         self._off("greatest error of the direction of gravity", float(angle.max()), "deg", self.max_gravity_error)
         mean = float(size.mean())
-        self.measure("gravity", mean, "m/s^2", _GRAVITY - self.gravity_tolerance, _GRAVITY + self.gravity_tolerance)
+        low, high = _GRAVITY - self.gravity_tolerance, _GRAVITY + self.gravity_tolerance
+        hint = f"{unit.name} feels {mean:.2f} m/s^2 at rest; {likely_causes('offset')}"
+        self.measure("gravity", mean, "m/s^2", low, high, hint=hint)
         return up, found / np.maximum(size, 1e-9)[:, None]
 
     def _off(self, name: str, value: float, symbol: str, high: float) -> None:
         hint = f"{name} is {value:.3g} {symbol}; {likely_causes('orientation')}"
-        measured = self.measure(name, value, symbol, high=high, hint=hint)
-        self._wrong |= measured.verdict is MeasurementVerdict.FAILED
+        self.measure(name, value, symbol, high=high, hint=hint)
 
-    def _explain(self, unit: _Unit, expected: FloatArray, found: FloatArray) -> None:
-        """Say by which turn of the unit all that it feels would be explained."""
-        vector = np.degrees(rotation_vector(turn_between(found, expected)))
-        angle = float(np.linalg.norm(vector))
-        self.check(
-            False,
-            f"{unit.name} feels as if it were mounted turned by {angle:.1f} deg about "
-            f"({', '.join(f'{part:.2f}' for part in vector / max(angle, 1e-9))}) of its frame {unit.frame}",
+    def _judge_mounting(self, unit: _Unit, found: FloatArray, expected: FloatArray) -> None:
+        """Judge by which turn of the unit all that it feels would be explained; windows that overlap count once."""
+        turn = sure_turn(found[::_WINDOW], expected[::_WINDOW])
+        if turn.interval > _ANY_TURN:
+            self.report(f"these motions do not tell how {unit.name} is mounted")
+            return
+        self.measure("interval of the turn of its mounting (99 %)", turn.interval, "deg")
+        hint = (
+            f"{unit.name} feels as if it were mounted turned by {turn.angle:.1f} ± {turn.interval:.2f} deg about "
+            f"({', '.join(f'{part:.2f}' for part in turn.axis)}) of its frame {unit.frame}; "
+            f"{likely_causes('orientation')}"
         )
+        self.measure("turn of its mounting", turn.angle, "deg", high=self.max_turn + turn.interval, hint=hint)
 
 
 _CATEGORIES = (SensorCategory.GYROSCOPE, SensorCategory.ACCELEROMETER)

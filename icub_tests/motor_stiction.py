@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtf.robot_testing import Safety, confidence, likely_causes
+from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.duty_case import DutyTest, Steps
 from rtf.testing import Parameter
 
@@ -79,10 +79,12 @@ class MotorStiction(DutyTest):
         self.measure("set going upwards", float(upwards.mean()), "%")
         self.measure("set going downwards", float(downwards.mean()), "%")
         self.measure("in the middle, against gravity", float((upwards + downwards).mean() / 2), "%")
-        mean, sure = confidence(_stictions(found))
-        spread = f" ± {sure:.1f}" if np.isfinite(sure) else ""
+        each = _stictions(found)
+        mean = float(each.mean())
+        # Two or three values tell what they are better than an interval, which is tens of times their spread.
+        times = f" ({each.min():.1f} to {each.max():.1f} in {each.size} times)" if each.size > 1 else ""
         hint = (
-            f"{name} takes {mean:.1f}{spread} % of duty cycle more than what gravity needs before it moves; "
+            f"{name} takes {mean:.1f} %{times} of duty cycle more than what gravity needs before it moves; "
             f"{likely_causes('weak')}"
         )
         self.measure("stiction", mean, "%", high=self._most(joint), hint=hint)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rtf.robot.errors import RobotError
-from rtf.robot_testing import Safety, delay_between, fit_line, likely_causes
+from rtf.robot_testing import Safety, fit_line, likely_causes
 from rtf.robot_testing.courses import singly, until, work
 from rtf.robot_testing.joints_case import JointsTest
 from rtf.robot_testing.parameter_checks import joint_count
@@ -35,8 +35,9 @@ _KNOWN_RATIOS = (1.5,)
 _SAME, _CLOSE = 1e-3, 0.01
 #: What is left, as a share of the half swing, from which on the estimates of ratios are in doubt themselves.
 _DOUBTFUL = 0.02
-#: The longest delay between two encoders that is looked for, s.
-_LONGEST = 0.2
+#: A delay shows best where a joint is fast, beyond this share of its greatest speed: there it has passed all play. Its
+#: speed is taken over so many states to both sides, so that the ticks of encoders are no part of it.
+_FAST, _ASIDE = 0.5, 5
 
 
 class _Data(NamedTuple):
@@ -183,7 +184,13 @@ class OpticalEncodersConsistency(JointsTest):
         if not len(trace):
             self.assert_error_if_false(outcome.complaint, f"{name}: the board publishes no states")
             return
-        own = _joined([trace])
+        data, own = self._of_board(joint), _joined([trace])
+        if missing := self._missing(joint, data):
+            self.assert_error_if_false(
+                outcome.complaint,
+                f"{name}: {missing} of {len(data.time)} states have no numbers for it; {likely_causes('frozen')}",
+            )
+            return
         travel = float(np.ptp(own.joints[:, joint]))
         turned = float(np.ptp(own.motors[:, joint])) / abs(self.transmission.factors[joint])
         self.assert_true(
@@ -198,7 +205,6 @@ class OpticalEncodersConsistency(JointsTest):
             turned >= 0.1 * travel or not self.transmission.coupling[joint, joint],  # then others turn it
             f"{name} moves by {travel:.1f} deg, its motor's encoder does not; {likely_causes('frozen')}",
         )
-        data = self._of_board(joint)
         ratios, left = self._estimate(joint, data)
         # What does not fit a line at all says less of its slope: a share of the half swing.
         doubt = float(left.std()) / (travel / 2)
@@ -207,12 +213,18 @@ class OpticalEncodersConsistency(JointsTest):
             self._judge_speeds(joint, own)
         self._keep(joint, own)
 
+    def _missing(self, joint: int, data: _Data) -> int:
+        """How many states lack a number that a joint is judged by: of its own, or of a joint that turns its motor."""
+        turning = [*{joint, *np.flatnonzero(self.transmission.coupling[joint])}]
+        own = np.column_stack([column[:, joint] for column in data[2:-1]])
+        return int((~np.isfinite(np.column_stack([own, data.joints[:, turning]])).all(axis=1)).sum())
+
     def _estimate(self, joint: int, data: _Data) -> tuple[dict[int, float], FloatArray]:
         """How far the motor turns with each joint of its board, in units of its gear; and what is left (deg)."""
         factor = float(self.transmission.factors[joint])
         moved = [j for j in self.transmission.blocks[joint] if np.ptp(data.joints[:, j]) >= _SWUNG]
         expected = self.transmission.gearbox[joint] * self.transmission.coupling[joint]
-        still = [j for j in range(len(expected)) if j not in moved]
+        still = [j for j in range(len(expected)) if j not in moved and expected[j]]
         rest = data.motors[:, joint] - data.joints[:, still] @ expected[still]
         columns = np.column_stack([data.joints[:, moved], np.ones(len(rest))])
         estimate, *_ = np.linalg.lstsq(columns, rest, rcond=None)
@@ -263,25 +275,36 @@ class OpticalEncodersConsistency(JointsTest):
         if not self.transmission.coupling[joint, joint]:
             return
         self._judge_speed(joint, "motor", own.time, own.motors[:, joint], own.motor_speeds[:, joint])
-        apart = self._delay(joint, own)
-        self.measure("delay of the motor after the joint", apart * 1e3, "ms", low=-self.delay, high=self.delay)
+        apart = self._delay(joint, own) * 1e3
+        hint = (
+            f"{self.robot_part.names[joint]}: the motor's encoder shows {abs(apart):.0f} ms "
+            f"{'after' if apart > 0 else 'before'} the joint's what it should at once; "
+            f"{likely_causes('jitter', 'backlash')}"
+        )
+        self.measure("delay of the motor after the joint", apart, "ms", low=-self.delay, high=self.delay, hint=hint)
 
     def _judge_speed(self, joint: int, what: str, time: FloatArray, positions: FloatArray, speeds: FloatArray) -> None:
         name, limit = self.robot_part.names[joint], self.velocity_tolerance / 100.0
         agreement = fit_line(speeds[1:-1], _derived(time, positions)).slope
-        hint = f"{name}: the speed of the {what} that is told is not that of its positions"
+        hint = (
+            f"{name}: the {what} turns {agreement:.2f} times as fast as the speed that is told, by its positions; "
+            f"{likely_causes('ratio', 'frozen')}"
+        )
         self.measure(f"speed of the {what}, derived by told", agreement, low=1 - limit, high=1 + limit, hint=hint)
 
     def _delay(self, joint: int, own: _Data) -> float:
-        """By how many seconds the motor's encoder is behind the joint's; negative when it is the other way round."""
-        others = self.transmission.rotors(own.joints)[:, joint]
-        motor = own.motors[:, joint] - own.motors[:, joint].mean()
-        ratio = float(np.sign(fit_line(others, own.motors[:, joint]).slope)) * np.std(motor) / max(np.std(others), 1e-9)
-        joints = (others - others.mean()) * ratio
-        period = float(np.median(np.diff(own.time)))
-        even = np.arange(own.time[0], own.time[-1], period)
-        first, second = np.interp(even, own.time, joints), np.interp(even, own.time, motor)
-        return delay_between(first, second, period, _LONGEST) - delay_between(second, first, period, _LONGEST)
+        """By how many seconds the motor's encoder is behind the joint's; negative when it is the other way round.
+
+        A delay puts the two apart in proportion to the speed, play by the same at all speeds, to either side.
+        """
+        motor = own.motors[:, joint]
+        speeds = _derived(own.time, motor, _ASIDE)
+        fast = np.abs(speeds) > _FAST * float(np.abs(speeds).max())
+        inner = slice(_ASIDE, -_ASIDE)
+        columns = np.column_stack([motor[inner], speeds, speeds > 0, speeds < 0])[fast]
+        said = self.transmission.rotors(own.joints)[inner, joint][fast]
+        (ratio, lead, *_), *_ = np.linalg.lstsq(columns, said, rcond=None)
+        return float(lead / ratio)
 
     def _keep(self, joint: int, own: _Data) -> None:
         time = own.time - own.time[0]
@@ -303,10 +326,10 @@ def _joined(traces: list[Trace]) -> _Data:
     return _Data(*(np.concatenate([getattr(trace, name) for trace in traces]) for name in names))
 
 
-def _derived(time: FloatArray, positions: FloatArray) -> FloatArray:
-    """Speeds from positions two states apart; one less at each end."""
-    gaps = time[2:] - time[:-2]
-    speeds: FloatArray = (positions[2:] - positions[:-2]) / np.where(gaps > 0, gaps, np.inf)
+def _derived(time: FloatArray, positions: FloatArray, aside: int = 1) -> FloatArray:
+    """Speeds from positions so many states to both sides; as many less at each end."""
+    gaps = time[2 * aside :] - time[: -2 * aside]
+    speeds: FloatArray = (positions[2 * aside :] - positions[: -2 * aside]) / np.where(gaps > 0, gaps, np.inf)
     return speeds
 
 

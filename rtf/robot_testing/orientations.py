@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from rtf.robot_testing.kinematics import rotation_vector
+from rtf.robot_testing.statistics import CONFIDENCE, student
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
@@ -43,3 +44,36 @@ def turn_between(found: FloatArray, wanted: FloatArray) -> FloatArray:
     handed = float(np.sign(np.linalg.det(left @ right)))
     rotation: FloatArray = left @ np.diag([1.0, 1.0, handed]) @ right
     return rotation
+
+
+class Turn(NamedTuple):
+    """A turn by ``angle`` (deg) about an axis of length 1, and half the width of its interval (deg).
+
+    The interval is that about the axis about which least is known; infinite where nothing is.
+    """
+
+    angle: float
+    axis: FloatArray
+    interval: float
+
+
+def sure_turn(found: FloatArray, wanted: FloatArray, level: float = CONFIDENCE) -> Turn:
+    """The turn that brings independent vectors (n, 3) nearest to others, and how sure it is.
+
+    Each vector pulls at the turn by its error across itself; these need not be alike ("sandwich" of the covariance,
+    White, Econometrica 48, 1980).
+    """
+    rotation = turn_between(found, wanted)
+    vector = np.degrees(rotation_vector(rotation))
+    angle, turned = float(np.linalg.norm(vector)), found @ rotation.T
+    both, freedom = wanted.T @ turned, len(found) - 3
+    stiffness = np.trace(both) * np.eye(3) - (both + both.T) / 2
+    interval = math.inf
+    if freedom > 0 and np.linalg.eigvalsh(stiffness)[0] > _UNKNOWN * np.trace(stiffness):
+        pulls = np.linalg.solve(stiffness, np.cross(turned, wanted).T)
+        interval = student(level, freedom) * math.degrees(float(np.linalg.norm(pulls, 2)))
+    return Turn(angle, vector / max(angle, _TINY), interval)
+
+
+#: Of what vectors hold a turn by, the share about an axis from which on it is held; and what is not divided by.
+_UNKNOWN, _TINY = 1e-6, 1e-9

@@ -11,6 +11,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from rtf.robot.interfaces import FloatArray
+
 
 #: The confidence that is stated where nothing else is said.
 CONFIDENCE = 0.99
@@ -32,25 +34,32 @@ class Fit(NamedTuple):
 
 
 def fit_line(x: ArrayLike, y: ArrayLike, level: float = CONFIDENCE) -> Fit:
-    """The line of least squares. Raises ValueError for fewer than three points."""
+    """The line of least squares. Raises ValueError for fewer than three points, and for what is no number."""
     xs, ys = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if xs.size < _FEWEST or xs.size != ys.size:
         raise ValueError(f"a line needs {_FEWEST} points or more, as many x as y: {xs.size} and {ys.size}")
+    if missing := int((~np.isfinite(xs) | ~np.isfinite(ys)).sum()):
+        raise ValueError(f"a line needs numbers: {missing} of {xs.size} points are none")
     dx, dy = xs - xs.mean(), ys - ys.mean()
     spread = float(dx @ dx)
     slope = float(dx @ dy) / spread if spread > 0 else math.nan
     offset = float(ys.mean() - slope * xs.mean())
     left = ys - (slope * xs + offset)
     rms = float(np.sqrt(np.mean(left**2)))
-    error = math.sqrt(float(left @ left) / max(1, xs.size - 2) / spread) if spread > 0 else math.nan
+    freedom = xs.size - 2
+    error = math.sqrt(float(left @ left) / freedom / spread) if spread > 0 else math.nan
     both = math.sqrt(spread * float(dy @ dy))
     correlation = float(dx @ dy) / both if both > 0 else math.nan
     largest = float(np.abs(left).max())
-    return Fit(slope, offset, quantile(level) * error, rms, largest, correlation, xs.size)
+    return Fit(slope, offset, student(level, freedom) * error, rms, largest, correlation, xs.size)
 
 
 class Periods(NamedTuple):
-    """The periods of a stream (s) and what follows from them. ``rate`` is intervals over their sum (Hz)."""
+    """The periods of a stream (s) and what follows from them. ``rate`` is intervals over their sum (Hz).
+
+    ``rate_interval`` is half the width of its interval, for a stream whose messages scatter about a steady beat: one
+    that is late is followed by a short period, so that the periods are not independent.
+    """
 
     messages: int
     rate: float
@@ -71,7 +80,6 @@ def periods_of(times: ArrayLike, level: float = CONFIDENCE) -> Periods:
     gaps = np.diff(stamps)
     mean, deviation = float(gaps.mean()), float(gaps.std(ddof=1))
     rate = 1.0 / mean if mean > 0 else math.inf
-    sure = quantile(level) * deviation / math.sqrt(gaps.size) / mean * rate if mean > 0 else math.nan
     return Periods(
         stamps.size,
         rate,
@@ -81,8 +89,16 @@ def periods_of(times: ArrayLike, level: float = CONFIDENCE) -> Periods:
         float(gaps.min()),
         float(gaps.max()),
         float(np.quantile(gaps, 0.99)),
-        sure,
+        _rate_interval(stamps, level) if mean > 0 else math.nan,
     )
+
+
+def _rate_interval(stamps: FloatArray, level: float) -> float:
+    """Half the width of the interval of a rate (Hz): the first and the last stamp are both off the beat."""
+    beat = fit_line(np.arange(stamps.size), stamps)
+    freedom, span = stamps.size - 2, float(stamps[-1] - stamps[0])
+    off = beat.rms * math.sqrt(2 * stamps.size / freedom)
+    return student(level, freedom) * off / span * (stamps.size - 1) / span
 
 
 def confidence(values: ArrayLike, level: float = CONFIDENCE) -> tuple[float, float]:
@@ -90,7 +106,7 @@ def confidence(values: ArrayLike, level: float = CONFIDENCE) -> tuple[float, flo
     xs = np.asarray(values, dtype=np.float64)
     if xs.size < 2:  # noqa: PLR2004 - one value says nothing of its spread
         return float(xs.mean()), math.inf
-    return float(xs.mean()), quantile(level) * float(xs.std(ddof=1)) / math.sqrt(xs.size)
+    return float(xs.mean()), student(level, xs.size - 1) * float(xs.std(ddof=1)) / math.sqrt(xs.size)
 
 
 def delay_between(reference: ArrayLike, answer: ArrayLike, period: float, most: float) -> float:
@@ -121,9 +137,27 @@ def surely_beyond(values: ArrayLike, share: float, level: float = CONFIDENCE) ->
     return float(ordered[max(0, math.floor(place) - 1)])
 
 
-def quantile(level: float) -> float:
-    """How many standard errors wide half an interval of this confidence is."""
-    return NormalDist().inv_cdf(0.5 + level / 2)
+def student(level: float, freedom: int) -> float:
+    """Student's t: how many standard errors, which are estimated, half an interval of this confidence is wide.
+
+    ``freedom`` is the number of values less that of what was fitted to them, at least 1. Exact for 1 and 2, and else by
+    the series of Abramowitz and Stegun, Handbook of Mathematical Functions, 26.7.5: within 1 % at 99 %.
+    """
+    if freedom == 1:
+        return math.tan(level * math.pi / 2)
+    if freedom == 2:  # noqa: PLR2004 - has a closed form, too
+        return level * math.sqrt(2 / (1 - level**2))
+    normal = NormalDist().inv_cdf(0.5 + level / 2)
+    powers = [float(np.polyval(row, normal**2)) / freedom**power for power, row in enumerate(_STUDENT)]
+    return normal * math.fsum(powers)
 
 
+#: The polynomials of the series, in the square of the normal quantile: one for each power of 1 / freedom.
+_STUDENT = (
+    np.array([1.0]),
+    np.array([1.0, 1.0]) / 4,
+    np.array([5.0, 16.0, 3.0]) / 96,
+    np.array([3.0, 19.0, 17.0, -15.0]) / 384,
+    np.array([79.0, 776.0, 1482.0, -1920.0, -945.0]) / 92160,
+)
 _FEWEST = 3

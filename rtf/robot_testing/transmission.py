@@ -58,9 +58,14 @@ class Transmission:
             )
 
     def rotors(self, joints: ArrayLike) -> FloatArray:
-        """Where the rotors are (deg) when the joints are there; shape (axes,) or (states, axes)."""
-        angles: FloatArray = self.gearbox * (np.asarray(joints, dtype=np.float64) @ self.coupling.T)
-        return angles
+        """Where the rotors are (deg) when the joints are there; shape (axes,) or (states, axes).
+
+        Of a joint that shows no number those are unknown that turn it, and no others.
+        """
+        shown = np.asarray(joints, dtype=np.float64)
+        missing = ~np.isfinite(shown)
+        angles = self.gearbox * (np.where(missing, 0.0, shown) @ self.coupling.T)
+        return np.where(missing @ (self.coupling.T != 0), np.nan, angles)
 
     @property
     def factors(self) -> FloatArray:

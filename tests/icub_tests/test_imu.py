@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from robot_outcomes import failed_parts, said
 from rtf.simulator.engine import robot_description
 from rtf.testing.events import Message, SeriesRecorded
 from rtf.testing.verdict import Severity, Verdict
@@ -30,7 +31,9 @@ def outcome(run_on_robot, tmp_path_factory):
         [
             case("healthy", axes="(neck_pitch neck_roll neck_yaw)", amplitude=15),
             case("turned", "imu_rotated imu angle=20"),
+            case("a-little", "imu_rotated imu angle=5"),
             case("frozen", "imu_frozen imu"),
+            case("stuck", "jam neck_yaw"),
             case("model", model=model),
             case("unknown", sensors="(head_imu_7)"),
             case("parts", parts="(head)"),
@@ -46,6 +49,7 @@ def test_a_healthy_unit_agrees_with_the_joints(outcome, measured):
         ("greatest error of the orientation", 0.02),
         ("greatest error of the direction of gravity", 2.0),
         ("rms error of the turning rate", 1.0),
+        ("turn of its mounting", 0.1),
     ):
         assert measured(outcome, "healthy", name)[0].value < most
 
@@ -68,10 +72,29 @@ def test_a_turned_unit_is_told_by_how_much(outcome):
     assert any("head_imu_0" in one and ("by 20." in one or "by 19." in one) for one in said), said
 
 
-def test_a_unit_that_stands_still_is_found(outcome):
-    """A unit that repeats itself while the head moves fails."""
+def test_a_unit_that_is_turned_a_little_is_found_by_its_turn(outcome, measured):
+    """It is measured with its interval, which is far less than what it is beyond its limit, and has likely causes."""
+    (turn,) = measured(outcome, "a-little", "turn of its mounting")
+    (interval,) = measured(outcome, "a-little", "interval of the turn of its mounting (99 %)")
+    assert turn.value == pytest.approx(5.0, abs=interval.value)
+    assert turn.value - turn.high > 1.5 > 10 * interval.value
+    assert "feels as if it were mounted turned by 5.0 ± 0.0" in said(outcome, "a-little")
+    assert "likely: a unit mounted turned" in said(outcome, "a-little")
+
+
+def test_a_joint_that_is_stuck_fails_by_its_name(outcome, measured):
+    """What the unit feels of the others is judged all the same."""
+    assert failed_parts(outcome, "stuck") == ["neck_yaw"]
+    assert "though it was told twice to go there; likely: a broken motor cable" in said(outcome, "stuck")
+    assert not measured(outcome, "stuck", "motion of neck_yaw")
+    assert measured(outcome, "stuck", "turn of its mounting")[0].value < 0.5
+
+
+def test_a_unit_that_stands_still_is_found(outcome, measured):
+    """A unit that repeats itself while the head moves fails, and is not taken for a turned one."""
     assert outcome.verdict("frozen") is Verdict.FAILED
     assert any("never changed" in event.detail for event in outcome.of(Message, test="s/frozen"))
+    assert not measured(outcome, "frozen", "turn of its mounting")
 
 
 def test_a_wrong_frame_in_the_model_is_found(outcome):

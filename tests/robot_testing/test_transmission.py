@@ -73,3 +73,12 @@ def test_joints_are_coupled_through_others():
     chain = Transmission(np.ones(4), np.array([[1.0, 0, 0, 0], [-1, 1, 0, 0], [0, -1, 1, 0], [0, 0, 0, 1]]), ((),) * 4)
     assert chain.sharing(0) == {0, 1}
     assert [chain.coupled(joint) for joint in range(4)] == [[0, 1, 2]] * 3 + [[3]]
+
+
+def test_a_joint_without_a_number_says_nothing_of_the_motors_that_turn_it():
+    """And leaves the others alone: in one state, and in a series."""
+    matrix, blocks = block_diagonal(TORSO, 3)
+    transmission = Transmission(np.array([100.0, -100.0, 50.0]), matrix, blocks)
+    known = transmission.rotors([10.0, 0.0, 4.0])
+    found = transmission.rotors([[10.0, 0.0, 4.0], [10.0, np.nan, 4.0]])
+    assert np.array_equal(found, [known, [known[0], np.nan, np.nan]], equal_nan=True)

@@ -1,0 +1,169 @@
+"""What the tests of encoders say of states that are known."""
+
+import math
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rtf.robot_testing.duty_case import BothWays, Steps
+from rtf.robot_testing.duty_ramp import End, Ramp
+from rtf.robot_testing.swinging import Outcome
+from rtf.robot_testing.transmission import Transmission
+from rtf.testing.outcome import TestProblem
+
+from .kept_test import kept_test
+
+_TICK = 0.0879  # of an absolute encoder of 12 bits, deg
+_GEAR = 100.0
+_PERIOD = 0.01
+PART = SimpleNamespace(names=["elbow"])
+GEARED = Transmission(np.array([_GEAR]), np.eye(1), ((0,),))
+
+
+class Trace(SimpleNamespace):
+    """States that can be counted."""
+
+    def __len__(self):
+        return self.time.size
+
+
+def course(speed):
+    """Four half-swings of 20 deg and home, with the least jerk and a rest at each end; the mean speed is given."""
+    goals = [0.0, 10.0, -10.0, 10.0, -10.0, 0.0]
+    moves = []
+    for start, goal in pairwise(goals):
+        share = np.linspace(0.0, 1.0, round(abs(goal - start) / speed / _PERIOD))
+        moves += [start + (goal - start) * share**3 * (10 - 15 * share + 6 * share**2), np.full(10, goal)]
+    return np.concatenate(moves)
+
+
+def follow(motor, play):
+    """Where a joint is that its motor drives with so much play: a dead band, without any delay."""
+    joint, places = motor[0], []
+    for place in motor:
+        joint = min(max(joint, place - play / 2), place + play / 2)
+        places.append(joint)
+    return np.array(places)
+
+
+def swung(speed=20.0, play=0.0, delay=0.0):
+    """The states of a joint that swings; its motor's encoder is so late (s)."""
+    motor = course(speed)
+    time = _PERIOD * np.arange(motor.size)
+    joint = _TICK * np.round(follow(motor, play) / _TICK)
+    shown = _GEAR * np.interp(time - delay, time, motor)
+    return Trace(
+        time=time,
+        positions=joint[:, None],
+        motor_positions=shown[:, None],
+        velocities=np.gradient(motor, _PERIOD)[:, None],
+        motor_velocities=np.gradient(shown, _PERIOD)[:, None],
+        duty_cycles=np.zeros((time.size, 1)),
+    )
+
+
+def consistency(trace):
+    """OpticalEncodersConsistency after it has judged such swings of one joint."""
+    test = kept_test("OpticalEncodersConsistency", robot_part=PART, transmission=GEARED, chosen=[0])
+    test.swinger = SimpleNamespace(in_doubt=lambda joint: "")
+    test._swings = {0: SimpleNamespace(trace=trace)}
+    test._judge(0, Outcome(), trace)
+    return test.kept
+
+
+@pytest.mark.parametrize("speed", [20.0, 10.0, 5.0])
+@pytest.mark.parametrize("play", [0.0, 0.4, 0.95])
+def test_play_is_no_delay(speed, play):
+    """Play that is allowed is told as play, however slow the joint is."""
+    kept = consistency(swung(speed, play))
+    assert kept.failures == []
+    assert kept.values["play"] == pytest.approx(play, abs=0.05)
+    assert kept.values["delay of the motor after the joint"] == pytest.approx(0.0, abs=3.0)
+
+
+@pytest.mark.parametrize("delay", [-0.03, 0.03])
+def test_a_delay_is_no_play(delay):
+    """It is measured in spite of play, and a failure says which encoder is late, and what may be the cause."""
+    kept = consistency(swung(8.0, 0.3, delay))
+    assert kept.values["delay of the motor after the joint"] == pytest.approx(1e3 * delay, abs=3.0)
+    (failure,) = kept.failures
+    assert f"{'after' if delay > 0 else 'before'} the joint's what it should at once; likely: " in failure
+
+
+def test_a_speed_that_is_wrong_has_likely_causes():
+    """It is told how wrong it is."""
+    trace = swung()
+    trace.velocities = trace.velocities / 2
+    (failure,) = consistency(trace).failures
+    assert "elbow: the joint turns 2.00 times as fast as the speed that is told, by its positions; likely: " in failure
+
+
+@pytest.mark.parametrize("what", ["positions", "motor_positions", "velocities"])
+def test_states_without_numbers_end_their_joint(what):
+    """They are counted, and no line is drawn through what is left."""
+    trace = swung()
+    getattr(trace, what)[[50, 70]] = math.nan
+    with pytest.raises(TestProblem, match=r"elbow: 2 of \d+ states have no numbers for it; likely: "):
+        consistency(trace)
+
+
+def drift(apart):
+    """OpticalEncodersDrift after it has judged how far encoders were apart at visits every six half-swings."""
+    test = kept_test("OpticalEncodersDrift", robot_part=PART, transmission=GEARED, chosen=[0], complaints={})
+    test.swinger = SimpleNamespace(in_doubt=lambda joint: "")
+    test._judge(0, 6.0 * np.arange(len(apart)), np.array(apart), 1.0)
+    return test.kept
+
+
+def test_a_sure_trend_fails_by_its_measurement():
+    """With likely causes, though the drift at the end is still allowed."""
+    apart = np.linspace(5.0, 5.19, 11)
+    (failure,) = drift(apart).failures
+    assert failure.startswith("drift by the trend, at least is 0.31")
+    assert "elbow drifts by 0.317 deg or more in 100 half-swings, with a confidence of 99 %; likely: " in failure
+
+
+def test_a_trend_of_a_few_visits_is_as_sure_as_it_says():
+    """Of encoders that only scatter, six visits show no sure trend but in one of a hundred runs."""
+    random = np.random.default_rng(1)
+    found = [drift([0.0, *random.normal(0.0, 0.05, 5)]).values["drift by the trend, at least"] for _ in range(300)]
+    assert np.mean([value > 0 for value in found]) < 0.03
+
+
+def test_a_visit_without_a_number_ends_its_joint():
+    """It hides no drift: nothing is said of it, but how many there are."""
+    apart = np.linspace(5.0, 5.19, 11)
+    for missing in (5, 0):
+        with_gap = apart.copy()
+        with_gap[missing] = math.nan
+        with pytest.raises(TestProblem, match="elbow: at 1 of 11 visits of home its encoders"):
+            drift(with_gap)
+
+
+def test_a_joint_without_numbers_hides_no_clear_drift_of_another():
+    """The test ends early all the same."""
+    rows = []
+    test = kept_test("OpticalEncodersDrift", chosen=[0, 1], complaints={})
+    test._half_swings, test._visit = (lambda count: np.ones(2)), (lambda visits, done: None)
+    test._apart = lambda visits: np.array([math.nan, 5.0])
+    test._swing(None, SimpleNamespace(append=lambda *row: rows.append(row)))
+    assert len(rows) == 1
+
+
+def stiction(*values):
+    """What MotorStiction says of a motor that needs so much duty cycle to either side, for each time."""
+    ramps = [[Ramp(End.MOVED, value, sign * value, 5.0, 5.0, np.empty(0)) for sign in (1, -1)] for value in values]
+    test = kept_test("MotorStiction", robot_part=PART, transmission=GEARED, chosen=[0], most=[10.0])
+    test.steps = [Steps(0.0, 0.5, 0.1, 50.0, 5.0)]
+    test.judge(0, [BothWays(*pair, held=True) for pair in ramps])
+    return test.kept.failures
+
+
+def test_the_stiction_of_a_few_times_is_told_by_its_spread():
+    """An interval of two values would be a hundred times what they differ by."""
+    (failure,) = stiction(11.5, 12.5)
+    assert "elbow takes 12.0 % (11.5 to 12.5 in 2 times) of duty cycle more than what gravity needs" in failure
+    (failure,) = stiction(12.0)
+    assert "elbow takes 12.0 % of duty cycle more" in failure
