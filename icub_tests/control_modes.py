@@ -23,7 +23,8 @@ from rtf.robot.control_modes import (
 )
 from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot_testing import Limits, Safety, likely_causes
-from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.joints_case import JointsTest, told_at
+from rtf.robot_testing.mode_numbers import LEGEND, mode_numbers
 from rtf.robot_testing.mode_walk import ModeWalk
 from rtf.robot_testing.snapshot import answered
 from rtf.robot_testing.torque import greatest_torque, torque_flags
@@ -82,6 +83,8 @@ class ControlModes(JointsTest):
         )
         self.tested: dict[int, set[tuple[ControlMode, ControlMode]]] = {joint: set() for joint in self.chosen}
         self.wrong: dict[int, list[str]] = {joint: [] for joint in self.chosen}
+        begin = self.now(), float(ControlMode.POSITION)
+        self.expected = {joint: [begin] for joint in self.chosen}
         self.slowest = dict.fromkeys(self.chosen, 0.0)
         self.bring_home(tolerance=self.tolerance)
 
@@ -97,12 +100,15 @@ class ControlModes(JointsTest):
 
     def run(self) -> None:
         """Walk, drive into faults, and judge each joint."""
-        needed = self._walk()
-        if self.faults:
-            needed |= self._fault()
-        self._try_request(ControlMode.POSITION)
+        with self.robot_part.recorded() as trace:
+            needed = self._walk()
+            if self.faults:
+                needed |= self._fault()
+            self._try_request(ControlMode.POSITION)
+        self.report(LEGEND)
         for joint in self.chosen:
             with self.subresult(self.robot_part.names[joint]):
+                self._keep(joint, trace)
                 self._judge(joint, needed)
         self.robot_part.tell_of_clocks(self.report)
 
@@ -150,6 +156,8 @@ class ControlModes(JointsTest):
         reliable = [joint for joint in joints if not self.wrong[joint]] or joints[:1]
         unchanged = any(expected[joint] is before[joint] for joint in joints)
         begin = self.now()
+        for joint in joints:
+            self.expected[joint].append((begin, expected[joint]))
         with part.recorded() as trace:
             refused = self._request(request, joints)
             if request is ControlMode.CURRENT:  # else boards may go on with the current of a moment ago
@@ -309,6 +317,8 @@ class ControlModes(JointsTest):
     def _provoke(self, joints: Sequence[int]) -> None:
         """Bring joints into fault by a greatest current of zero, and give them their current back at once."""
         board = self.robot_part.board
+        for joint in joints:
+            self.expected[joint].append((self.now(), ControlMode.HARDWARE_FAULT))
         try:
             for joint in joints:
                 board.set_max_current(joint, 0.0)
@@ -323,6 +333,16 @@ class ControlModes(JointsTest):
 
     # Verdict -----------------------------------------------------------------------------------------------------
 
+    def _keep(self, joint: int, trace: Trace) -> None:
+        """Record the modes that a joint was in, and was to be in."""
+        time = trace.local_time
+        self.record(
+            "modes",
+            time=(time - time[0], "s"),
+            mode=(mode_numbers(trace.control_modes[:, joint]), ""),
+            expected=(mode_numbers(told_at(time, self.expected[joint])), ""),
+        )
+
     def _judge(self, joint: int, needed: set[tuple[ControlMode, ControlMode]]) -> None:
         name, wrong = self.robot_part.names[joint], self.wrong[joint]
         if joint not in self.compliant:
@@ -330,11 +350,10 @@ class ControlModes(JointsTest):
         left = needed - self.tested[joint]
         self.measure("requests tried", len(needed) - len(left))
         self.measure("slowest change", 1e3 * self.slowest[joint], "ms", high=1e3 * self.change_time)
-        self.measure("wrong answers", len(wrong), high=0)
-        if wrong:
-            more = f"; and {len(wrong) - _TOLD} more" if len(wrong) > _TOLD else ""
-            self.assert_fail(f"{name}: {'; '.join(wrong[:_TOLD])}{more}; {likely_causes('mode')}")
-        self.assert_error_if_true(left, f"{name}: {len(left)} requests could not be tried")
+        more = f"; and {len(wrong) - _TOLD} more" if len(wrong) > _TOLD else ""
+        hint = f"{name}: {'; '.join(wrong[:_TOLD])}{more}; {likely_causes('mode')}"
+        self.measure("wrong answers", len(wrong), high=0, hint=hint)
+        self.assert_error_if_true(left and not wrong, f"{name}: {len(left)} requests could not be tried")
 
 
 #: Seconds between two looks at modes; how long a new mode is watched; how long a joint that should not move.

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.companions import lanes
 from rtf.robot_testing.courses import work
 from rtf.robot_testing.guard import GuardError
-from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.joints_case import JointsTest, told_at
 from rtf.robot_testing.parameter_checks import swapped_limits
 from rtf.testing import Parameter
 
@@ -24,9 +26,11 @@ _STILL, _AT_REST, _STALLED = 0.05, 0.15, 1.0
 #: What a move is given beyond twice its time, s; and what it takes a board at least to begin with one, s.
 _GRACE, _REACTION = 3.0, 0.15
 #: A controller that is asked beyond its limit and follows adds its gain times the way to its output. It must not add
-#: this share of that, nor of its greatest output: a little it may, while its integral still gathers.
+#: this share of that, nor of its greatest output: a little it may, while its integral still gathers. Chosen: on the
+#: simulated robot a board that keeps its limits adds nothing, and one that does not more than all of it.
 _PUSH, _LEAST_PUSH = 0.4, 0.03
-#: How far a configured limit may be from the one that is expected, deg.
+#: How far a configured limit may be from the one that is expected, deg; chosen, as the tolerance: files have limits in
+#: whole degrees, or to a tenth.
 _SAME = 0.5
 
 
@@ -79,30 +83,35 @@ class JointLimits(JointsTest):
     def setup(self) -> None:
         """Open the part, weaken it and bring it home."""
         super().setup()
-        part, chosen = self.robot_part, self.chosen
-        self.speeds = self._by_joint("speed", self.speed)
-        self.beyond = self._by_joint("outOfBoundPosition", self.out_of_bound)
-        self.near = self._by_joint("toleranceList", self.tolerances or [self.tolerance])
+        self.speeds = self.by_joint("speed", self.speed)
+        self.beyond = self.by_joint("outOfBoundPosition", self.out_of_bound)
+        self.near = self.by_joint("toleranceList", self.tolerances or [self.tolerance])
         self.wanted = {
-            "lower": self._by_joint("lower", self.lower) if self.lower else {},
-            "upper": self._by_joint("upper", self.upper) if self.upper else {},
+            "lower": self.by_joint("lower", self.lower or [np.nan]),
+            "upper": self.by_joint("upper", self.upper or [np.nan]),
         }
-        percents = self._by_joint("outputLimitPercent", self.output_percent)
-        self.gains = {joint: self._weaken(joint, percent / 100.0) for joint, percent in percents.items()}
-        self.bring_home(speed=min(self.speeds.values()))
-        part.board.set_reference_speeds([self.speeds[joint] for joint in chosen], chosen)
+        percents = self.by_joint("outputLimitPercent", self.output_percent)
+        self._give_up_what_has_no_range()
+        self.gains = {joint: self._weaken(joint, percents[joint]) for joint in self.chosen}
+        self.bring_home(speed=float(np.nanmin(self.speeds)))
+        self.robot_part.board.set_reference_speeds(self.speeds[self.chosen], self.chosen)
 
-    def _by_joint(self, name: str, values: list[float]) -> dict[int, float]:
-        return dict(zip(self.chosen, self.per_joint(name, values, self.chosen), strict=True))
+    def _give_up_what_has_no_range(self) -> None:
+        """Before anything moves: a joint whose limits are swapped or missing is beyond them wherever it is."""
+        part = self.robot_part
+        for joint in [joint for joint in self.chosen if not part.low[joint] < part.high[joint]]:
+            limits = f"the limits {part.low[joint]:g} and {part.high[joint]:g} deg leave no range"
+            self.give_up(joint, f"{part.names[joint]}: {limits}; {likely_causes('no range')}", "has no range")
 
-    def _weaken(self, joint: int, share: float) -> Pid:
-        board = self.robot_part.board
+    def _weaken(self, joint: int, percent: float) -> Pid:
+        board, share = self.robot_part.board, percent / 100.0
         pid = board.pid(PidType.POSITION, joint)
         weak = pid._replace(max_output=pid.max_output * share, max_integral=pid.max_integral * share)
         board.set_pid(PidType.POSITION, joint, weak)
         self.assert_error_if_false(
             abs(board.pid(PidType.POSITION, joint).max_output - weak.max_output) < 1e-3 * abs(pid.max_output) + 1e-6,
-            f"{self.robot_part.names[joint]}: the board does not keep the output limit of {weak.max_output:g} %",
+            f"{self.robot_part.names[joint]}: the board does not keep an output limit of {weak.max_output:g}, "
+            f"{percent:g} % of {pid.max_output:g} (in its own units)",
         )
         return weak
 
@@ -110,6 +119,7 @@ class JointLimits(JointsTest):
         """Let all lanes go at once; each joint is judged when it is home again."""
         part = self.robot_part
         self._spans: dict[int, tuple[float, float]] = {}
+        self._told: dict[int, list[tuple[float, float]]] = {joint: [] for joint in self.chosen}
         with part.recorded() as trace:
             work(part, lanes(part.names, self.chosen), self._course, pace=_PACE)
         self._keep(trace)
@@ -121,20 +131,13 @@ class JointLimits(JointsTest):
             yield from self._way(joint)
         except GuardError as error:
             self._spans[joint] = begin, self.now()
-            with self.subresult(name):
-                self.assert_fail(str(error))
+            self.judge_stop(joint, error)
         self.progress(len(self._spans) / len(self.chosen), name)
 
     def _way(self, joint: int) -> Course[None]:
         part = self.robot_part
         begin = self.now()
         low, high = float(part.low[joint]), float(part.high[joint])
-        if not low < high:
-            with self.subresult(part.names[joint]):
-                self.assert_error_if_false(
-                    low < high, f"{part.names[joint]}: the limits {low:g} and {high:g} leave no range"
-                )
-            return
         found: list[tuple[_Side, _Stay, _Stay]] = []
         for side in (_Side("upper", high, 1.0), _Side("lower", low, -1.0)):
             yield from self._travel(joint, side.limit)
@@ -158,6 +161,7 @@ class JointLimits(JointsTest):
         here = board.encoder(joint)
         expected = abs(target - here) / speed
         board.position_move([target], [joint])
+        self._told[joint].append((self.now(), target))
         begin = since = self.now()
         while (now := self.now()) < begin + 2 * expected + _GRACE:
             position = board.encoder(joint)
@@ -171,9 +175,13 @@ class JointLimits(JointsTest):
     def _judge(self, joint: int, side: _Side, reached: _Stay, asked: _Stay) -> None:
         """``reached`` is how it was at the limit, ``asked`` after it was asked to go on. Going inwards is no excess."""
         name, tolerance, sign = self.robot_part.names[joint], self.near[joint], side.sign
-        if joint in self.wanted[side.name]:
-            wanted = self.wanted[side.name][joint]
-            self.measure(f"{side.name} limit", side.limit, "deg", low=wanted - _SAME, high=wanted + _SAME)
+        wanted = float(self.wanted[side.name][joint])
+        if not np.isnan(wanted):
+            hint = (
+                f"the {side.name} limit of {name} is {side.limit:g} deg in its configuration, not {wanted:g}; "
+                f"{likely_causes('wrong limit')}"
+            )
+            self.measure(f"{side.name} limit", side.limit, "deg", low=wanted - _SAME, high=wanted + _SAME, hint=hint)
         missing = sign * (side.limit - reached.position)
         hint = (
             f"{name} stops at {reached.position:.2f} deg, {missing:.2f} deg short of its {side.name} limit of "
@@ -211,14 +219,19 @@ class JointLimits(JointsTest):
         self.measure("away from home afterwards", abs(here - home), "deg", high=max(self.near[joint], _HOME), hint=hint)
 
     def _keep(self, trace: Trace) -> None:
-        """Record what each joint did while it had its turn."""
+        """Record what each joint did while it had its turn, what it was told, and the limits of its configuration."""
+        part = self.robot_part
         time, positions, currents = trace.local_time, trace.positions, trace.currents
         for joint, (begin, end) in self._spans.items():
             rows = (time >= begin) & (time <= end)
+            low, high = part.low[joint], part.high[joint]
             self.record(
-                f"{self.robot_part.names[joint]}: position",
+                f"{part.names[joint]}: position",
                 time=(time[rows] - begin, "s"),
                 position=(positions[rows, joint], "deg"),
+                target=(told_at(time[rows], self._told[joint]), "deg"),
+                lower_limit=(np.full(rows.sum(), low), "deg"),
+                upper_limit=(np.full(rows.sum(), high), "deg"),
                 current=(currents[rows, joint], "A"),
             )
 

@@ -59,7 +59,7 @@ class OpenLoopConsistency(JointsTest):
         self.calmly(lambda: part.set_mode(ControlMode.POSITION, self.chosen))
         self.calmly(lambda: part.wait(self.settling, pace=_PACE))
         self._judge("reference kept after leaving", board.reference_duty_cycles(self.chosen), -self.level)
-        self.calmly(lambda: self.bring_home(self.chosen))
+        self.bring_home(self.chosen)
 
     def _await(self, duty: float, usual: float) -> None:
         """Give the boards, and the states that tell of them, the time to arrive at what all joints are to get."""
@@ -81,7 +81,8 @@ class OpenLoopConsistency(JointsTest):
         for joint, mode in zip(self.chosen, modes, strict=True):
             name = self.robot_part.names[joint]
             with self.subresult(name):
-                self.check_fail_if_false(mode is ControlMode.PWM, f"{name}: is in {mode.word} {when}, not in PWM mode")
+                text = f"{name}: is in {mode.word} {when}, not in PWM mode; {likely_causes('mode')}"
+                self.check_fail_if_false(mode is ControlMode.PWM, text)
 
     def _judge(self, what: str, values: FloatArray, duty: float) -> None:
         for joint, value in zip(self.chosen, values, strict=True):

@@ -62,7 +62,10 @@ class PositionDirect(RobotTest):
     zero = Parameter(list[float], "the middle of the sine; none: where they are", unit="deg", default=[])
     frequency = Parameter(float, "of the sine", unit="Hz", default=0.5, low=0.01, high=5.0)
     amplitude = Parameter(float, "of the sine; less where the limits are near", unit="deg", default=3.0, low=0.1)
-    cycles = Parameter(float, "whole swings, besides one to begin and one to end", default=1.0, low=1.0)
+    cycles = Parameter(
+        float, "whole swings, besides one to begin and one to end; less than one is one", unit="count", default=1.0,
+        low=0.001,
+    )  # fmt: skip
     tolerance = Parameter(
         float, "greatest distance of a joint from what it was told", unit="deg", default=1.5, low=0.001
     )
@@ -92,7 +95,8 @@ class PositionDirect(RobotTest):
             starting_point(part, joint, where, amplitude, both_sides=True)[0]
             for joint, where, amplitude in zip(self.chosen, middle, amplitudes, strict=True)
         ])  # fmt: skip
-        self.sine = RampedSine(np.array(amplitudes), self.frequency, self.cycles)
+        cycles = max(1.0, self.cycles)  # less of it does not show that it is a sine
+        self.sine = RampedSine(np.array(amplitudes), self.frequency, cycles)
         self._refuse_what_is_too_fast(part)
 
     def _refuse_what_is_too_fast(self, part: Part) -> None:
@@ -243,6 +247,7 @@ class PositionDirect(RobotTest):
         fit = fit_sine(time[whole], position[whole], self.frequency)
         of_speed = fit_sine(time[whole], speed[whole], self.frequency)
         amplitude = float(self.sine.amplitudes[column])
+        gain = fit.amplitude / amplitude
         ripple = 100 * of_speed.rms / (2 * math.pi * self.frequency * amplitude)
         values = (
             Judged("tracking error", float(np.abs(error).max()), "deg", self.tolerance, "lag"),
@@ -250,15 +255,15 @@ class PositionDirect(RobotTest):
             Judged("shape error", fit.rms, "deg", self.shape, "irregular"),
             Judged("speed ripple", ripple, "%", self.ripple, "noise"),
             Judged("tracking error, root mean square", float(np.sqrt(np.mean(error**2))), "deg", finding="lag"),
-            self._gain(name, "amplitude", fit.amplitude / amplitude),
+            self._gain(name, "amplitude", gain, "weak" if gain < 1 else "overshoot"),
             *(self._taken(name, column, run) if len(run.taken) else ()),
         )
         judge_values(self, name, values, lateness(run.sent_at, self.sample_time))
 
-    def _gain(self, name: str, what: str, gain: float) -> Judged:
+    def _gain(self, name: str, what: str, gain: float, finding: str) -> Judged:
         low, high = 1 - _GAIN, 1 + _GAIN
-        hint = f"{name}: {what} is {gain:.3g}, it is to be {low:g} to {high:g}"
-        return Judged(what, gain, "", high, "weak", low, hint)
+        hint = f"{name}: {what} is {gain:.3g}, it is to be {low:g} to {high:g}; {likely_causes(finding)}"
+        return Judged(what, gain, "", high, finding, low, hint)
 
     def _taken(self, name: str, column: int, run: _Run) -> tuple[Judged, Judged]:
         """What the board says that it was told is the sine, too."""
@@ -269,10 +274,12 @@ class PositionDirect(RobotTest):
         lost = "lost commands"
         hint = f"{name}: the board was told something else than was sent; {likely_causes(lost)}"
         return (
-            self._gain(name, "amplitude of the references at the board", fit.amplitude / amplitude),
+            self._gain(name, "amplitude of the references at the board", fit.amplitude / amplitude, lost),
             Judged("shape error of the references at the board", fit.rms, "deg", self.shape, lost, hint=hint),
         )
 
 
-#: Samples to compare signals with, s; states that a swing needs; by how much an amplitude may differ from 1.
-_GRID, _FEWEST_A_SWING, _GAIN = 0.002, 20, 0.2
+#: Samples to compare signals with, s; states that a swing needs.
+_GRID, _FEWEST_A_SWING = 0.002, 20
+#: By how much an amplitude may differ from 1: twice what those of the simulated torso do, 0.1 at 1 Hz.
+_GAIN = 0.2

@@ -11,7 +11,7 @@ from rtf.robot.control_modes import ControlMode, mode_word
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.courses import pause, singly, work
 from rtf.robot_testing.guard import GuardError
-from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.joints_case import JointsTest, told_at
 from rtf.robot_testing.part import PACE
 from rtf.testing import Parameter
 
@@ -46,21 +46,19 @@ class PositionStress(JointsTest):
     def setup(self) -> None:
         """Open the part, bring it home, and set speeds."""
         super().setup()
-        part, chosen = self.robot_part, self.chosen
-        home = part.home[chosen]
-        self.bottom = self._ends("min", self.low, home - self.distance)
-        self.top = self._ends("max", self.high, home + self.distance)
-        self.speeds = np.array(self.per_joint("speed", self.speed, chosen))
+        part = self.robot_part
+        self.bottom = self._ends("min", self.low, part.home - self.distance)
+        self.top = self._ends("max", self.high, part.home + self.distance)
+        self.speeds = self.by_joint("speed", self.speed)
         self.assert_error_if_false(
             self.shortest <= self.longest, f"shortest, {self.shortest:g} s, is longer than longest, {self.longest:g} s"
         )
         self.bring_home()
-        part.board.set_reference_speeds(self.speeds, chosen)
+        part.board.set_reference_speeds(self.speeds[self.chosen], self.chosen)
 
     def _ends(self, name: str, given: list[float], otherwise: FloatArray) -> FloatArray:
-        part, chosen = self.robot_part, self.chosen
-        ends = np.array(self.per_joint(name, given, chosen)) if given else otherwise
-        return np.clip(ends, part.low[chosen], part.high[chosen])
+        ends = self.by_joint(name, given) if given else otherwise
+        return np.clip(ends, self.robot_part.low, self.robot_part.high)
 
     def run(self) -> None:
         """Joint by joint, so that none meets another; an arm and its hand at the same time."""
@@ -68,38 +66,45 @@ class PositionStress(JointsTest):
         work(self.robot_part, singly(self.robot_part.names, self.chosen), self._course, pace=PACE)
 
     def _course(self, joint: int) -> Course[None]:
-        part, place = self.robot_part, self.chosen.index(joint)
+        part = self.robot_part
         home = float(part.home[joint])
         chance = random.Random(self.seed + joint)  # noqa: S311 - moments, not secrets
         lost: list[str] = []
+        told: list[tuple[float, float]] = []
         stopped: GuardError | None = None
         with part.recorded() as trace:
             try:
-                for end in (float(self.bottom[place]), float(self.top[place]), home) * self.cycles:
+                for end in (float(self.bottom[joint]), float(self.top[joint]), home) * self.cycles:
+                    told.append((self.now(), end))
                     lost += yield from self._go(joint, end, chance.uniform(self.shortest, self.longest))
-                yield from part.moving([home], [joint], speed=[self.speeds[place]], tolerance=self.tolerance / 2)
+                yield from part.moving([home], [joint], speed=[self.speeds[joint]], tolerance=self.tolerance / 2)
             except GuardError as error:
                 stopped = error
         self._done += 1
         self.progress(self._done / len(self.chosen), part.names[joint])
+        if stopped is not None:
+            self.judge_stop(joint, stopped)
+            return
         with self.subresult(part.names[joint]):
-            if stopped is not None:
-                self.assert_fail(str(stopped))
             for text in lost:
                 self.check(False, text)
-            self._judge(place, joint, trace)
+            self._judge(joint, trace, told)
 
-    def _judge(self, place: int, joint: int, trace: Trace) -> None:
+    def _judge(self, joint: int, trace: Trace, told: list[tuple[float, float]]) -> None:
         name, home = self.robot_part.names[joint], float(self.robot_part.home[joint])
         positions, currents = trace.positions[:, joint], trace.currents[:, joint]
         self.record(
-            "stress", time=(trace.time - trace.time[0], "s"), position=(positions, "deg"), current=(currents, "A")
+            "stress",
+            time=(trace.time - trace.time[0], "s"),
+            position=(positions, "deg"),
+            target=(told_at(trace.local_time, told), "deg"),
+            current=(currents, "A"),
         )
         self.measure("greatest current", float(np.abs(currents).max()), "A")
         self._judge_modes(joint, trace.control_modes)
         reach = float(positions.max() - positions.min())
         # In the shortest wait a joint at its speed comes so far; half of it is what a board may need to begin.
-        least = 0.5 * min(self.shortest * self.speeds[place], float(self.top[place] - self.bottom[place]))
+        least = 0.5 * min(self.shortest * self.speeds[joint], float(self.top[joint] - self.bottom[joint]))
         hint = f"{name} moves by {reach:.2f} deg only; {likely_causes('does not move')}"
         self.measure("range", reach, "deg", low=least, hint=hint)
         away = float(positions[-1]) - home
@@ -117,9 +122,10 @@ class PositionStress(JointsTest):
         return [f"{part.names[joint]}: the target is {told:.2f} deg, not {end:.2f}; {likely_causes('does not start')}"]
 
     def _judge_modes(self, joint: int, modes: np.ndarray[tuple[int, ...], np.dtype[np.int32]]) -> None:
-        """All axes of the part have to be in position mode all the time, not only the one that moves."""
+        """All axes of the part have to be in position mode all the time, but those that had to be left idle."""
         part = self.robot_part
-        for other, name in enumerate(part.names):
+        for other in part.held():
+            name = part.names[other]
             wrong = modes[:, other] != ControlMode.POSITION
             if wrong.any():
                 word = mode_word(int(modes[int(np.flatnonzero(wrong)[0]), other]))

@@ -22,6 +22,8 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "too little torque, or too much friction",
         "a wrong zero of the encoder",
     ),
+    "wrong limit": ("a limit of another joint or of another robot in the configuration",),
+    "no range": ("swapped or missing limits in the configuration",),
     "beyond limit": ("a board that does not keep its limits", "a wrong zero of the encoder"),
     "does not move": (
         "a broken motor cable",
@@ -47,6 +49,12 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "model": ("a description of another version of the robot", "a joint or an offset that was changed in one of them"),
     "overshoot": ("gains that do not fit each other or the load", "a weak motor", "a controller that hears late"),
     "irregular": ("stick and slip", "a loose transmission", "commands that get lost"),
+    "stopped": (
+        "a joint that nothing holds: a broken motor cable, or a dead amplifier",
+        "a wrong sign in the loop, or gains far too large",
+        "a sensor that lies",
+        "something in the way",
+    ),
     "runs away": ("gains far too large", "a wrong sign in the loop", "a sensor that lies"),
     "lost commands": ("a loaded network", "a board that drops commands"),
     "lag": ("gains that are too small", "commands or answers that are late", "a weak motor"),

@@ -1,10 +1,12 @@
 """ControlModes on the simulated robot."""
 
+import numpy as np
 import pytest
 
+from robot_outcomes import said
 from rtf.robot.control_modes import STATES, TRANSITIONS, USER_MODES, ControlMode
 from rtf.robot_testing.mode_walk import ModeWalk
-from rtf.testing.events import Message, Severity
+from rtf.testing.events import Message, SeriesRecorded, Severity
 from rtf.testing.verdict import Verdict
 
 TORSO = '<parameter name="part">torso</parameter>'
@@ -41,6 +43,17 @@ def test_a_healthy_part_answers_every_request_in_every_mode(outcome, measured):
     assert all(event.value == 0 for event in measured(outcome, "healthy", "wrong answers"))
 
 
+def test_what_was_asked_for_is_recorded_beside_what_was_read(outcome):
+    """By the numbers of the legend; but for moments on the way, they are the same on a healthy robot."""
+    series = outcome.of(SeriesRecorded, name="modes", test="s/healthy")
+    assert [one.subject for one in series] == ["torso_yaw", "torso_roll", "torso_pitch"]
+    with np.load(outcome.folder / series[0].path) as data:
+        assert set(data["mode"]) == set(data["expected"])
+        assert len(set(data["mode"])) == len(USER_MODES) + 2
+        assert np.mean(data["mode"] == data["expected"]) > 0.8
+    assert "modes by number: 0 pos" in said(outcome, "healthy")
+
+
 def test_the_part_is_fit_for_work_afterwards(outcome):
     """It has its currents and its modes again."""
     assert outcome.verdict("afterwards") is Verdict.PASSED
@@ -57,7 +70,9 @@ def test_a_wrong_answer_fails_at_its_joint_only(outcome, test, joint, words):
     """The failure says what was asked for, in which mode, and what was read."""
     assert outcome.verdict(test) is Verdict.FAILED
     assert failures_of(outcome, test) == {joint}
-    assert any(words in message.detail for message in outcome.of(Message, severity=Severity.FAILURE))
+    (message,) = outcome.of(Message, severity=Severity.FAILURE, test=f"s/{test}")
+    assert words in message.detail
+    assert "likely: firmware" in message.detail
 
 
 def test_a_joint_that_has_to_be_stopped_ends_nothing_but_its_own_part(outcome, measured):

@@ -20,6 +20,12 @@ SUITE = f"""
   JointLimits </test>
 <test name="runs-away"> {HEAD} <parameter name="inject">"motor_sign neck_yaw delay=3"</parameter>
   <parameter name="joints">(1 2 3)</parameter> JointLimits </test>
+<test name="beside"> {HEAD} <parameter name="inject">"torque_bias neck_yaw bias=100 delay=1"</parameter>
+  <parameter name="joints">(1 3)</parameter> JointLimits </test>
+<test name="dead"> {HEAD} <parameter name="inject">"motor_dead neck_yaw"</parameter>
+  <parameter name="home">(5)</parameter> JointLimits </test>
+<test name="no-range"> {HEAD} <parameter name="inject">"wrong_upper_limit neck_yaw by=-150"</parameter>
+  <parameter name="joints">(1 2)</parameter> JointLimits </test>
 <test name="no-such-joint"> {HEAD} <parameter name="joints">(9)</parameter> JointLimits </test>
 <test name="one-value-too-few"> {HEAD} <parameter name="speed">(10 20)</parameter> JointLimits </test>
 """
@@ -39,9 +45,12 @@ def test_a_healthy_part_reaches_all_its_limits(outcome, measured):
             assert len(measured(outcome, "healthy", f"short of the {side} limit", axis.name)) == 1
             assert len(measured(outcome, "healthy", f"push beyond the {side} limit", axis.name)) == 1
         (series,) = outcome.of(SeriesRecorded, name=f"{axis.name}: position", test="s/healthy")
-        positions = np.load(outcome.folder / series.path)["position"]
+        with np.load(outcome.folder / series.path) as data:
+            positions, target, low, high = (data[key] for key in ("position", "target", "lower_limit", "upper_limit"))
         assert positions.max() == pytest.approx(axis.maximum, abs=0.5)
         assert positions.min() == pytest.approx(axis.minimum, abs=0.5)
+        assert (target.max(), target.min()) == pytest.approx((axis.maximum + 2.0, axis.minimum - 2.0))
+        assert {*low, *high} == {axis.minimum, axis.maximum}
 
 
 def test_a_limit_that_cannot_be_reached_fails_at_its_joint_only(outcome, measured):
@@ -68,6 +77,7 @@ def test_a_board_that_does_not_keep_its_limits_pushes_against_the_stop(outcome, 
 def test_limits_that_can_be_reached_are_compared_with_those_that_are_expected(outcome):
     """A neck that may only roll by 20 degrees is not one of 25."""
     assert outcome.verdict("too-low") is Verdict.FAILED
+    assert "not 25; likely: a limit of another joint" in outcome.detail("too-low")
 
 
 def test_a_joint_that_runs_away_is_stopped_and_fails_alone(outcome, measured):
@@ -77,6 +87,32 @@ def test_a_joint_that_runs_away_is_stopped_and_fails_alone(outcome, measured):
     assert "it was stopped" in outcome.detail("runs-away")
     for joint in ("neck_roll", "eyes_tilt"):
         assert len(measured(outcome, "runs-away", "short of the lower limit", joint)) == 1
+
+
+def test_a_joint_that_is_stopped_beside_another_is_blamed_itself(outcome, measured):
+    """Of the one that had its turn then nothing is said; the one after it is judged."""
+    assert outcome.verdict("beside") is Verdict.FAILED
+    assert failed_parts(outcome, "beside") == ["neck_yaw"]
+    assert measured(outcome, "beside", "short of the lower limit", "neck_roll") == []
+    assert len(measured(outcome, "beside", "short of the lower limit", "eyes_tilt")) == 1
+
+
+def test_a_joint_that_does_not_come_home_hides_no_other(outcome, measured):
+    """It fails by its name; all others are measured at both limits."""
+    assert outcome.verdict("dead") is Verdict.FAILED
+    assert failed_parts(outcome, "dead") == ["neck_yaw"]
+    assert "neck_yaw is at" in outcome.detail("dead")
+    assert "likely: a broken motor cable" in outcome.detail("dead")
+    tested = {event.subject for event in measured(outcome, "dead", "short of the lower limit")}
+    assert tested == {axis.name for axis in PARTS["head"]} - {"neck_yaw"}
+
+
+def test_limits_without_a_range_are_a_failure_of_their_joint(outcome, measured):
+    """To find a wrong configuration is what the test is for."""
+    assert outcome.verdict("no-range") is Verdict.FAILED
+    assert failed_parts(outcome, "no-range") == ["neck_yaw"]
+    assert "swapped or missing limits in the configuration" in outcome.detail("no-range")
+    assert len(measured(outcome, "no-range", "short of the lower limit", "neck_roll")) == 1
 
 
 def test_wrong_parameters_are_errors_that_say_what_there_is(outcome):

@@ -40,6 +40,9 @@ SUITE = "".join(
         entry("open-loop-strays", "OpenLoopConsistency", "encoder_bias torso_roll bias=60 delay=0.2"),
         entry("stress", "position-stress"),
         entry("stress-jams", "position-stress", "jam torso_pitch", cycles=1),
+        entry("stress-dead", "position-stress", "motor_dead torso_yaw", home="(3)", cycles=1),
+        entry("references-dead", "MovementReferencesTest", "motor_dead torso_yaw", home="(3)"),
+        entry("open-loop-dead", "OpenLoopConsistency", "motor_dead torso_yaw", home="(3)"),
         entry("stress-never", "position-stress", shortest=2, longest=1),
     ]
 )  # fmt: skip
@@ -57,10 +60,10 @@ def failed_in(outcome, test):
     return {message.subject.split(" ")[0] for message in messages}
 
 
-def positions_of(outcome, test, name, subject):
+def positions_of(outcome, test, name, subject="", column="position"):
     """What was recorded (deg)."""
     (series,) = [one for one in outcome.of(SeriesRecorded, name=name, test=f"s/{test}") if one.subject == subject]
-    return np.load(outcome.folder / series.path)["position"]
+    return np.load(outcome.folder / series.path)[column]
 
 
 @pytest.mark.parametrize("test", ["motors", "references", "open-loop", "stress"])
@@ -85,6 +88,41 @@ def test_a_fault_fails_at_its_joint(outcome, test, joint):
     """The others of the part are tested all the same, and pass."""
     assert outcome.verdict(test) is Verdict.FAILED
     assert failed_in(outcome, test) - {"torso"} == {joint}
+
+
+@pytest.mark.parametrize(
+    ("test", "measurement"),
+    [
+        ("stress-dead", "range"),
+        ("references-dead", "reference velocity"),
+        ("open-loop-dead", "reference kept after leaving"),
+    ],
+)
+def test_a_joint_that_does_not_come_home_hides_no_other(outcome, measured, test, measurement):
+    """It fails by its name, with causes; the others are tested."""
+    assert outcome.verdict(test) is Verdict.FAILED
+    assert failed_in(outcome, test) == {"torso_yaw"}
+    assert "likely: a broken motor cable" in outcome.detail(test)
+    assert {one.subject for one in measured(outcome, test, measurement)} == {"torso_roll", "torso_pitch"}
+
+
+def test_joints_that_are_not_in_the_mode_have_causes(outcome):
+    """As every failure of the robot has."""
+    texts = [message.detail for message in outcome.of(Message, severity=Severity.FAILURE, test="s/open-loop-no-mode")]
+    wrong = [text for text in texts if "not in PWM mode" in text]
+    assert wrong
+    assert all("likely: firmware" in text for text in wrong)
+
+
+def test_what_joints_were_told_is_recorded_beside_what_they_did(outcome):
+    """Targets as they were, and the way of a speed."""
+    assert set(positions_of(outcome, "motors", "single move", "torso_yaw single", "target")) == {3.0}
+    told = positions_of(outcome, "stress", "stress", "torso_yaw", "target")
+    assert np.unique(told).tolist() == pytest.approx([-10.0, 0.0, 10.0], abs=0.01)
+    way, told = (positions_of(outcome, "references", "velocity of torso_yaw", "", one) for one in ("position", "told"))
+    assert way[0] == told[0]
+    assert 1.0 < abs(told[-1] - told[0]) < 3.0
+    assert way == pytest.approx(told, abs=0.5)
 
 
 def test_each_motor_moves_alone_then_all_then_as_a_group(outcome, measured):

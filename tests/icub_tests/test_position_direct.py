@@ -21,6 +21,8 @@ SUITE = (
     )
     + '<test name="one-form"><parameter name="cmdMode">2</parameter>'
     + COMMON
+    + '<test name="half-a-swing"><parameter name="cmdMode">2</parameter>'
+    + COMMON.replace('"cycles">1<', '"cycles">0.5<')
     + """<test name="too-fast"><parameter name="part">torso</parameter>
 <parameter name="amplitude">20</parameter> <parameter name="frequency">5</parameter> PositionDirect </test>
 <test name="no-joint"><parameter name="part">torso</parameter>
@@ -89,6 +91,14 @@ def test_a_form_may_be_chosen_as_in_older_files(outcome, measured):
     """``cmdMode 2`` is the group of the joints."""
     assert outcome.verdict("one-form") is Verdict.PASSED
     assert {one.subject for one in measured(outcome, "one-form", "delay")} == {"torso_yaw group", "torso_pitch group"}
+
+
+def test_less_than_a_swing_may_be_asked_for(outcome):
+    """As in older files. It is a whole one then, of which can be said whether it is a sine."""
+    assert outcome.verdict("half-a-swing") is Verdict.PASSED
+    event, *_ = (one for one in outcome.of(SeriesRecorded, name="following") if one.test.endswith("/half-a-swing"))
+    with np.load(outcome.folder / event.path) as data:
+        assert data["time"][-1] == pytest.approx(3.0, abs=0.1)
 
 
 def test_what_cannot_be_is_an_error(outcome):

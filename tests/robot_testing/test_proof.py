@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -178,6 +179,24 @@ def test_what_is_said_of_a_case(expectation: Expectation, verdict: Verdict, fail
     case = Case("JointLimits", expectation, "jam", "l_elbow", names="l_elbow")
     assert judge(case, result(verdict, *failures)).judgement is said
     assert judge(case, None).judgement is Judgement.NOT_TESTED
+
+
+@pytest.mark.parametrize(
+    ("names", "subject", "detail", "said"),
+    [
+        ("l_knee", "l_hip_pitch", "l_knee turns at 153 deg/s, too fast", Judgement.UNNAMED),
+        ("l_knee", "l_knee single", "it stops early", Judgement.FOUND),
+        ("l_knee", "", "l_knee draws 20 A, too much", Judgement.FOUND),
+        ("l_knee", "left_leg", "l_knee does not move", Judgement.FOUND),
+        ("/icubSim/left_leg/analog:o", "l_knee", "states of /icubSim/left_leg/analog:o came late", Judgement.FOUND),
+    ],
+)
+def test_a_joint_is_found_where_the_failure_is_its_own(names: str, subject: str, detail: str, said: Judgement):
+    """To be mentioned in that of another joint is not to be found; in one of the part, or of a port, it is."""
+    found = result(Verdict.FAILED, detail)
+    found.problems = [replace(problem, subject=subject) for problem in found.problems]
+    case = Case("JointLimits", Expectation.FOUND, "motor_dead", names, names=names)
+    assert judge(case, found).judgement is said
 
 
 def test_the_matrix_tells_what_does_not_hold():

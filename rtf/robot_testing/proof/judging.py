@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
 from rtf.robot_testing.proof.cases import Expectation
+from rtf.simulator.axes import INDEX
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rtf.robot_testing.proof.cases import Case
+    from rtf.testing.events import Message
     from rtf.testing.results import TestResult
 
 
@@ -57,17 +62,17 @@ def judge(case: Case, result: TestResult | None) -> Finding:
     last = result.last
     if not sentence and last is not None:
         sentence = last.detail
-    return Finding(case, _said(case, verdict, failures), str(verdict), sentence, result.duration)
+    return Finding(case, _said(case, verdict, result.problems), str(verdict), sentence, result.duration)
 
 
-def _said(case: Case, verdict: Verdict, failures: list[str]) -> Judgement:
+def _said(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgement:
     passed, expectation = verdict in _PASSED, case.expectation
     if expectation is Expectation.OTHER and case.reason and not passed:
         return Judgement.EXPECTED
     if verdict in _NOTHING:
         return Judgement.NOT_TESTED
     if expectation is Expectation.FOUND:
-        return _found(case, verdict, failures)
+        return _found(case, verdict, problems)
     if expectation is Expectation.EXPECTED:
         return Judgement.MISSED if passed else Judgement.EXPECTED
     if not passed:
@@ -75,12 +80,20 @@ def _said(case: Case, verdict: Verdict, failures: list[str]) -> Judgement:
     return Judgement.HEALTHY if expectation is Expectation.HEALTHY else Judgement.SILENT
 
 
-def _found(case: Case, verdict: Verdict, failures: list[str]) -> Judgement:
+def _found(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgement:
     if verdict in _PASSED:
         return Judgement.MISSED
     if verdict is not Verdict.FAILED:
         return Judgement.NOT_TESTED
-    return Judgement.FOUND if any(case.names in failure for failure in failures) else Judgement.UNNAMED
+    return Judgement.FOUND if any(_names(problem, case.names) for problem in problems) else Judgement.UNNAMED
+
+
+def _names(problem: Message, name: str) -> bool:
+    """Whether a failure is of what is to be found. One that is filed under a joint is of no other, whatever it says."""
+    joints = INDEX.keys() & set(re.split(r"[ /]", problem.subject))
+    if joints and name in INDEX:
+        return name in joints
+    return name in f"{problem.subject}: {problem.detail}"
 
 
 #: After these nothing is known of the robot.

@@ -1,0 +1,207 @@
+"""Who is blamed for what a joint does: it by its name, with what has been the cause elsewhere, and no other."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from rtf.robot.control_modes import ControlMode
+from rtf.robot_testing import GuardError
+from rtf.robot_testing.joints_case import JointsTest, told_at
+from rtf.testing.events import Event, Message, SubResultEnded
+from rtf.testing.outcome import TestFailure, TestProblem
+from rtf.testing.plugins import find, load_test
+from rtf.testing.session import Session
+from rtf.testing.verdict import Severity, Verdict
+
+from .part_bench import PartBench
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+POSITION, IDLE = ControlMode.POSITION, ControlMode.IDLE
+#: Where a joint stands that does not come home, and where one is far beyond its limits, deg.
+AWAY, BEYOND = 20.0, 200.0
+
+
+class Joints(JointsTest):
+    """A test of a part that is open already."""
+
+    plugin_name = "joints"
+
+
+@pytest.fixture
+def bench() -> Iterator[PartBench]:
+    """The bench: of its three joints the last two are coupled."""
+    with ExitStack() as stack:
+        yield PartBench(stack)
+
+
+@pytest.fixture
+def said() -> list[Event]:
+    """What tests say."""
+    return []
+
+
+@pytest.fixture
+def made(bench: PartBench, said: list[Event], tmp_path: Path) -> Callable[..., Any]:
+    """Makes a test of the joints of the bench, with such attributes; without a name one that does nothing."""
+
+    def make(name: str = "", **attributes: Any) -> Any:
+        test = load_test(find("test", name)) if name else Joints()
+        test.attach_to(Session("t", said.append, folder=tmp_path, run_folder=tmp_path), "")
+        for key, value in {"robot_part": bench.part, "clock": bench.time, "chosen": [0, 1, 2], **attributes}.items():
+            setattr(test, key, value)
+        return test
+
+    return make
+
+
+def show(bench: PartBench, positions: dict[int, float]) -> None:
+    """Let joints be somewhere, whatever they are told."""
+    bench.device.shown = positions
+    bench.publish()
+
+
+def failures(said: list[Event]) -> dict[str, str]:
+    """What failed, by the sub-results."""
+    return {one.subject: one.detail for one in said if isinstance(one, Message) and one.severity is Severity.FAILURE}
+
+
+def verdicts(said: list[Event]) -> dict[str, Verdict]:
+    """How sub-results ended."""
+    return {one.subject: one.verdict for one in said if isinstance(one, SubResultEnded)}
+
+
+def test_a_joint_that_does_not_come_home_fails_alone(
+    bench: PartBench, said: list[Event], made: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+):
+    """With causes. It is stopped, and held where it is, and the others are tested."""
+    test, stopped = made(), list[object]()
+    show(bench, {0: AWAY})
+    monkeypatch.setattr(bench.board, "stop", stopped.append)
+    test.bring_home()
+    assert test.chosen == [1, 2]
+    assert {*failures(said)} == {"joint0"}
+    assert "joint0 is at 20.00 deg, not at 0.00" in failures(said)["joint0"]
+    assert "likely: a broken motor cable" in failures(said)["joint0"]
+    assert bench.board.control_modes() == (POSITION, POSITION, POSITION)
+    assert bench.part.held() == [0, 1, 2]
+    assert stopped == [[0]]
+
+
+def test_of_what_is_coupled_with_it_nothing_can_be_said(
+    bench: PartBench, said: list[Event], made: Callable[..., Any]
+):  # fmt: skip
+    """It is not tested either, and not blamed."""
+    test = made()
+    show(bench, {1: AWAY})
+    test.bring_home()
+    assert test.chosen == [0]
+    assert verdicts(said) == {"joint1": Verdict.FAILED, "joint2": Verdict.INCONCLUSIVE}
+
+
+def test_each_of_those_that_do_not_come_home_is_named(bench: PartBench, said: list[Event], made: Callable[..., Any]):
+    """Also coupled ones; and where no joint is left the test ends."""
+    test = made()
+    show(bench, {0: AWAY, 1: AWAY, 2: -AWAY})
+    with pytest.raises(TestFailure, match="no joint is left"):
+        test.bring_home()
+    assert verdicts(said) == dict.fromkeys(["joint0", "joint1", "joint2"], Verdict.FAILED)
+
+
+def test_a_joint_that_is_not_tested_and_does_not_come_home_ends_the_test(bench: PartBench, made: Callable[..., Any]):
+    """The others cannot be tested as they should."""
+    test = made(chosen=[0])
+    show(bench, {2: AWAY})
+    with pytest.raises(TestProblem, match="joint2 is at 20"):
+        test.bring_home()
+
+
+def test_a_joint_that_is_stopped_on_its_way_home_is_left_out(
+    bench: PartBench, said: list[Event], made: Callable[..., Any]
+):  # fmt: skip
+    """Without power, as it does what it may not; the others come home."""
+    test = made()
+    show(bench, {0: BEYOND})
+    test.bring_home()
+    assert test.chosen == [1, 2]
+    assert (
+        "joint0 (/fake joint 0) is at 200.0 deg, beyond its limits; it was stopped; likely: "
+        in (failures(said)["joint0"])
+    )
+    assert bench.part.held() == [1, 2]
+
+
+@pytest.mark.parametrize(("name", "more"), [("JointLimits", {}), ("position-stress", {"_done": 0})])
+def test_the_joint_that_was_stopped_is_blamed_and_not_the_one_that_moved(
+    bench: PartBench, said: list[Event], made: Callable[..., Any], name: str, more: dict[str, Any]
+):
+    """Of that one nothing is said; it is held where it is, and goes nowhere while the next has its turn."""
+    every = np.full(3, 10.0)
+    test = made(name, speeds=every, beyond=every, near=every, bottom=-every, top=every, _spans={}, **more)
+    test._told = {0: []}
+    course = test._course(0)
+    next(course)
+    bench.time.sleep(0.1)
+    assert not bench.board.motion_done(0)
+    with pytest.raises(StopIteration):
+        course.throw(GuardError("joint2 (/fake joint 2) turns at 153 deg/s, too fast; it was stopped", 2))
+    assert verdicts(said) == {"joint2": Verdict.FAILED, "joint0": Verdict.INCONCLUSIVE}
+    assert "likely: a joint that nothing holds" in failures(said)["joint2"]
+    assert bench.board.motion_done(0)
+
+
+def test_a_joint_that_was_left_idle_is_no_fault_of_those_that_move_later(
+    bench: PartBench, said: list[Event], made: Callable[..., Any]
+):
+    """One that goes idle by itself is."""
+    test = made("position-stress")
+    bench.guard.give_up(1, "it does not obey")
+    test._judge_modes(0, np.array([[POSITION, IDLE, POSITION]]))
+    assert failures(said) == {}
+    test._judge_modes(0, np.array([[POSITION, IDLE, IDLE]]))
+    assert [one.detail for one in said if isinstance(one, Message)] == ["joint2 went into idl while joint0 moved"]
+
+
+def test_limits_without_a_range_fail_at_their_joint(bench: PartBench, said: list[Event], made: Callable[..., Any]):
+    """Before anything moves; it is left idle, for nobody can guard it, and the others are tested."""
+    test = made("JointLimits")
+    bench.part.low[0], bench.part.high[0] = 50.0, -50.0
+    test._give_up_what_has_no_range()
+    assert test.chosen == [1, 2]
+    assert failures(said) == {
+        "joint0": "joint0: the limits 50 and -50 deg leave no range; "
+        "likely: swapped or missing limits in the configuration"
+    }
+    assert [joints for _, joints in bench.device.asked] == [[0]]
+    assert bench.device.control_modes() == (IDLE, POSITION, POSITION)
+
+
+def test_a_joint_that_does_not_arrive_has_not_lost_its_command(
+    bench: PartBench, said: list[Event], made: Callable[..., Any]
+):  # fmt: skip
+    """For the board says that it has the target."""
+    test = made("MovementReferencesTest", targets=np.full(3, 5.0), speeds=np.full(3, 20.0))
+    show(bench, {0: 0.0})
+    test._position()
+    assert {*failures(said)} == {"joint0"}
+    assert "arrival is 0 deg, not 5; likely: a broken motor cable" in failures(said)["joint0"]
+    assert "lost" not in failures(said)["joint0"]
+
+
+def test_a_wrong_amplitude_has_causes(made: Callable[..., Any]):
+    """Those of a joint are others than those of what its board was told."""
+    direct = made("PositionDirect")
+    assert "likely: a weak motor" in direct._gain("joint0", "amplitude", 0.5, "weak").hint
+    assert "likely: a loaded network" in direct._gain("joint0", "amplitude", 0.5, "lost commands").hint
+
+
+def test_what_a_joint_was_told_is_what_it_was_told_last():
+    """Before the first command it is the first, so that a plot has a line."""
+    told = [(1.0, 10.0), (2.0, -10.0)]
+    assert told_at(np.array([0.5, 1.0, 1.9, 2.0, 9.0]), told).tolist() == [10.0, 10.0, 10.0, -10.0, -10.0]

@@ -1,0 +1,58 @@
+"""What is kept of the last seconds before a test failed."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.control_modes import ControlMode
+from rtf.robot.extended_state import Field
+from rtf.robot_testing.case import RobotTest
+from rtf.robot_testing.last_seconds import LastSeconds
+from rtf.testing.events import Event, Message, SeriesRecorded
+from rtf.testing.session import Session
+
+from .part_bench import PartBench
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pytest
+
+    from rtf.robot.extended_state import ExtendedState
+
+
+def test_what_the_board_gives_is_kept_of_each_joint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Its mode, too, with the legend of the modes; what comes after the failure is not there."""
+    events: list[Event] = []
+    test = RobotTest()
+    test.attach_to(Session("t", events.append, folder=tmp_path, run_folder=tmp_path), "")
+    test.check(condition=False, text="it fails")
+    with ExitStack() as stack:
+        bench = PartBench(stack)
+        fill = bench.device.fill_state
+
+        def without_torques(state: ExtendedState) -> float:
+            time = fill(state)
+            state.valid[Field.TORQUES] = False
+            return time
+
+        monkeypatch.setattr(bench.device, "fill_state", without_torques)
+        bench.time.sleep(0.1)
+        bench.part.set_mode(ControlMode.PWM, [1])
+        bench.time.sleep(0.1)
+        last = LastSeconds(test, bench.part, None)
+        last.take()
+        rows = len(bench.part.history)
+        bench.part.set_mode(ControlMode.IDLE)
+        bench.time.sleep(0.1)
+        last.write()
+    series = {one.name: one for one in events if isinstance(one, SeriesRecorded)}
+    assert [*series] == ["before the end: joint0", "before the end: joint1", "before the end: joint2"]
+    with np.load(tmp_path / series["before the end: joint1"].path) as data:
+        assert [*data] == ["time", "position", "current", "duty", "mode"]
+        assert len(data["time"]) == rows
+        assert (data["mode"][0], data["mode"][-1]) == (0.0, 6.0)
+    assert any("0 pos" in one.detail and "6 ipwm" in one.detail for one in events if isinstance(one, Message))
