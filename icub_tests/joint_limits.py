@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -195,7 +196,8 @@ class JointLimits(JointsTest):
         )
         self.measure(f"beyond the {side.name} limit", excess, "deg", high=tolerance, hint=hint)
         if missing <= tolerance:
-            self._judge_push(joint, side, sign * (asked.output - reached.output))
+            way = math.copysign(sign, sign * self.gains[joint].kp)  # where a motor is turned round, so are the gains
+            self._judge_push(joint, side, way * (asked.output - reached.output))
 
     def _judge_push(self, joint: int, side: _Side, push: float) -> None:
         """What the controller gives more when it is asked to go on: nothing, for its reference ends at the limit."""

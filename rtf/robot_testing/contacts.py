@@ -22,6 +22,7 @@ from rtf.middleware.port import Port
 from rtf.middleware.types import VECTOR, Stamp
 from rtf.robot.errors import RobotError
 from rtf.robot.extended_state import Field
+from rtf.robot_testing.pressing import Load, Pressing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -43,28 +44,18 @@ WITHIN = 0.2
 _BEFORE, _AFTER = 0.055, 0.025
 #: States that are kept, and messages that are looked through where they are behind.
 _KEPT = 50
-#: Stamps of which one is nearer to the next, s, are taken to be so far apart.
-_SHORTEST = 1e-3
 #: A sensor of which nothing comes for so long, s, while states do, is silent: it sends a hundred messages a second.
 _SILENT = 1.0
 #: Stamps that go back so far, s, are of a clock that was set.
 _JUMP = 1.0
 #: Forces of which the middle one counts: a single one that is wrong is no contact.
 _MIDDLE_OF = 3
-_GRAVITY = 9.81
 #: Joints that move next to nothing, whatever they do.
 _LIGHT = re.compile(r"hand|thumb|finger|index|middle|ring|pinky|little")
 
 
-class _Load(NamedTuple):
-    """What hangs beyond a sensor: its weight (N), and how far from a joint its middle is at most, about (m)."""
-
-    weight: float
-    lever: float
-
-
 #: By the last word of the part's name; from the model of the iCub, in which arms weigh 20.0 N and legs 46.4 N there.
-_LOADS = {"arm": _Load(20.0, 0.3), "leg": _Load(46.5, 0.4)}
+_LOADS = {"arm": Load(20.0, 0.3), "leg": Load(46.5, 0.4)}
 
 
 class NoForcesError(RobotError):
@@ -155,12 +146,13 @@ class ContactWatch:
     def __init__(self, board: RemoteControlBoard, forces: Forces) -> None:
         self.forces = forces
         self._load = _LOADS[_limb(forces.source.removesuffix(_SENSOR))]
+        self._pressing = Pressing(self._load)
         self._heavy = np.array([not _LIGHT.search(name) for name in board.axis_names()])
         self._states: deque[tuple[float, ExtendedState]] = deque(maxlen=_KEPT)
         self._looks: deque[_Look] = deque()
         self._heard: tuple[Delivery | None, float] | None = None  # the last message, and the state it came with, s
         self._free: _Look | None = None  # how it was before it struck something that it may still touch
-        self._strange_since: float | None = None  # since when forces are no numbers, s
+        self._strange_since: float | None = None  # since when forces or states are no numbers, s
         self._board = board
         board.observe(self._see)
 
@@ -210,6 +202,12 @@ class ContactWatch:
         looks.clear()
         return Strike(force, speeds)
 
+    def doubt(self, limit: float) -> str:
+        """Why contacts may take clearly more than ``limit`` N to be felt; "" where they do not."""
+        noise = self._pressing.noise
+        # Of two looks.
+        return f"its speeds are noisy, at rest as if it pressed with {noise:.0f} N" if 2 * noise > limit else ""
+
     def _listen(self) -> None:
         """Notice when nothing comes any more. By the states' time, as two clocks may differ."""
         if not self._states:
@@ -221,14 +219,16 @@ class ContactWatch:
             raise NoForcesError(f"nothing has come from {self.source} for {_SILENT:g} s")
 
     def _are_numbers(self, now: _Look) -> bool:
-        """Whether the force is one. Raises NoForcesError where it has long been none."""
-        if np.isfinite(now.force).all():
+        """Whether force and motion are known. Raises NoForcesError where one of them has long not been."""
+        felt = bool(np.isfinite(now.force).all())
+        if felt and np.isfinite(now.pressing):
             self._strange_since = None
             return True
         if self._strange_since is None or now.time < self._strange_since:
             self._strange_since = now.time
         if now.time - self._strange_since > _SILENT:
-            raise NoForcesError(f"what comes from {self.source} are no numbers")
+            what = "places or speeds of its joints" if felt else f"what comes from {self.source}"
+            raise NoForcesError(f"{what} are no numbers")
         return False
 
     def _unexplained(self, now: _Look, before: _Look) -> float:
@@ -255,18 +255,10 @@ class ContactWatch:
             near = states[-_MIDDLE_OF:]
         force = np.sort([self.forces.read(one)[:3] for one in taken], axis=0)[_MIDDLE_OF // 2]
         speeds = np.array([state.values(Field.JOINT_VELOCITIES) for _, state in near])
-        positions = np.radians(near[-1][1].values(Field.JOINT_POSITIONS)[self._heavy])
-        pressing = self._pressing([time for time, _ in near], np.radians(speeds[:, self._heavy]))
-        return _Look(stamp.time, force, positions, speeds[-1], pressing)
-
-    def _pressing(self, times: list[float], speeds: FloatArray) -> float:
-        """What the load may press with (N) while it is hastened and swung like this: s, and rad/s of all joints."""
-        seconds = np.maximum(np.diff(times), _SHORTEST)
-        # By speeds: not every board measures accelerations.
-        hastened = np.abs(np.diff(speeds, axis=0)).sum(axis=1) / seconds
-        swung = np.abs(speeds).sum(axis=1) ** 2
-        inertia = self._load.weight / _GRAVITY * self._load.lever  # N by rad/s²
-        return inertia * float(hastened.max() + swung.max())
+        positions = np.radians([state.values(Field.JOINT_POSITIONS)[self._heavy] for _, state in near])
+        times = np.array([time for time, _ in near])
+        pressing = self._pressing.most(times, positions, np.radians(speeds[:, self._heavy]))
+        return _Look(stamp.time, force, positions[-1], speeds[-1], pressing)
 
 
 def listen_to_forces(place: str, *, network: Network, report: Callable[[str], None]) -> Forces | None:

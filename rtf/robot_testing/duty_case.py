@@ -62,7 +62,7 @@ class DutyTest(JointsTest):
     """
 
     safety = Safety.EFFORT
-    limits = Limits(speed=3.0)  # a limp joint that begins to turn is faster than one that is controlled
+    limits = Limits(speed=2.0)  # a limp joint that begins to turn is faster than one that is controlled
 
     transmission: Transmission
     steps: list[Steps]

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.courses import Course
     from rtf.robot_testing.part import Part
+    from rtf.robot_testing.trace import Trace
     from rtf.robot_testing.transmission import Transmission
 
 #: How long a joint is looked at to see whether it rests, and how long it may take to come to rest, s.
@@ -39,6 +40,8 @@ _ENTERING = 1.0
 _HELD, _CALM, _AT_REST = 1.0, 1.0, 0.2
 #: Motion within ``BASELINE`` that is no rest, and to and fro that is more than a healthy encoder's jitter, deg.
 LEAST_CREEP, _JITTER = _AT_REST * BASELINE, 0.2
+#: So many looks have a mean that does not jitter: some 0.1 s.
+_MEAN_OF = 5
 #: What is added first against a joint that creeps away, %; half of it when that was too much.
 _CATCH = 1.0
 #: A duty cycle that stays the same is told again so soon, s, lest a lost command keeps the motor from it.
@@ -91,6 +94,7 @@ class LimpMotor:
         self.part = part
         self.joint = joint
         self.holding = 0.0  # %
+        self.jitter = _JITTER  # deg
         self.restless = (0.0, 0.0)  # the ways of motor and joint, to and fro, when it was seen last without rest, deg
         self.along: list[int] = []  # the joints that the board took along into the mode, and where they stood, deg
         self.stood = np.zeros(0)
@@ -155,8 +159,16 @@ class LimpMotor:
         yield from pause(clock, _HOLDING)
         with part.recorded() as trace:
             yield from pause(clock, _AVERAGED)
-        duties: FloatArray = trace.duty_cycles.mean(axis=0) if len(trace) else part.board.duty_cycles()
+        if not len(trace):
+            return part.board.duty_cycles()
+        self.jitter = self._jitter_of(trace)
+        duties: FloatArray = trace.duty_cycles.mean(axis=0)
         return duties
+
+    def _jitter_of(self, trace: Trace) -> float:
+        """How far a single look (deg) has to be away to be more than the jitter that shows while the joint is held."""
+        joint, motor = trace.positions[:, self.joint], trace.motor_positions[:, self.joint] / self._factor
+        return float(np.clip(2.0 * max(np.ptp(joint), np.ptp(motor)), LEAST_CREEP, _JITTER))
 
     def _enter(self) -> Course[None]:
         part, joint = self.part, self.joint
@@ -188,18 +200,23 @@ class LimpMotor:
         """
         clock, change, way = self.part.clock, _CATCH, 0.0
         first = before = np.array(self._where())
+        looks: list[FloatArray] = []
         end, since = clock.now() + SETTLING, clock.now()
         while clock.now() < end:
             yield from self._drive(self.holding)
-            here = np.array(self._where())
-            gone = here - before
+            looks.append(np.array(self._where()))
+            here = looks[-1]
             if np.abs(here - first).max() > _HELD:
                 return False
+            gone = here - before
+            if np.abs(gone).max() < self.jitter:  # it may be no more than that: what creeps does so on the average
+                gone, here = _crept(looks), np.mean(looks[-_MEAN_OF:], axis=0)
             if np.abs(gone).max() >= LEAST_CREEP:
                 away = float(np.sign(gone[np.abs(gone).argmax()]))
                 change /= 2.0 if away == -way else 1.0
                 self.holding, way = self.holding - away * change, away
                 before, since = here, clock.now()
+                looks.clear()
             elif clock.now() >= since + BASELINE:
                 return True
         return False
@@ -209,12 +226,12 @@ class LimpMotor:
         clock = self.part.clock
         end = clock.now() + SETTLING
         while clock.now() < end:
-            looks, until_then = [self._where()], clock.now() + BASELINE
+            looks, until_then = [np.array(self._where())], clock.now() + BASELINE
             while clock.now() < until_then:
                 yield from self._drive(self.holding)
-                looks.append(self._where())
-            ways, crept = np.ptp(looks, axis=0), np.abs(np.subtract(looks[-1], looks[0]))
-            if crept.max() < LEAST_CREEP and ways.max() < _JITTER:
+                looks.append(np.array(self._where()))
+            ways = np.ptp(looks, axis=0)
+            if np.abs(_crept(looks)).max() < LEAST_CREEP and ways.max() < _JITTER:
                 return True
             self.restless = float(ways[0]), float(ways[1])
         return False
@@ -255,6 +272,12 @@ class LimpMotor:
         self._tell(self.holding, self.along)
         table = np.array(rows)
         return Ramp(end, added, _breakaway(table, self.holding + sign * added), motor, turned, table)
+
+
+def _crept(looks: list[FloatArray]) -> FloatArray:
+    """How far motor and joint went from the first looks to the last ones, deg: without the jitter of single ones."""
+    way: FloatArray = np.mean(looks[-_MEAN_OF:], axis=0) - np.mean(looks[:_MEAN_OF], axis=0)
+    return way
 
 
 def _at_limit(part: Part, joint: int, start: float, here: float, margin: float) -> bool:

@@ -16,23 +16,22 @@ from rtf.robot.errors import (
     RefusedError,
     RobotError,
     StaleStateError,
-    UnreachableError,
 )
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing.contacts import WITHIN, NoForcesError
 from rtf.robot_testing.ledger import MotionLedger
-from rtf.robot_testing.snapshot import Snapshot, answered
+from rtf.robot_testing.problems import Problems
+from rtf.robot_testing.snapshot import Snapshot, answered, sliding_joints
 from rtf.robot_testing.transmission import Transmission
+from rtf.robot_testing.watched import Place, Watched, Wrong, greatest_speeds, in_the_state, temperatures
 from rtf.testing.outcome import TestFailure
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
 
-    from numpy.typing import NDArray
-
     from rtf.clock import Clock
     from rtf.robot.client.control_board import RemoteControlBoard
-    from rtf.robot.interfaces import FloatArray, Pid
+    from rtf.robot.interfaces import Pid
     from rtf.robot_testing.contacts import ContactWatch
 
 #: What joints are parked with, deg/s, and how long it may take, s.
@@ -49,8 +48,6 @@ _DRIVEN = frozenset({ControlMode.TORQUE, ControlMode.CURRENT, ControlMode.PWM, C
 _RESTLESS = _DRIVEN - {ControlMode.POSITION_DIRECT} | {ControlMode.VELOCITY}
 #: In these nothing drives it.
 _LIMP = frozenset({ControlMode.IDLE, ControlMode.HARDWARE_FAULT})
-#: Questions without an answer (5 s each) after which a board is not asked any more: in a row, and in all.
-_UNANSWERED, _LOST = 3, 5
 
 
 class GuardError(RobotError, TestFailure):
@@ -70,7 +67,9 @@ class Limits:
     """What a joint may do while a test moves it; None: whatever it likes."""
 
     beyond: float = 5.0  # deg outside of its position limits
-    speed: float = 1.5  # times its greatest speed
+    #: Times what is usual: its greatest speed, or, where that is less, twice what it was told to turn at, 80 deg/s at
+    #: least. Infinite: it may be as fast as it likes.
+    speed: float = 1.5
     current: float | None = 1.0  # times its greatest current
     torque: float | None = 1.5  # times what its motor can exert: more than that comes from outside
     temperature: float | None = 1.0  # times its limit
@@ -107,37 +106,29 @@ class MotionGuard:
         self._names = board.axis_names()
         self._low = np.array([low for low, _ in self.snapshot.limits]) - self.limits.beyond
         self._high = np.array([high for _, high in self.snapshot.limits]) + self.limits.beyond
-        #: The greatest speeds, deg/s; infinite where there is none, and None where the board knows none.
-        self.fastest = self._ask(lambda joint: board.velocity_limits(joint)[1])
-        # Boards say 0 for joints without such a limit.
-        self._currents = _some(np.array([most or np.inf for most in self.snapshot.max_currents]))
-        self._torques = _some(self._ask(lambda joint: max(map(abs, board.torque_range(joint)))))
-        self._hottest = _some(self._ask(board.temperature_limit))
+        #: The greatest speeds, deg/s; infinite where the board knows none.
+        self.fastest = greatest_speeds(board)
+        #: Joints that slide: all that is told here, and by tests, is of degrees.
+        self.sliding = sliding_joints(board)
+        self._tell_of_joints()
+        place = Place(name, self._names, report)
+        self._quantities = in_the_state(board, place, self.limits, self.fastest, self.snapshot.max_currents)
+        self._temperatures = temperatures(board, place, self.limits)
         self._felt = -np.inf  # when temperatures were last asked for, s of the robot's clock
         self._given_up: set[int] = set()
         self._idle_since: dict[int, float] = {}  # of those that were given up here, s of the robot's clock
         self._powered_again: set[int] = set()  # of these it was told
         self._coupling: Transmission | None = None  # asked for where a joint is given up
         self._secured: set[int] = set()  # joints that nobody drives any more
-        self._unwatched: set[str] = set()  # what the state has not had, and was told
         self._contacts = contacts
+        self._doubted = False  # whether it was told that contacts are felt late
 
-    def _ask(self, question: Callable[[int], float]) -> FloatArray | None:
-        """What the board says is the most of each joint; None where it has no such thing.
-
-        Boards say 0, or refuse to say, for joints that have no such limit.
-        """
-
-        def most(joint: int) -> float:
-            try:
-                return question(joint) or np.inf
-            except RefusedError:
-                return np.inf
-
-        try:
-            return np.array([most(joint) for joint in range(self.board.axes())])
-        except NotSupportedError:
-            return None
+    def _tell_of_joints(self) -> None:
+        """Report what is not watched, or not moved, as one might think it were."""
+        if unknown := [self._names[joint] for joint in np.flatnonzero(np.isinf(self.fastest))]:
+            self._report(f"{self.name} tells no greatest speed of {', '.join(unknown)}: they are watched without it")
+        if sliding := [self._names[joint] for joint in sorted(self.sliding)]:
+            self._report(f"{self.name}: {', '.join(sliding)} slide: nothing that turns joints moves them")
 
     def give_up(self, joint: int, reason: str) -> None:
         """Leave a joint that does not obey without power: it is neither watched nor parked, nor powered any more."""
@@ -203,10 +194,10 @@ class MotionGuard:
     def _look(self) -> None:
         self._watch_given_up()
         positions = self.board.encoders()
-        self._judge(np.isnan(positions), positions, "has no position: its encoder gives {}")
+        self._judge(Wrong(np.isnan(positions), lambda joint: f"has no position: its encoder gives {positions[joint]}"))
         if self.snapshot.limits:
             outside = (positions < self._low) | (positions > self._high)
-            self._judge(outside, positions, "is at {:.1f} deg, beyond its limits")
+            self._judge(Wrong(outside, lambda joint: f"is at {positions[joint]:.1f} deg, beyond its limits"))
         self._watch_motion()
 
     def _watch_given_up(self) -> None:
@@ -235,27 +226,18 @@ class MotionGuard:
 
     def _watch_motion(self) -> None:
         """All but where joints are: one that is to come back may be anywhere."""
-        board, limits = self.board, self.limits
-        self._watch_most("speeds", board.encoder_speeds, limits.speed, self.fastest, "turns at {:.0f} deg/s, too fast")
-        self._watch_most("currents", board.currents, limits.current, self._currents, "draws {:.2f} A, too much")
-        self._watch_most("torques", board.torques, limits.torque, self._torques, "bears {:.1f} Nm, too much")
+        now = self._clock.now()
+        for quantity in self._quantities:
+            self._watch_quantity(quantity, now)
         self._watch_contacts()
-        self._watch_temperatures()
+        # A clock may also jump back.
+        if self._temperatures is not None and not 0 <= now - self._felt < _WARMING:
+            self._felt = now
+            self._watch_quantity(self._temperatures, now)
 
-    def _watch_most(
-        self, name: str, measure: Callable[[], FloatArray], share: float | None, most: FloatArray | None, what: str
-    ) -> None:
-        """Look at something of which there is a most. What the board does not measure is told once, and not watched."""
-        if share is None or most is None:
-            return
-        try:
-            values = np.abs(measure())
-        except NotSupportedError as error:
-            if name not in self._unwatched:
-                self._unwatched.add(name)
-                self._report(f"the {name} of {self.name} are not watched: {error}")
-            return
-        self._judge(values > share * most, values, what)
+    def _watch_quantity(self, quantity: Watched, now: float) -> None:
+        for wrong in quantity.look(now):
+            self._judge(wrong)
 
     def _watch_contacts(self) -> None:
         """Stop all joints of a part that runs into something: whichever moved, it pressed with all of them."""
@@ -267,6 +249,9 @@ class MotionGuard:
             self._contacts = None
             self._report(f"{self.name} is not watched for contacts: {error}")
             return
+        if not self._doubted and (doubt := self._contacts.doubt(self.limits.contact)):
+            self._doubted = True
+            self._report(f"{self.name} is watched less well for contacts: {doubt}")
         held = self._kept
         if strike is None or not held:
             return
@@ -290,28 +275,12 @@ class MotionGuard:
             return max(joints, key=lambda one: away[one])
         return otherwise
 
-    def _watch_temperatures(self) -> None:
-        """They come slowly, and have to be asked for."""
-        now = self._clock.now()
-        # A clock may also jump back.
-        if self.limits.temperature is None or self._hottest is None or 0 <= now - self._felt < _WARMING:
-            return
-        self._felt = now
-        try:
-            temperatures = self.board.temperatures()
-        except (NotSupportedError, RefusedError):
-            self._hottest = None  # it has limits, and nothing that measures
-            return
-        self._judge(temperatures > self.limits.temperature * self._hottest, temperatures, "has {:.0f} degC, too hot")
-
-    def _judge(self, wrong: NDArray[np.bool_], values: FloatArray, what: str) -> None:
-        found = [int(joint) for joint in np.flatnonzero(wrong) if joint not in self._given_up]
+    def _judge(self, wrong: Wrong) -> None:
+        found = [int(joint) for joint in np.flatnonzero(wrong.joints) if joint not in self._given_up]
         if found:
             joint = found[0]
             self._stop(
-                [joint],
-                f"{self._names[joint]} ({self.name} joint {joint}) {what.format(values[joint])}; it was stopped",
-                joint,
+                [joint], f"{self._names[joint]} ({self.name} joint {joint}) {wrong.say(joint)}; it was stopped", joint
             )
 
     def _stop(self, joints: Sequence[int], text: str, joint: int) -> None:
@@ -334,7 +303,7 @@ class MotionGuard:
             return
         driven = [joint for joint in joints if modes[joint] in _DRIVEN]
         moving = [joint for joint in joints if modes[joint] not in _DRIVEN | _LIMP]
-        problems = _Problems()
+        problems = Problems()
         if driven:
             problems.attempt(self._hold, driven)
         if moving:
@@ -343,7 +312,7 @@ class MotionGuard:
 
     def _hold_unseen(self) -> None:
         """Stop and hold all joints without knowing how they are; those that were without power have none again."""
-        problems, idle = _Problems(), self._limp_before
+        problems, idle = Problems(), self._limp_before
         if held := [joint for joint in self._kept if joint not in idle]:
             problems.attempt(self._hold, held)
             problems.attempt(self.board.stop, held)
@@ -374,7 +343,7 @@ class MotionGuard:
         First of all nothing drives a joint any more. Then settings, ``where_it_was``, and modes. What was not changed
         is not written, and one thing that cannot be put back keeps no other from being so.
         """
-        problems = _Problems()
+        problems = Problems()
         with suppress(NoAnswerError):  # it was told, and all others would wait as long for the same
             problems.attempt(self.secure)
             problems.attempt(self._leave_companions)
@@ -425,7 +394,7 @@ class MotionGuard:
                 return True
         return False
 
-    def _restore_settings(self, problems: _Problems) -> None:
+    def _restore_settings(self, problems: Problems) -> None:
         for joint in range(len(self._names)):
             for step in (self._restore_current, self._restore_limits, self._restore_impedance):
                 problems.attempt(step, joint)
@@ -462,7 +431,7 @@ class MotionGuard:
             self.board.set_impedance(joint, *before)
             self._report(f"{self._names[joint]}: stiffness and damping are {before} again")
 
-    def _restore_pids(self, problems: _Problems) -> None:
+    def _restore_pids(self, problems: Problems) -> None:
         board, all_now = self.board, answered(lambda: self.board.pids(PidType.POSITION))  # one question for all joints
 
         def restore(joint: int, before: Pid) -> None:
@@ -490,7 +459,7 @@ class MotionGuard:
     def _park(self, seconds: float) -> None:
         """Bring joints that are somewhere else to where they were; all are stopped when that fails in any way."""
         idle = self._limp_before
-        mine = [joint for joint in self._kept if joint not in idle]
+        mine = [joint for joint in self._kept if joint not in idle and joint not in self.sliding]
         sent: list[int] = []
         end = self._clock.now() + seconds
         try:
@@ -531,7 +500,7 @@ class MotionGuard:
         board.set_reference_speeds([PARKING_SPEED] * len(joints), joints)
         board.position_move(self.snapshot.positions[joints], joints)
 
-    def _restore_modes(self, problems: _Problems) -> None:
+    def _restore_modes(self, problems: Problems) -> None:
         board, before = self.board, self.snapshot
 
         def modes() -> None:
@@ -558,44 +527,6 @@ class MotionGuard:
         self.board.set_control_modes(then, joint)
         if joint not in self._secured:  # else it was told, and the state that came last does not show it yet
             self._report(f"{self._names[joint]}: in {then.word} again, was left in {now.word}")
-
-
-class _Problems:
-    """Does one thing after the other whatever becomes of them, and tells all that failed at the end."""
-
-    def __init__(self) -> None:
-        self._texts: list[str] = []
-        self._unanswered = self._lost = 0
-
-    def attempt(self, action: Callable[..., object], *arguments: object) -> None:
-        """Do something. A board that does not answer again and again, or is gone, raises its NoAnswerError."""
-        try:
-            action(*arguments)
-        except NoAnswerError as error:
-            self._note(error)
-            self._unanswered += 1
-            self._lost += 1
-            if isinstance(error, UnreachableError) or self._unanswered == _UNANSWERED or self._lost == _LOST:
-                raise
-        except RobotError as error:
-            self._note(error)
-            self._unanswered = 0
-        else:
-            self._unanswered = 0
-
-    def _note(self, error: RobotError) -> None:
-        if str(error) not in self._texts:
-            self._texts.append(str(error))
-
-    def tell(self, beginning: str) -> None:
-        """Raise one RobotError for all; nothing when there were none."""
-        if self._texts:
-            raise RobotError(f"{beginning}{'; '.join(self._texts)}")
-
-
-def _some(most: FloatArray | None) -> FloatArray | None:
-    """Limits of joints; None where none of them has one."""
-    return None if most is None or not np.isfinite(most).any() else most
 
 
 #: Modes that a joint may be put back into. Out of faults and calibration it is the board that decides; torque, current

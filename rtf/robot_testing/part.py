@@ -13,6 +13,7 @@ from rtf.robot.errors import RefusedError
 from rtf.robot_testing.courses import finish, pause, until
 from rtf.robot_testing.listening_board import ListeningBoard, UndeclaredMotionError
 from rtf.robot_testing.trace import Trace
+from rtf.robot_testing.watched import greatest_speeds
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -66,8 +67,8 @@ class Part:
         limits = (guard and guard.snapshot.limits) or [board.limits(joint) for joint in joints]
         self.low = np.array([low for low, _ in limits])
         self.high = np.array([high for _, high in limits])
-        fastest = None if guard is None else guard.fastest
-        self.fastest = np.array([board.velocity_limits(joint)[1] for joint in joints]) if fastest is None else fastest
+        #: The greatest speeds (deg/s); infinite where the board knows none.
+        self.fastest = greatest_speeds(board) if guard is None else guard.fastest
         self.home = np.clip(board.encoders(), self.low, self.high)
 
     # Joints ------------------------------------------------------------------------------------------------------
@@ -81,17 +82,26 @@ class Part:
         raise RefusedError(f"{self.name} has no joint {which!r}; it has 0 to {self.axes - 1}: {', '.join(self.names)}")
 
     def select(self, wanted: Sequence[int]) -> list[int]:
-        """The joints that a parameter says; all of them when it says none."""
-        return [self.joint(which) for which in wanted] if len(wanted) else list(range(self.axes))
+        """The joints that a parameter says; all of them when it says none, and with a guard all that turn.
+
+        Raises RefusedError for one that is not there, or slides.
+        """
+        sliding = frozenset[int]() if self.guard is None else self.guard.sliding
+        chosen = [self.joint(which) for which in wanted] or [j for j in range(self.axes) if j not in sliding]
+        if wrong := [self.names[joint] for joint in chosen if joint in sliding]:
+            raise RefusedError(f"{', '.join(wrong)} of {self.name} slides, and does not turn: a test moves by degrees")
+        if not chosen:
+            raise RefusedError(f"no joint of {self.name} turns")
+        return chosen
 
     def within(self, joint: int, share: float) -> float:
         """The position at a share of a joint's range: 0 is its lower limit, 1 its upper one."""
         return float(self.low[joint] + share * (self.high[joint] - self.low[joint]))
 
     def held(self, joints: Sequence[int] | None = None) -> list[int]:
-        """Those of some joints, or of all, that the guard has not given up: the others get no power any more."""
-        chosen = range(self.axes) if joints is None else joints
-        return [joint for joint in chosen if self.guard is None or not self.guard.given_up(joint)]
+        """Those of some joints, or of all, that a test moves: they turn, and the guard has not given them up."""
+        chosen, guard = range(self.axes) if joints is None else joints, self.guard
+        return [j for j in chosen if guard is None or not (guard.given_up(j) or j in guard.sliding)]
 
     # Modes -------------------------------------------------------------------------------------------------------
 

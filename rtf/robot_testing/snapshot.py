@@ -10,7 +10,7 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import NotSupportedError, RefusedError
-from rtf.robot.interfaces import Pid, PidType
+from rtf.robot.interfaces import JointType, Pid, PidType
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -89,3 +89,10 @@ def answered(question: Callable[[], _T]) -> _T | None:
         return question()
     except (NotSupportedError, RefusedError):
         return None
+
+
+def sliding_joints(board: RemoteControlBoard) -> frozenset[int]:
+    """The joints that slide (m), and do not turn (deg), by their board; where it does not say it they turn."""
+    return frozenset(
+        joint for joint in range(board.axes()) if answered(partial(board.joint_type, joint)) is JointType.PRISMATIC
+    )

@@ -44,14 +44,18 @@ WEIGHT = (0.0, 0.0, 20.0)
 
 
 class HastyBoard(FakeBoard):
-    """A board whose second joint says that it turns as fast as it is told to say (deg/s); ``frozen``: none moves."""
+    """A board whose second joint says that it turns as fast as it is told to say (deg/s); ``frozen``: none moves.
 
-    speed = 0.0
+    ``noise`` is that of all its speeds (deg/s).
+    """
+
+    speed = noise = 0.0
     frozen = False
 
     def __init__(self, name: str, *, network: Network) -> None:
         super().__init__(name, network=network)
         self.stopped: list[AxisSelection] = []
+        self._random = np.random.default_rng(1)
 
     def stop(self, joints: AxisSelection = None) -> None:
         """See IPositionControl."""
@@ -64,6 +68,7 @@ class HastyBoard(FakeBoard):
         if self.frozen:
             state.joint_positions[:] = state.joint_velocities[:] = 0.0
         state.joint_velocities[1] = self.speed
+        state.joint_velocities += self._random.normal(0.0, self.noise, len(state.joint_velocities))
         return time
 
 
@@ -165,6 +170,16 @@ def test_force_of_a_joint_that_is_hastened_is_no_contact(limb: Limb):
     limb.step(steps=30)
 
 
+def test_noise_of_speeds_hides_no_contact(limb: Limb):
+    """6 deg/s of it would explain 60 N that nobody presses with. That it is so is told once."""
+    limb.device.noise = 6.0
+    limb.step(steps=200)
+    (said,) = limb.said
+    assert said.startswith("/fake/left_arm is watched less well for contacts: its speeds are noisy, at rest as if it")
+    with pytest.raises(GuardError, match="something"):
+        limb.step((40.0, 0.0, 20.0), steps=20)
+
+
 def test_single_message_that_is_wrong_is_no_contact(limb: Limb):
     """Real sensors have spikes. What is no number is none either."""
     for wrong in ((500.0, 0.0, 0.0), (np.nan,) * 3):
@@ -182,6 +197,16 @@ def test_a_sensor_that_sends_no_numbers_is_told(limb: Limb):
     ]
     limb.step((np.nan,) * 3, steps=150)
     assert len(limb.said) == 1
+
+
+def test_joints_whose_speeds_are_no_numbers_strike_nothing(limb: Limb):
+    """A board may not measure one of them: it is told that nobody can tell contacts then."""
+    guard = limb.guard = limb.watched(Limits(speed=np.inf))
+    limb.device.speed = np.nan
+    limb.step(steps=90)
+    assert limb.said == []
+    limb.step(steps=30)
+    assert limb.said == [f"{guard.name} is not watched for contacts: places or speeds of its joints are no numbers"]
 
 
 def test_stamps_that_jump_back_blind_nobody(limb: Limb):

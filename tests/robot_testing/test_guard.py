@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from contextlib import ExitStack, nullcontext
 from typing import TYPE_CHECKING
 
@@ -14,13 +16,14 @@ from rtf.middleware.network import Network
 from rtf.robot.client.control_board import RemoteControlBoard, connect
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.errors import NoAnswerError, RefusedError, RobotError, StaleStateError
+from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError, RobotError, StaleStateError
 from rtf.robot.extended_state import Field
-from rtf.robot.interfaces import PidType, modes_for
+from rtf.robot.interfaces import JointType, PidType, modes_for
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PostingOutlets
 from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
 from rtf.robot_testing.ledger import MotionLedger
+from rtf.robot_testing.part import Part
 
 from ..robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
 
@@ -40,6 +43,7 @@ class WrongBoard(FakeBoard):
     lacks: frozenset[Field] = frozenset()  # what the state has not got
     refuses: frozenset[tuple[str, int]] = frozenset()  # methods that are refused, each for a joint
     together: frozenset[int] = frozenset()  # joints whose modes change together
+    slides: frozenset[int] = frozenset()  # joints that do not turn
 
     def __init__(self, name: str, *, network: Network) -> None:
         super().__init__(name, network=network)
@@ -54,6 +58,10 @@ class WrongBoard(FakeBoard):
         for lacking in self.lacks:
             state.valid[lacking] = False
         return time
+
+    def joint_type(self, joint: int) -> JointType:
+        """See IAxisInfo."""
+        return JointType.PRISMATIC if joint in self.slides else super().joint_type(joint)
 
     def _may(self, method: str, joints: Sequence[int] | int) -> None:
         for joint in [joints] if isinstance(joints, int) else joints:
@@ -168,10 +176,10 @@ WRONG = [
     pytest.param(
         "joint_positions", 106.0, r"joint1 \(/fake joint 1\) is at 106.0 deg, beyond its limits", id="position"
     ),
-    pytest.param("joint_velocities", -76.0, "turns at 76 deg/s, too fast", id="speed"),
-    pytest.param("currents", 10.5, "draws 10.50 A, too much", id="current"),
-    pytest.param("torques", -31.0, "bears 31.0 Nm, too much", id="torque"),
-    pytest.param("temperatures", 90.0, "has 90 degC, too hot", id="temperature"),
+    pytest.param("joint_velocities", -76.0, "turns at 76 deg/s, too fast: more than 75 deg/s", id="speed"),
+    pytest.param("currents", 10.5, "draws 10.50 A, too much: more than 10.00 A", id="current"),
+    pytest.param("torques", -31.0, "bears 31.0 Nm, too much: more than 30.0 Nm", id="torque"),
+    pytest.param("temperatures", 90.0, "has 90 degC, too hot: more than 85 degC", id="temperature"),
 ]
 
 
@@ -196,6 +204,136 @@ def test_just_within_the_limits_is_fine(bench: Bench, field: str, value: float):
     bench.time.sleep(1.5)
     bench.measure(field, 1, value * 0.9)
     guard.watch()
+
+
+def test_a_board_that_allows_every_speed_allows_none_that_is_unusual(bench: Bench):
+    """Real boards say 1000 deg/s for all joints: what counts then is what a joint was told, and what any may turn."""
+    for joint in range(3):
+        bench.device.set_velocity_limits(joint, 0.0, 1000.0)
+    guard = bench.guard()
+    bench.measure("joint_velocities", 1, 119.0)
+    guard.watch()
+    bench.measure("joint_velocities", 1, 121.0)
+    with pytest.raises(GuardError, match=r"joint1 .* turns at 121 deg/s, too fast: more than 120 deg/s"):
+        guard.watch()
+
+
+def test_a_joint_may_be_as_fast_as_it_was_told(bench: Bench):
+    """Three times that with the usual limit; and nothing less while it is still on its way."""
+    bench.device.set_velocity_limits(1, 0.0, 1000.0)
+    guard = bench.guard()
+    bench.board.set_reference_speeds([100.0], [1])
+    bench.measure("joint_velocities", 1, -299.0)
+    guard.watch()
+    bench.board.set_reference_speeds([20.0], [1])
+    guard.watch()
+    bench.measure("joint_velocities", 1, -301.0)
+    with pytest.raises(GuardError, match="too fast: more than 300 deg/s"):
+        guard.watch()
+
+
+def test_a_board_that_does_not_say_what_joints_were_told_stops_them_all_the_same(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+):
+    """Its answer may be lost just then."""
+    guard = bench.guard()
+
+    def lost() -> FloatArray:
+        raise NoAnswerError("no answer")
+
+    monkeypatch.setattr(guard._quantities[0], "_ask", lost)
+    bench.measure("joint_velocities", 1, 76.0)
+    with pytest.raises(GuardError, match="too fast"):
+        guard.watch()
+
+
+def test_an_infinite_limit_of_speeds_is_none(bench: Bench):
+    """There are tests in which joints fall."""
+    guard = bench.guard(Limits(speed=math.inf))
+    bench.measure("joint_velocities", 1, 1000.0)
+    guard.watch()
+
+
+def test_a_board_without_greatest_speeds_is_watched_without_them(bench: Bench, monkeypatch: pytest.MonkeyPatch):
+    """And it is told."""
+
+    def unknown(joint: int) -> tuple[float, float]:
+        raise NotSupportedError(f"no velocity limits of joint {joint}")
+
+    monkeypatch.setattr(bench.board, "velocity_limits", unknown)
+    guard = bench.guard()
+    assert bench.said == ["/fake tells no greatest speed of joint0, joint1, joint2: they are watched without it"]
+    for fastest in (Part("fake", bench.board, bench.time, one).fastest for one in (guard, None)):
+        assert fastest.tolist() == [math.inf] * 3
+    bench.measure("joint_velocities", 1, 121.0)
+    with pytest.raises(GuardError, match="too fast"):
+        guard.watch()
+
+
+MEASURED = [row.values[0] for row in WRONG[1:]]
+
+
+@pytest.mark.parametrize("field", MEASURED)
+def test_what_was_measured_and_is_no_number_any_more_stops_its_joint(bench: Bench, field: str):
+    """At once it is told, once; for half a second it may be so. No number is more than any limit."""
+    guard = bench.guard()
+    guard.watch()
+    bench.time.sleep(1.5)
+    bench.measure(field, 1, math.nan)
+    guard.watch()
+    (said,) = bench.said
+    assert re.fullmatch(r"the \w+ of /fake is not watched: no numbers come \(joint1\)", said)
+    bench.time.sleep(1.5)
+    bench.publish()
+    with pytest.raises(GuardError, match=r"joint1 .* has had no \w+ for 0.5 s, of which there is a limit") as caught:
+        guard.watch()
+    assert caught.value.joint == 1
+    assert len(bench.said) == 1
+
+
+@pytest.mark.parametrize("field", MEASURED)
+def test_what_was_never_measured_is_told_and_stops_nothing(bench: Bench, field: str):
+    """There are boards without such sensors; the other joints are watched."""
+    guard = bench.guard()
+    bench.measure(field, 1, math.nan)
+    for _ in range(3):
+        guard.watch()
+        bench.time.sleep(1.5)
+        bench.publish()
+    assert len(bench.said) == 1
+    assert bench.said[0].endswith("is not watched: no numbers come (joint1)")
+    bench.measure(field, 0, 1000.0)
+    with pytest.raises(GuardError, match="joint0"):
+        guard.watch()
+
+
+def test_a_moment_without_numbers_is_no_loss(bench: Bench):
+    """It begins anew with the next number, also after a clock that jumped back."""
+    guard = bench.guard()
+    guard.watch()
+    for wrong in (math.nan, 0.1, math.nan):
+        bench.measure("currents", 1, wrong)
+        guard.watch()
+        bench.time.sleep(0.4)
+        bench.publish()
+        guard.watch()
+    bench.time.time -= 5.0
+    bench.publish()
+    guard.watch()
+    bench.time.sleep(0.4)
+    bench.publish()
+    guard.watch()
+
+
+def test_joints_that_slide_are_told_and_not_brought_back(bench: Bench):
+    """20 deg/s would be 20 m/s of theirs."""
+    bench.device.slides = frozenset({1})
+    guard = bench.guard()
+    assert bench.said == ["/fake: joint1 slide: nothing that turns joints moves them"]
+    bench.measure("joint_positions", 1, 50.0)
+    bench.device.commands.clear()
+    bench.restore(guard)
+    assert bench.device.commands == []
 
 
 def test_what_is_not_limited_is_not_watched(bench: Bench):
@@ -302,7 +440,7 @@ def test_what_is_driven_is_held_instead(bench: Bench, mode: ControlMode):
     guard = bench.guard()
     bench.device.set_control_modes(mode, 1)
     bench.measure("currents", 1, 10.5)
-    with pytest.raises(GuardError, match=r"draws 10\.50 A, too much; it was stopped"):
+    with pytest.raises(GuardError, match=r"draws 10\.50 A, too much: more than 10\.00 A; it was stopped"):
         guard.watch()
     assert bench.device.control_modes(1) == (ControlMode.POSITION,)
 
@@ -324,7 +462,9 @@ def test_a_stop_that_is_refused_hides_no_danger(bench: Bench):
     guard = bench.guard()
     bench.device.refuses = frozenset({("stop", 1)})
     bench.measure("currents", 1, 10.5)
-    with pytest.raises(GuardError, match=r"draws 10\.50 A, too much; and it could not be stopped: .*joints 1"):
+    with pytest.raises(
+        GuardError, match=r"draws 10\.50 A, too much: more than 10\.00 A; and it could not be stopped: .*joints 1"
+    ):
         guard.watch()
 
 
@@ -350,7 +490,7 @@ def test_what_a_board_has_not_got_is_not_watched(bench: Bench):
     guard = bench.guard()
     guard.watch()
     guard.watch()
-    assert [text.split(":")[0] for text in bench.said] == ["the speeds of /fake are not watched"]
+    assert [text.split(":")[0] for text in bench.said] == ["the speed of /fake is not watched"]
     bench.measure("currents", 0, 1000.0)
     guard.watch()
     bench.measure("currents", 1, 10.5)

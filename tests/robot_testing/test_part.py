@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.robot.control_modes import ControlMode
+from rtf.robot.errors import RefusedError
 from rtf.robot_testing.case import RobotTest
 from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.part import Part
 from rtf.robot_testing.positioning import hold, late_joints
 from rtf.testing.outcome import TestProblem
 
@@ -107,3 +109,23 @@ def test_a_joint_without_a_position_has_not_arrived(bench: PartBench):
     bench.device.shown = {1: math.nan}
     bench.publish()
     assert list(late_joints(bench.part, [0, 1], [1.0, 1.0])) == [1]
+
+
+def test_joints_that_slide_are_left_out(bench: PartBench):
+    """Where none is named; one that is named is refused. Whatever moves the part does not move them."""
+    part, bench.guard.sliding = bench.part, frozenset({1})
+    assert part.select([]) == part.held() == [0, 2]
+    with pytest.raises(RefusedError, match="joint1 of fake slides, and does not turn"):
+        part.select([0, 1])
+    bench.device.asked.clear()
+    assert part.move([5.0, 6.0, 7.0]).positions == pytest.approx([5.0, 0.0, 7.0], abs=0.5)
+    assert part.go_home().reached
+    assert all(1 not in joints for _, joints in bench.device.asked)
+    bench.guard.sliding = frozenset({0, 1, 2})
+    with pytest.raises(RefusedError, match="no joint of fake turns"):
+        part.select([])
+
+
+def test_a_test_that_only_listens_looks_at_joints_that_slide(bench: PartBench):
+    """It does not move them."""
+    assert Part("fake", bench.board, bench.time, None).select([]) == [0, 1, 2]
