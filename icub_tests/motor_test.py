@@ -67,13 +67,14 @@ class MotorTest(JointsTest):
         super().setup()
         part = self.robot_part
         self.targets = self._targets()
-        self.low = self.targets - np.abs(self.per_joint("min", self.below, self.chosen))
-        self.high = self.targets + np.abs(self.per_joint("max", self.above, self.chosen))
-        self.speeds = np.array(self.per_joint("refvel", self.speed, self.chosen))
+        self.low = self.targets - np.abs(self.by_joint("min", self.below))
+        self.high = self.targets + np.abs(self.by_joint("max", self.above))
+        self.speeds = self.by_joint("refvel", self.speed)
         self.hold()
-        part.board.set_reference_speeds(self.speeds)
+        part.board.set_reference_speeds(self.speeds[self.chosen], self.chosen)
         if self.acceleration:
-            part.board.set_reference_accelerations(self.per_joint("refacc", self.acceleration, self.chosen))
+            accelerations = self.per_joint("refacc", self.acceleration, self.chosen)
+            part.board.set_reference_accelerations(accelerations, self.chosen)
 
     def wanted_joints(self) -> list[int]:
         """All: the parameter ``joints`` is their number."""
@@ -82,7 +83,7 @@ class MotorTest(JointsTest):
     def _targets(self) -> FloatArray:
         part = self.robot_part
         if self.target:
-            return np.array(self.per_joint("target", self.target, self.chosen))
+            return self.by_joint("target", self.target)
         middle = (part.low + part.high) / 2
         return np.clip(part.home + np.where(part.home < middle, self.distance, -self.distance), part.low, part.high)
 
@@ -96,7 +97,7 @@ class MotorTest(JointsTest):
             self._move("single", [joint], self.targets)
         home = part.home
         self.progress(part.axes / (part.axes + 2), "all")
-        self._move("all", None, home)
+        self._move("all", None if len(self.chosen) == part.axes else self.chosen, home)
         self._move("group", self.chosen[::-1], self.targets)
         part.tell_of_clocks(self.report)
 
@@ -144,7 +145,7 @@ class MotorTest(JointsTest):
 
     def _time_for(self, joints: list[int], ways: FloatArray) -> float:
         if self.patience:
-            return float(max(self.per_joint("timeout", self.patience, self.chosen)[joint] for joint in joints))
+            return float(self.by_joint("timeout", self.patience)[joints].max())
         return float((2 * ways / self.speeds[joints]).max()) + 2.0
 
     def _arrived(self, joints: list[int], targets: FloatArray) -> bool:

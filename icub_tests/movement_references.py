@@ -40,7 +40,7 @@ class MovementReferencesTest(JointsTest):
     aliases = ("movementReferencesTest", "MovementReferences", "movementReferences")
     tags = ("references", "motion")
     safety = Safety.EFFORT
-    limits = Limits(speed=10.0, current=None, contact=None)  # joints fall in PWM mode, light ones fast
+    limits = Limits(speed=5.0, current=None, contact=None)  # joints fall in PWM mode, light ones fast
 
     target = Parameter(list[float], "where joints are moved; none: near home", unit="deg", default=[])
     speed = Parameter(

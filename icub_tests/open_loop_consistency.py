@@ -26,7 +26,7 @@ class OpenLoopConsistency(JointsTest):
     aliases = ("OpenloopConsistency", "openLoopConsistency", "openloopConsistency", "openloop-consistency")
     tags = ("references", "effort")
     safety = Safety.EFFORT
-    limits = Limits(speed=10.0, current=None, contact=None)  # light joints fall fast
+    limits = Limits(speed=5.0, current=None, contact=None)  # light joints fall fast
 
     level = Parameter(float, "the duty cycle, both ways", unit="%", default=1.0, low=0.1, high=5.0)
     tolerance = Parameter(float, "how near reference and output are to it", unit="%", default=0.05, low=0.0)
