@@ -35,10 +35,10 @@ class PositionControlAccuracy(StepTest):
     step_duration = Parameter(
         float, "when a cycle ends, counted from the beginning of the rest before the step", unit="s", default=2.0
     )
-    step = Parameter(float, "height of the step; on the robot 5 at most", unit="deg", default=2.0, low=0.1, high=20.0)
-    kp = Parameter(list[float], "proportional gain; none: the robot's", default=[], key="Kp")
-    ki = Parameter(list[float], "integral gain; none: the robot's", default=[], key="Ki")
-    kd = Parameter(list[float], "derivative gain; none: the robot's", default=[], key="Kd")
+    # Gains go to the board as they are given: in what its firmware and its configuration reckon in.
+    kp = Parameter(list[float], "proportional gain, in the board's units; none: the robot's", default=[], key="Kp")
+    ki = Parameter(list[float], "integral gain, in the board's units; none: the robot's", default=[], key="Ki")
+    kd = Parameter(list[float], "derivative gain, in the board's units; none: the robot's", default=[], key="Kd")
 
     repeatability = Parameter(
         float, "deviation of the steps from each other, at most; more where friction hides more", unit="deg",

@@ -87,9 +87,13 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
     # Friction may hold a joint just short of nine tenths until the integral has gathered.
     rise_time = Parameter(float, "from a tenth to nine tenths, at most", unit="s", default=1.0, low=0.001)
     overshoot = Parameter(float, "beyond the target, at most", unit="%", default=40.0, low=0.0)
-    band = Parameter(float, "how near to the target is settled", unit="deg", default=0.5, low=0.001)
+    band = Parameter(
+        float, "how near to the target is settled; a quarter of the step at most", unit="deg", default=0.5, low=0.001
+    )
     settling_time = Parameter(float, "until it stays in the band, at most", unit="s", default=2.4, low=0.001)
-    steady_error = Parameter(float, "at the end, at most", unit="deg", default=0.5, low=0.0)
+    steady_error = Parameter(
+        float, "at the end, at most; no more than a quarter of the step", unit="deg", default=0.5, low=0.0
+    )
     ripple = Parameter(float, "deviation at the end, at most", unit="deg", default=0.15, low=0.0)
     repeatability = Parameter(
         float, "deviation of the steps from each other, at most", unit="deg", default=0.8, low=0.0

@@ -10,6 +10,7 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.coupled_steps import CoupledStepTest
 from rtf.robot_testing.judging import Judged
+from rtf.robot_testing.response import largest
 from rtf.robot_testing.torque import greatest_torque, holding_torques, torque_joints
 from rtf.testing import Parameter
 
@@ -35,6 +36,7 @@ class TorqueControlAccuracy(CoupledStepTest):
     tags = ("motion", "control", "torque")
     safety = Safety.EFFORT
     symbol = "Nm"
+    highest = 1.0
     shortest = 0.1
     late_finding = wrong_finding = "torque answer"
 
@@ -52,11 +54,15 @@ class TorqueControlAccuracy(CoupledStepTest):
     lead = Parameter(float, "time in torque mode before the step", unit="s", default=0.3, low=0.1)
     travel = Parameter(float, "how far a joint may go before it is held again", unit="deg", default=8.0, low=0.5)
     holding_error = Parameter(float, "before the step, at most", unit="Nm", default=0.2, low=0.0)
-    band = Parameter(float, "how near to the target is settled", unit="Nm", default=0.1, low=0.001)
+    band = Parameter(
+        float, "how near to the target is settled; a quarter of the step at most", unit="Nm", default=0.1, low=0.001
+    )
     settling_time = Parameter(float, "until it stays in the band, at most", unit="s", default=0.2, low=0.001)
     rise_time = Parameter(float, "from a tenth to nine tenths, at most", unit="s", default=0.1, low=0.001)
     overshoot = Parameter(float, "beyond the target, at most", unit="%", default=15.0, low=0.0)
-    steady_error = Parameter(float, "at the end, at most", unit="Nm", default=0.1, low=0.0)
+    steady_error = Parameter(
+        float, "at the end, at most; no more than a quarter of the step", unit="Nm", default=0.1, low=0.0
+    )
     ripple = Parameter(float, "deviation at the end, at most", unit="Nm", default=0.1, low=0.0)
     repeatability = Parameter(float, "deviation of the steps from each other, at most", unit="Nm", default=0.1, low=0.0)
 
@@ -114,5 +120,5 @@ class TorqueControlAccuracy(CoupledStepTest):
     def values(self, joint: int, cycles: list[Cycle]) -> list[Judged]:
         """See the base; what was measured before the step counts, too."""
         before = [float(np.abs(one.measured[one.time < 0].mean() - one.start)) for one in cycles]
-        error = Judged("error before the step", max(before), "Nm", self.holding_error, self.wrong_finding)
+        error = Judged("error before the step", largest(before), "Nm", self.holding_error, self.wrong_finding)
         return [error, *super().values(joint, cycles)]

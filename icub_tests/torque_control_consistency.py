@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 _FORMS = ("single", "group", "all")
 #: How long the torques that hold the joints are measured, and what a board may take to show its mode, s.
 _HOLDING, _MODE_TIME = 0.2, 0.2
-#: How long a reference has to arrive, s.
-_ARRIVING = 0.03
+#: How long a reference has to arrive, and how long it is measured then, s: a single state would be judged by its noise.
+_ARRIVING, _MEASURING = 0.03, 0.05
 #: How far a joint may go meanwhile, deg.
 _TRAVEL = 10.0
 
@@ -105,11 +105,11 @@ class TorqueControlConsistency(RobotTest):
                 ),
                 _ARRIVING, pace=0.01,
             )  # fmt: skip
+            measured, gone = self._measure(part, [*joints, *others], before)
             found.append((
-                change, wanted, part.board.reference_torques(joints), part.board.torques(joints),
+                change, wanted, part.board.reference_torques(joints), measured[: len(joints)],
                 self._in_torque_mode(part, joints),
             ))  # fmt: skip
-            gone = np.abs(part.board.encoders() - before)[[*joints, *others]]
             if gone.max() > _TRAVEL:
                 break
         hold(part, joints)
@@ -126,6 +126,17 @@ class TorqueControlConsistency(RobotTest):
                     self._judge(
                         part.names[joint], change, wanted[place], told[place], measured[place], kept=bool(kept[place])
                     )
+
+    def _measure(self, part: Part, joints: Sequence[int], before: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The mean torques of joints (Nm), and how far they have gone in the end (deg): far, and it is the end."""
+
+        def gone() -> FloatArray:
+            return np.abs(part.board.encoders(joints) - before[joints])
+
+        with part.recorded() as trace:
+            part.wait_until(lambda: bool(gone().max() > _TRAVEL), _MEASURING, pace=0.01)
+        torques = trace.torques[:, joints].mean(axis=0) if len(trace) else part.board.torques(joints)
+        return torques, gone()
 
     def _others(self, joints: Sequence[int]) -> list[int]:
         """Those that are coupled with some joints."""

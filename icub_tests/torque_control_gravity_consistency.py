@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,25 +16,33 @@ from rtf.testing import Parameter
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part
+    from rtf.robot_testing.statistics import Fit
 
 #: The parts of an iCub, all of which decide what hangs where.
 _PARTS = ("head", "torso", "left_arm", "right_arm", "left_leg", "right_leg")
 #: All joints come to each posture from both sides, from so far (deg), so that friction cancels out; how fast (deg/s).
 _APPROACH, _APPROACH_SPEED = 2.0, 10.0
-#: How long joints come to rest, and for how long they are measured then, s.
-_REST, _MEASURING = 0.3, 0.2
+#: How long joints come to rest, and for how long they are measured then, s. A controller takes about a second to gather
+#: on either side what friction takes: measured sooner, it does not cancel out.
+_REST, _MEASURING = 1.0, 0.2
 #: A gain can be told when the model's torques spread by so much about their mean, Nm, in so many postures.
 _SPREAD, _FEWEST = 0.3, 4
+#: By so much a gain is off whose sign is wrong.
+_INVERTED = 2.0
+#: What measures something differs by more from posture to posture, Nm: a mean of the same values is rounded.
+_STILL = 1e-9
 
 
 class TorqueControlGravityConsistency(RobotTest):
     """Puts each joint of a part into several static postures and compares what is measured with the model.
 
     The line through measured against model torques has a slope, the gain, and an offset; both have limits, and so has
-    what is left.
+    what is left. A gain is a sub-result of its own: skipped where gravity varies too little to tell it, as about an
+    axis that is upright, but for a wrong sign; and inconclusive where what is measured scatters too much.
     """
 
     aliases = ("torqueControl-gravityConsistency", "torqueControlGravityConsistency")
+    ignored_keys = ("wbi_conf_file", "local")  # of the original, which asked a server of models
     tags = ("motion", "torque", "sensors", "model")
     safety = Safety.MOTION
 
@@ -131,20 +138,39 @@ class TorqueControlGravityConsistency(RobotTest):
                 hidden = self.friction / 100.0 * (most or 0.0)
                 self._judge(part.names[joint], measured[:, place], wanted[:, place], hidden)
 
+    def _judge_gain(self, name: str, line: Fit, spread: float, hides: float) -> None:
+        """A gain is wrong when it surely is: on the robot's side is the statistics' own doubt, which may not be large.
+
+        So is what friction ``hides`` (Nm), unless gravity varies by more.
+        """
+        little = f"{name}: gravity varies by {spread:.2f} Nm in these postures, too little to tell"
+        if hides >= _INVERTED * spread:
+            self.skip(f"{little} a gain")
+        known = spread > hides
+        allowed = self.gain + line.slope_interval + (0.0 if known else hides / spread)
+        hint = f"{name} measures {line.slope:.2f} Nm for each Nm of gravity; {likely_causes('torque gain')}"
+        self.measure("gain", line.slope, "", low=1.0 - allowed, high=1.0 + allowed, hint=hint)
+        if not known:
+            self.skip(f"{little} more of a gain than whether its sign is surely wrong")
+        if not line.slope_interval <= self.gain:
+            self.inconclusive(
+                f"{name}: what is measured scatters so much that its gain is only known to {line.slope_interval:.2f}; "
+                f"{self.gain:g} can be judged: more postures, or a larger swing"
+            )
+
     def _judge(self, name: str, measured: FloatArray, model: FloatArray, hidden: float) -> None:
         order = np.argsort(model)
         self.record("against the model", model=(model[order], "Nm"), measured=(measured[order], "Nm"))
-        line = fit_line(model, measured)
-        known = float(np.std(model)) > max(_SPREAD, hidden / 2)
-        if known:
-            # The statistics' own doubt is on the robot's side: a gain is wrong when it surely is.
-            allowed = self.gain + (line.slope_interval if math.isfinite(line.slope_interval) else 0.0)
-            hint = f"{name} measures {line.slope:.2f} Nm for each Nm of gravity; {likely_causes('torque gain')}"
-            self.measure("gain", line.slope, "", low=1.0 - allowed, high=1.0 + allowed, hint=hint)
-        else:
-            self.report(f"{name}: gravity varies by {np.std(model):.2f} Nm in these postures, too little for a gain")
+        self.assert_fail_if_true(
+            float(np.ptp(measured)) <= _STILL,
+            f"{name} measures {measured[0]:g} Nm in all postures; {likely_causes('torque dead')}",
+        )
+        line, spread = fit_line(model, measured), float(np.std(model))
+        hides = max(_SPREAD, hidden / 2)
+        with self.subresult("gain"):
+            self._judge_gain(name, line, spread, hides)
         # Where the gain can be told the offset is that of the line; elsewhere the mean difference.
-        offset = line.offset if known else float(np.mean(measured - model))
+        offset = line.offset if spread > hides else float(np.mean(measured - model))
         most = max(self.offset, hidden)
         hint = f"{name} measures {offset:+.2f} Nm beyond gravity; {likely_causes('torque offset')}"
         self.measure("offset", offset, "Nm", low=-most, high=most, hint=hint)

@@ -28,27 +28,29 @@ class Judged(NamedTuple):
     hint: str = ""
 
     @property
-    def beyond(self) -> bool:
-        """Whether it is too much, or too little."""
-        return self.value > self.high or self.value < self.low
+    def wrong(self) -> bool:
+        """Whether it is too much, or too little, or not there."""
+        return not self.low <= self.value <= self.high
 
     @property
     def text(self) -> str:
         """The value in words."""
+        if math.isnan(self.value):
+            return f"there is no {self.name}"
         return f"{self.name} is {self.value:.3g} {self.symbol}"
 
 
 def judge_values(test: TestCase, name: str, values: Sequence[Judged], late: str = "") -> None:
     """Measure values of a joint of that ``name``; what is beyond its bound, or is not there, fails the test.
 
-    ``late`` says how the test did not keep up with the robot. Then what is beyond is not held against the robot: the
+    ``late`` says how the test did not keep up with the robot. Then what is wrong is not held against the robot: the
     values are measured without bounds, and the test ends as inconclusive.
     """
-    if late and any(value.beyond for value in values):
+    if late and any(value.wrong for value in values):
         for value in values:
             if not math.isnan(value.value):
                 test.measure(value.name, value.value, value.symbol)
-        test.inconclusive(f"{name}: {', '.join(value.text for value in values if value.beyond)}; but {late}")
+        test.inconclusive(f"{name}: {', '.join(value.text for value in values if value.wrong)}; but {late}")
     for value in values:
         _judge(test, name, value)
 
@@ -56,7 +58,7 @@ def judge_values(test: TestCase, name: str, values: Sequence[Judged], late: str 
 def _judge(test: TestCase, name: str, value: Judged) -> None:
     if math.isnan(value.value):
         causes = likely_causes(value.finding) if value.finding else ""
-        why = "; ".join(text for text in (f"{name}: there is no {value.name}", value.hint or causes) if text)
+        why = "; ".join(text for text in (f"{name}: {value.text}", value.hint or causes) if text)
         test.check_fail_if_true(condition=True, text=why)
         return
     low, high = (bound if math.isfinite(bound) else None for bound in (value.low, value.high))

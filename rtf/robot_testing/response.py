@@ -14,8 +14,12 @@ if TYPE_CHECKING:
 
     from rtf.robot.interfaces import FloatArray
 
-#: Of the step: from here to there is the rise.
+#: Of what is reached of the step: from here to there is the rise. That is counted as so much of the step at least.
 _BEGUN, _RISEN = 0.1, 0.9
+_REACHED = 0.5
+#: Noise explains what is within so many of its standard deviations: hardly a point is beyond, also of noise that is
+#: known by some dozen points.
+EXPLAINED = 5.0
 #: Points after a step, without which nothing is said of it.
 FEWEST = 10
 #: What is left of the time at the end for what is steady.
@@ -27,9 +31,10 @@ _BANDWIDTH = 0.35
 class StepResponse(NamedTuple):
     """An answer to a step. Times in s from the step on, errors in what was measured, overshoot in per cent of the step.
 
-    ``delay`` is until a tenth is reached, ``rise_time`` from there to nine tenths: NaN where that never happens.
-    ``settling_time`` is until it stays within the band, infinite when it does not. ``steady_error`` is of the mean of
-    the last quarter, ``ripple`` the deviation from a line through it.
+    ``delay`` is until a tenth of what is reached in the end, ``rise_time`` from there to nine tenths: NaN where that
+    never happens, or not by half of the step. ``overshoot`` is beyond the target, or beyond the end where that is
+    further. ``settling_time`` is until it stays within the band, infinite when it does not. ``steady_error`` is of the
+    mean of the last quarter, ``ripple`` the deviation from a line through it.
     """
 
     delay: float
@@ -45,29 +50,48 @@ class StepResponse(NamedTuple):
         return _BANDWIDTH / self.rise_time if self.rise_time > 0 else math.nan
 
 
-def step_response(time: ArrayLike, values: ArrayLike, start: float, target: float, band: float) -> StepResponse:
+def step_response(
+    time: ArrayLike, values: ArrayLike, start: float, target: float, band: float, noise: float = 0.0
+) -> StepResponse:
     """Judge an answer; ``time`` counts from the step, which goes from ``start`` to ``target``. ``band`` is to one side.
 
-    Raises ValueError when there are not at least ten points after the step.
+    ``noise`` is the standard deviation of what is measured: what it explains is not held against the answer.
+    Raises ValueError when there are not at least ten points after the step, and for values that are no numbers.
     """
     t, v = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    if missing := int((~np.isfinite(v)).sum()):
+        raise ValueError(f"{missing} of {v.size} values are no numbers")
     t, v = t[t >= 0], v[t >= 0]
     if t.size < FEWEST:
         raise ValueError(f"{t.size} points after the step say nothing of it; {FEWEST} are needed")
-    share = (v - start) / (target - start)
-    begun, risen = _first(t, share, _BEGUN), _first(t, share, _RISEN)
-    outside = np.flatnonzero(np.abs(v - target) > band)
-    settled = 0.0 if outside.size == 0 else math.inf if outside[-1] == t.size - 1 else float(t[outside[-1] + 1])
     last = max(FEWEST // 2, round(_STEADY_SHARE * t.size))
-    line = np.polynomial.Polynomial.fit(t[-last:], v[-last:], 1)
+    final, height, explained = float(v[-last:].mean()), target - start, EXPLAINED * noise
+    share, reached = (v - start) / height, (final - start) / height
+    whole = max(_REACHED, reached)
+    begun, risen = _first(t, share, _BEGUN * whole), _first(t, share, _RISEN * whole - noise / abs(height))
+    outside = np.flatnonzero(np.abs(v - target) > band + explained)
+    settled = 0.0 if outside.size == 0 else math.inf if outside[-1] == t.size - 1 else float(t[outside[-1] + 1])
     return StepResponse(
         delay=begun,
         rise_time=risen - begun,
-        overshoot=100.0 * max(0.0, float(share.max()) - 1.0),
+        overshoot=100.0 * max(0.0, float(share.max()) - max(1.0, reached) - explained / abs(height)),
         settling_time=settled,
-        steady_error=float(v[-last:].mean()) - target,
-        ripple=float(np.std(v[-last:] - line(t[-last:]))),
+        steady_error=final - target,
+        ripple=_deviation(t[-last:], v[-last:]),
     )
+
+
+def noise_before(time: FloatArray, values: FloatArray) -> float:
+    """How far values are from a line through them in the latter half of the time before a step; 0 where few are."""
+    half = int((time < 0).sum()) // 2
+    before = slice(half, 2 * half)
+    return _deviation(time[before], values[before]) if half >= FEWEST // 2 else 0.0
+
+
+def _deviation(time: FloatArray, values: FloatArray) -> float:
+    """How far values are from a line through them, root mean square."""
+    line = np.polynomial.Polynomial.fit(time, values, 1)
+    return float(np.std(values - line(time)))
 
 
 def _first(time: FloatArray, share: FloatArray, level: float) -> float:

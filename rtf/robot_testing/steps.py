@@ -21,7 +21,8 @@ from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.judging import Judged, judge_values
 from rtf.robot_testing.lateness import lateness, staleness
 from rtf.robot_testing.positioning import bringing, holding, starting_point
-from rtf.robot_testing.response import FEWEST, largest, spread_of, step_response
+from rtf.robot_testing.response import EXPLAINED, FEWEST, largest, noise_before, spread_of, step_response
+from rtf.robot_testing.simulated import is_simulated
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 #: Between two states of a board at the slowest, s; to compare repetitions.
 _GRID = 0.01
+#: Whatever the limits are, to come nearer to the target than by this share of the step is no excess.
+_NEAREST = 0.25
 
 
 class Cycle(NamedTuple):
@@ -58,6 +61,7 @@ class StepTest(RobotTest):
     """
 
     symbol: ClassVar[str] = "deg"
+    highest: ClassVar[float] = 5.0  # in that unit; a higher step would throw the joint of a real part
     shortest: ClassVar[float] = 0.3  # s that a step has to last to be judged
     rest: ClassVar[float] = 0.5  # s after a joint has come home
     late_finding: ClassVar[str] = "lag"  # what it points to that an answer is late, and that it is wrong
@@ -65,6 +69,7 @@ class StepTest(RobotTest):
 
     part = Parameter(str, "the part whose joints are stepped", default="left_arm")
     joints = Parameter(list[int], "its joints; none: all that can be", default=[])
+    step = Parameter(float, "height of the step; on the robot 5 at most", unit="deg", default=2.0, low=0.1, high=20.0)
     zeros = Parameter(list[float], "where they start from; none: where they are", unit="deg", default=[])
     cycles = Parameter(int, "steps of each joint", default=3, low=1)
     sample_time = Parameter(
@@ -79,9 +84,13 @@ class StepTest(RobotTest):
     delay = Parameter(float, "until a tenth is reached, at most", unit="s", default=0.1, low=0.001)
     rise_time = Parameter(float, "from a tenth to nine tenths, at most", unit="s", default=0.5, low=0.001)
     overshoot = Parameter(float, "beyond the target, at most", unit="%", default=20.0, low=0.0)
-    band = Parameter(float, "how near to the target is settled", unit="deg", default=0.25, low=0.001)
+    band = Parameter(
+        float, "how near to the target is settled; a quarter of the step at most", unit="deg", default=0.25, low=0.001
+    )
     settling_time = Parameter(float, "until it stays in the band, at most", unit="s", default=1.0, low=0.001)
-    steady_error = Parameter(float, "at the end, at most", unit="deg", default=0.25, low=0.0)
+    steady_error = Parameter(
+        float, "at the end, at most; no more than a quarter of the step", unit="deg", default=0.25, low=0.0
+    )
     ripple = Parameter(float, "deviation at the end, at most", unit="deg", default=0.05, low=0.0)
     repeatability = Parameter(
         float, "deviation of the steps from each other, at most", unit="deg", default=0.2, low=0.0
@@ -96,6 +105,7 @@ class StepTest(RobotTest):
             f"which is {self.lead:g} s",
         )
         self.robot_part = part = self.open_part(self.part)
+        self._refuse_high_steps()
         self.chosen = self.choose(part)
         zeros: list[float | None] = [*self.per_joint("zeros", self.zeros, self.chosen)] if self.zeros else []
         self.starts = {
@@ -103,6 +113,13 @@ class StepTest(RobotTest):
             for joint, zero in zip(self.chosen, zeros or [None] * len(self.chosen), strict=True)
         }
         self._done = 0
+
+    def _refuse_high_steps(self) -> None:
+        self.assert_error_if_true(
+            self.step > self.highest and not is_simulated(self.network, self.robot_name, self.part),
+            f"step is {self.step:g} {self.symbol} ({self.parameter_source('step')}): a joint of a part that is not "
+            f"simulated would be thrown by it; give {self.highest:g} {self.symbol} or less",
+        )
 
     # What a test says ------------------------------------------------------------------------------------------------
 
@@ -278,17 +295,35 @@ class StepTest(RobotTest):
 
     def judge(self, joint: int, cycles: list[Cycle]) -> None:
         """Measure all that has limits; the worst of the cycles counts."""
+        name = self.robot_part.names[joint]
+        self._require_numbers(name, cycles)
         values, late = self.values(joint, cycles), [one.late for one in cycles if one.late]
         punctual = [one for one in cycles if not one.late]
-        name = self.robot_part.names[joint]
-        if late and punctual and any(value.beyond for value in values):
+        if late and punctual and any(value.wrong for value in values):
             self.report(f"{name}: {late[0]}: {len(late)} of {len(cycles)} steps are not judged")
             values, late = self.values(joint, punctual), []
         judge_values(self, name, values, late[0] if late else "")
+        self._require_sight(name, cycles)
+
+    def _require_numbers(self, name: str, cycles: list[Cycle]) -> None:
+        measured = np.concatenate([one.measured for one in cycles])
+        if missing := int((~np.isfinite(measured)).sum()):
+            self.inconclusive(f"{name}: {missing} of {measured.size} measured values are no numbers")
+
+    def _require_sight(self, name: str, cycles: list[Cycle]) -> None:
+        """Of a step that noise may hide nothing can be said, but for what is wrong all the same."""
+        noise, height = _noise(cycles), _lowest(cycles)
+        if EXPLAINED * noise > height:
+            self.inconclusive(
+                f"{name}: a step of {height:.3g} {self.symbol} is not to be seen in a noise of {noise:.2g} "
+                f"{self.symbol}; {likely_causes('noise')}"
+            )
 
     def values(self, joint: int, cycles: list[Cycle]) -> list[Judged]:
         """All that has limits, of some cycles of a joint."""
-        answers = [step_response(one.time, one.measured, one.start, one.target, self.band) for one in cycles]
+        near, noise = _NEAREST * _lowest(cycles), _noise(cycles)
+        band, off = min(self.band, near), min(self.steady_error, near) + noise
+        answers = [step_response(one.time, one.measured, one.start, one.target, band, noise) for one in cycles]
         late, wrong, symbol = self.late_finding, self.wrong_finding, self.symbol
         errors = [abs(one.steady_error) for one in answers]
         values = [
@@ -296,7 +331,7 @@ class StepTest(RobotTest):
             Judged("rise time", largest([one.rise_time for one in answers]), "s", self.rise_time, wrong),
             Judged("overshoot", largest([one.overshoot for one in answers]), "%", self.overshoot, "overshoot"),
             Judged("settling time", largest([one.settling_time for one in answers]), "s", self.settling_time, wrong),
-            Judged("steady error", largest(errors), symbol, self.steady_error, wrong),
+            Judged("steady error", largest(errors), symbol, off, wrong),
             Judged("ripple", largest([one.ripple for one in answers]), symbol, self.ripple, "noise"),
         ]
         if len(cycles) > 1:
@@ -311,6 +346,16 @@ class StepTest(RobotTest):
         """How far the steps of a joint may be from each other."""
         del joint
         return self.repeatability
+
+
+def _lowest(cycles: list[Cycle]) -> float:
+    """The lowest of some steps."""
+    return min(abs(one.target - one.start) for one in cycles)
+
+
+def _noise(cycles: list[Cycle]) -> float:
+    """The deviation of what was measured before some steps."""
+    return math.sqrt(np.mean([noise_before(one.time, one.measured) ** 2 for one in cycles]))
 
 
 #: How many states a cycle needs.

@@ -79,6 +79,7 @@ def measuring_torques(part: Part, seconds: float) -> Course[FloatArray]:
 def holding_torques(test: RobotTest, part: Part, joints: Sequence[int], seconds: float) -> Course[FloatArray]:
     """The same, before some joints are held by it. Ends as an error where nobody measures the torque of one of them.
 
+    Nor may any of the part be no number: those that share motors with them are held by theirs, too.
     What is measured is never the same to the last bit for long; what nobody estimates any more is, and 0 at first. A
     simulated joint at rest may well be held by the same torque for long.
     """
@@ -92,6 +93,8 @@ def holding_torques(test: RobotTest, part: Part, joints: Sequence[int], seconds:
             f"the measured torque does not change at all in {seconds:g} s: {shown}; {likely_causes('torque dead')}",
         )
     means: FloatArray = torques.mean(axis=0)
+    unknown = ", ".join(part.names[joint] for joint in np.flatnonzero(~np.isfinite(means)))
+    test.assert_error_if_true(unknown, f"the measured torque is no number: {unknown}; {likely_causes('torque dead')}")
     return means
 
 

@@ -1,13 +1,17 @@
-"""What a step test says of steps that its own loop did not keep up with."""
+"""What a step test says of steps that its own loop did not keep up with, or that noise hides, and which it refuses."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from rtf.robot_testing import steps
+from rtf.robot_testing.case import RobotTest
 from rtf.robot_testing.steps import Cycle, StepTest
 from rtf.testing.outcome import Inconclusive, TestProblem
 from rtf.testing.verdict import MeasurementVerdict
+
+from .kept_test import kept_test
 
 LATE = "the loop of this test stood still for 39 ms"
 
@@ -23,6 +27,11 @@ class Judging(StepTest):
         wrong = high is not None and value > high
         self.failed |= wrong
         return SimpleNamespace(verdict=MeasurementVerdict.FAILED if wrong else MeasurementVerdict.PASSED)
+
+    def check_fail_if_true(self, condition, text):
+        """Keep it."""
+        self.failed |= condition
+        self.reports.append(text)
 
     def report(self, *texts):
         """Keep it."""
@@ -43,6 +52,18 @@ def cycle(beyond, late=""):
     time = np.arange(-0.2, 2.0, 0.01)
     measured = np.clip(time / 0.1, 0.0, 1.0) + beyond * ((time > 0.1) & (time < 0.2))
     return Cycle(time, measured, np.where(time < 0, 0.0, 1.0), 0.0, 1.0, 0, np.zeros(1), late)
+
+
+def still(late=""):
+    """One that is not answered."""
+    step = cycle(0.0, late)
+    return step._replace(measured=np.zeros_like(step.measured))
+
+
+def noisy(step, deviation, seed):
+    """The same, measured by a sensor with white noise."""
+    noise = np.random.default_rng(seed).normal(0.0, deviation, step.time.size)
+    return step._replace(measured=step.measured + noise)
 
 
 def test_a_late_step_within_its_limits_counts(judging):
@@ -88,3 +109,93 @@ def test_too_few_states_for_a_test_that_was_late_say_nothing(judging):
     """They may have come while this machine stood still."""
     with pytest.raises(Inconclusive, match=r"4 a second.*; but the loop of this test stood still"):
         judging._judge_number_of_states(0, np.arange(-0.5, 2.0, 0.25), LATE)
+
+
+def test_a_late_step_that_never_came_says_nothing(judging):
+    """A value that is not there is wrong as well."""
+    with pytest.raises(Inconclusive, match=r"there is no delay, there is no rise time.*; but the loop of this test"):
+        judging.judge(0, [still(LATE)])
+    judging.judge(0, [still(LATE), cycle(0.0)])
+    assert not judging.failed
+    judging.judge(0, [still(), cycle(0.0)])
+    assert judging.failed
+
+
+def test_a_step_with_values_that_are_no_numbers_says_nothing(judging):
+    """Whatever the other values are."""
+    broken = cycle(0.5)
+    broken.measured[100] = np.nan
+    with pytest.raises(Inconclusive, match="elbow: 1 of 440 measured values are no numbers"):
+        judging.judge(0, [broken, cycle(0.0)])
+    assert judging.measured_values == {}
+
+
+@pytest.mark.parametrize("deviation", [0.02, 0.05, 0.1])
+def test_noise_is_not_held_against_a_joint(judging, deviation):
+    """As long as it is no more than the ripple that is allowed."""
+    judging.ripple = judging.repeatability = 0.15
+    judging.judge(0, [noisy(cycle(0.0), deviation, seed) for seed in range(3)])
+    assert not judging.failed
+
+
+@pytest.mark.parametrize("deviation", [0.0, 0.05, 0.1])
+def test_a_joint_that_does_not_answer_is_found_in_noise(judging, deviation):
+    """Noise makes no answer."""
+    judging.judge(0, [noisy(still(), deviation, seed) for seed in range(3)])
+    assert judging.failed
+
+
+def test_a_step_in_a_noise_that_hides_it_says_nothing(judging):
+    """Neither that the joint answers nor that it does not; but for the noise, where that is wrong itself."""
+    judging.ripple = judging.repeatability = 1.0
+    with pytest.raises(Inconclusive, match=r"elbow: a step of 1 deg is not to be seen in a noise of 0\.\d+ deg"):
+        judging.judge(0, [noisy(cycle(0.0), 0.4, seed) for seed in range(3)])
+    assert not judging.failed
+    judging.ripple = 0.1
+    with pytest.raises(Inconclusive):
+        judging.judge(0, [noisy(cycle(0.0), 0.4, seed) for seed in range(3)])
+    assert judging.failed
+
+
+def test_no_limit_excuses_a_quarter_of_a_step(judging):
+    """A low step is as easily missed as a high one."""
+    judging.band = judging.steady_error = 0.1
+    low = cycle(0.0)
+    judging.judge(0, [low._replace(target=0.04, measured=0.04 * low.measured)])
+    assert not judging.failed
+    assert judging.measured_values["steady error"] == pytest.approx(0.01)
+    judging.judge(0, [low._replace(target=0.04, measured=0.025 * low.measured)])
+    assert judging.failed
+
+
+class Chosen(Exception):
+    """The joints are chosen, which is what a test does next."""
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+@pytest.mark.parametrize(
+    ("name", "height", "most"),
+    [
+        ("PositionControlAccuracy", 5.5, "5 deg"),
+        ("PositionControlAccuracyExternalPid", 5.5, "5 deg"),
+        ("TorqueControlAccuracy", 1.2, "1 Nm"),
+    ],
+)
+def test_a_step_that_would_throw_a_joint_is_refused(monkeypatch, name, height, most, simulated):
+    """On a part that is no simulated one, before anything moves; it is named which parameter it is, and the mend."""
+
+    def choose(part):
+        raise Chosen
+
+    test = kept_test(name, robot_name="bot", network=None, open_part=lambda name: None, choose=choose)
+    monkeypatch.setattr(RobotTest, "setup", lambda self: None)
+    monkeypatch.setattr(steps, "is_simulated", lambda *_: simulated)
+    test.resolve_parameters(param=f"--step {height}")
+    with pytest.raises(Chosen if simulated else TestProblem) as refused:
+        test.setup()
+    if not simulated:
+        assert str(refused.value).startswith(f"step is {height} ")
+        assert str(refused.value).endswith(f"; give {most} or less")
+    test.step = float(most.split()[0])
+    with pytest.raises(Chosen):
+        test.setup()
