@@ -110,5 +110,5 @@ def test_the_page_tells_what_did_not_pass():
     quiet = Finding(Case("Looks", Expectation.OTHER, "ft_bias", "left_arm"), Judgement.SILENT, "passed", "", 1.0)
     page = write_matrix([quiet, Finding(case, Judgement.EXPECTED, "failed", "l_elbow: it stays", 1.0)])
     assert "2 pairs: 1 passed" in page
-    assert "| Looks | jam | l_elbow |  | expected | it cannot move |" in page
+    assert "| Looks | jam | l_elbow | torque 400 Nm | expected | it cannot move |" in page
     assert "ft_bias |" not in page.split("nothing\n\n")[-1]

@@ -103,11 +103,21 @@ def pid_of_test(folder: Path) -> int:
     return started.pid
 
 
+def wait_till_far(robot: Robot, command: Command) -> None:
+    """Wait until the run has moved a joint; one that ends before says why."""
+
+    def is_far() -> bool:
+        assert command.process.poll() is None, f"the run ended before: {command.wait()}"
+        return robot.is_far()
+
+    eventually(is_far, "no joint moves", _LIMIT)
+
+
 @pytest.mark.usefixtures("no_process_left")
 def test_a_killed_test_is_cleaned_up_after(robot: Robot):
     """The runner lives: the test is an error, and joints, gains and faults are put back before the run ends."""
     command = Command(robot.folder, *TEST)
-    eventually(robot.is_far, "no joint moves", _LIMIT)
+    wait_till_far(robot, command)
     kill(pid_of_test(robot.folder))
     outcome = command.wait(_LIMIT)
     assert outcome.verdict("JointLimits") is Verdict.ERROR
@@ -119,7 +129,7 @@ def test_a_killed_test_is_cleaned_up_after(robot: Robot):
 def test_a_killed_runner_is_cleaned_up_after(robot: Robot):
     """Nobody is left to ask for it: the fixture does it on its own, and then there is no process any more."""
     command = Command(robot.folder, *TEST)
-    eventually(robot.is_far, "no joint moves", _LIMIT)
+    wait_till_far(robot, command)
     kill(command.process.pid)
     command.process.communicate(timeout=_LIMIT)
     eventually(lambda: [one for one in marked(command.mark) if one.pid != os.getpid()] == [], "some are left", _LIMIT)

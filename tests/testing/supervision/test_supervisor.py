@@ -669,9 +669,10 @@ class TestOwedPark:
         assert last.endswith("park() raised RuntimeError: broken on purpose (2 restarts used up)")
 
     def test_on_what_does_not_come_up_is_told(self, lab: Lab):
-        """The cause is that of what it depends on."""
+        """The cause is that of what it depends on, which collapses before the other is up once more."""
         below = fixture("a", on_check="kill", after_test="true", restarts=0, on_lost="error")
-        outcome = lab.run(below + rig("b", "a", on_check="kill") + case(hang="true"))
+        above = rig("b", "a", on_check="kill").replace('backoff="0.01"', 'backoff="60"')
+        outcome = lab.run(below + above + case(hang="true"))
         last = incidents(outcome, "b")[-1].cause
         assert last.startswith("b did not put back what a test left: fixture a is not usable: ")
 
