@@ -81,6 +81,8 @@ class StepTest(RobotTest):
         float, "when a cycle ends, counted from the beginning of the rest before the step", unit="s", default=2.5
     )
     filename = Parameter(str, "name of the recording; auto: of joint and cycle", default="auto")
+    # Nobody publishes such limits. These are chosen, as are those of the tests that derive from this one: the healthy
+    # joints of the simulated robot need three quarters of each at most, and the faults of docs/proof.md are beyond one.
     delay = Parameter(float, "until a tenth is reached, at most", unit="s", default=0.1, low=0.001)
     rise_time = Parameter(float, "from a tenth to nine tenths, at most", unit="s", default=0.5, low=0.001)
     overshoot = Parameter(float, "beyond the target, at most", unit="%", default=20.0, low=0.0)
