@@ -13,7 +13,7 @@ from rtf.robot_testing.causes import likely_causes
 from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.parameter_checks import swapped_ends
 from rtf.robot_testing.part import TOLERANCE
-from rtf.robot_testing.positioning import hold, late_joints
+from rtf.robot_testing.positioning import hold, late_of_held
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class JointsTest(RobotTest):
         part = self.robot_part
         held = part.held(joints)
         self.hold(held)
-        late = late_joints(part, held, part.home[held], speed=speed, tolerance=tolerance)
+        late = late_of_held(part, held, part.home[held], speed=speed, tolerance=tolerance)
         if not late:
             return
         if part.guard is not None:

@@ -67,10 +67,23 @@ def late_joints(
     return finish(part, _coming(part, joints, targets, speed=speed, tolerance=tolerance), pace=PACE)
 
 
+def late_of_held(
+    part: Part, joints: Sequence[int], targets: Sequence[float] | FloatArray, *, speed: float, tolerance: float
+) -> dict[int, str]:
+    """The same of joints that are held already."""
+    return finish(part, _going(part, joints, targets, speed=speed, tolerance=tolerance), pace=PACE)
+
+
 def _coming(
     part: Part, joints: Sequence[int], targets: Sequence[float] | FloatArray, *, speed: float, tolerance: float
 ) -> Course[dict[int, str]]:
     yield from holding(part, joints)
+    return (yield from _going(part, joints, targets, speed=speed, tolerance=tolerance))
+
+
+def _going(
+    part: Part, joints: Sequence[int], targets: Sequence[float] | FloatArray, *, speed: float, tolerance: float
+) -> Course[dict[int, str]]:
     arrival = yield from part.moving(targets, joints, speed=speed, tolerance=tolerance)
     if not arrival.reached:
         arrival = yield from part.moving(targets, joints, speed=speed, tolerance=tolerance)

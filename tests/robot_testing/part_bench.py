@@ -18,6 +18,7 @@ from rtf.robot.errors import RefusedError
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PostingOutlets
 from rtf.robot_testing import MotionGuard, Part
+from rtf.robot_testing.joints_case import JointsTest
 from rtf.robot_testing.transmission import COUPLING_VARIABLE
 
 from ..robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
@@ -32,6 +33,12 @@ if TYPE_CHECKING:
 
 #: The first joint has a motor of its own, the two others share theirs.
 COUPLING = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, -0.5], [0.0, 0.5, 0.5]])
+
+
+class Joints(JointsTest):
+    """A test of a part that is open already."""
+
+    plugin_name = "joints"
 
 
 class CoupledBoard(FakeBoard):

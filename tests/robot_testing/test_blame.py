@@ -10,14 +10,14 @@ import pytest
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError
-from rtf.robot_testing.joints_case import JointsTest, told_at
+from rtf.robot_testing.joints_case import told_at
 from rtf.testing.events import Event, Message, SubResultEnded
 from rtf.testing.outcome import TestFailure, TestProblem
 from rtf.testing.plugins import find, load_test
 from rtf.testing.session import Session
 from rtf.testing.verdict import Severity, Verdict
 
-from .part_bench import PartBench
+from .part_bench import Joints, PartBench
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -26,12 +26,6 @@ if TYPE_CHECKING:
 POSITION, IDLE = ControlMode.POSITION, ControlMode.IDLE
 #: Where a joint stands that does not come home, and where one is far beyond its limits, deg.
 AWAY, BEYOND = 20.0, 200.0
-
-
-class Joints(JointsTest):
-    """A test of a part that is open already."""
-
-    plugin_name = "joints"
 
 
 @pytest.fixture

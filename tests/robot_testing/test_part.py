@@ -11,23 +11,16 @@ import pytest
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RefusedError
 from rtf.robot_testing.case import RobotTest
-from rtf.robot_testing.joints_case import JointsTest
 from rtf.robot_testing.part import Part
 from rtf.robot_testing.positioning import hold, late_joints
 from rtf.testing.outcome import TestProblem
 
-from .part_bench import PartBench
+from .part_bench import Joints, PartBench
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 POSITION, DIRECT, IDLE = ControlMode.POSITION, ControlMode.POSITION_DIRECT, ControlMode.IDLE
-
-
-class Joints(JointsTest):
-    """A test of a part that is open already."""
-
-    plugin_name = "joints"
 
 
 @pytest.fixture
