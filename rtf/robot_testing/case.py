@@ -20,6 +20,7 @@ from rtf.robot_testing.ledger import MotionLedger
 from rtf.robot_testing.listening_board import listen_to
 from rtf.robot_testing.parameter_checks import refuse, wrong_fault, wrong_lists
 from rtf.robot_testing.part import Part
+from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_name
 from rtf.robot_testing.safety import Safety
 from rtf.robot_testing.simulated import is_simulated
 from rtf.simulator.control import SimulatorControl
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
     from rtf.robot_testing.part import Arrival
     from rtf.testing.session import Session
 
-#: Which robot, where no parameter says it; given by the fixture that starts one.
-ROBOT_VARIABLE = "YARP_ROBOT_NAME"
 _DEFAULT_ROBOT = "icubSim"
 
 
@@ -85,8 +84,7 @@ class RobotTest(TestCase):
         return (("robot", {"robot": self._name_of_robot(), "parts": "*"}),)
 
     def _name_of_robot(self) -> str:
-        suite = self.suite_value("robotname")
-        return (self.robot or suite or os.environ.get(ROBOT_VARIABLE) or _DEFAULT_ROBOT).strip("/")
+        return robot_name(self.robot, self, _DEFAULT_ROBOT)
 
     def _tell_of_other_robot(self) -> None:
         other = os.environ.get(ROBOT_VARIABLE, "").strip("/")
