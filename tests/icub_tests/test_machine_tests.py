@@ -3,6 +3,7 @@
 import struct
 import threading
 from contextlib import closing
+from pathlib import Path
 from socket import AF_INET, SOCK_DGRAM, socket
 
 import psutil
@@ -25,6 +26,20 @@ case $host in
   odd) echo what;;
   *) case "$*" in ulimit*) echo 99;; *) echo 8388608;; esac;;
 esac
+"""
+
+
+SKIN_WRAPPER = Path(__file__).parents[2] / "icub_tests" / "skin_wrapper_test.py"
+#: A wrapper that publishes four times as often as the test has asked it to.
+HASTY = f"""import runpy
+
+class HastySkin(runpy.run_path({str(SKIN_WRAPPER)!r})["SkinWrapperTest"]):
+    def _open(self, configuration):
+        due, self.period = self.period, self.period / 4
+        try:
+            return super()._open(configuration)
+        finally:
+            self.period = due
 """
 
 
@@ -67,6 +82,7 @@ def outcome(tmp_path_factory):
         "crowded": ("SystemStatus", {"time": 0.2, "load": 1e-6}),
         "clock": ("SystemStatus", {"time": 0.2, "time_server": server.place}),
         "skin": ("skinWrapperTest", {}),
+        "hasty-skin": ("hasty.py", {"prefix": "/hasty", "time": 1}),
         "slow-skin": ("skinWrapperTest", {"prefix": "/slow", "period": 60000, "time": 0.1}),
     }
     entries = "".join(
@@ -76,7 +92,7 @@ def outcome(tmp_path_factory):
         for name, (test, given) in tests.items()
     )
     suite = f'<suite name="s"><fixture name="names"> yarpserver </fixture>{entries}</suite>'
-    write_files(folder, {"suite.xml": suite, "bin/ssh": SSH})
+    write_files(folder, {"suite.xml": suite, "bin/ssh": SSH, "hasty.py": HASTY})
     path = f"{folder / 'bin'}:/usr/bin:/bin"
     try:
         yield run_command(folder, "--suite", "suite.xml", PATH=path, ASKED=str(folder / "asked"))
@@ -188,4 +204,15 @@ def test_a_skin_that_sends_too_little_fails(outcome):
     """By its port, how much came and how much was due, with likely causes."""
     assert outcome.verdict("slow-skin") is Verdict.FAILED
     said = [one.detail for one in outcome.of(Message, test="s/slow-skin") if one.detail.startswith("messages of")]
-    assert "/slow/one/skin sends 0 messages in 0.1 s, and one is due every 60000 ms; likely: " in said[0]
+    assert "/slow/one/skin sends 0 messages to who listens for 0.1 s, " in said[0]
+
+
+def test_a_skin_that_sends_too_much_fails(outcome):
+    """However long it took to connect: more than was due since the wrapper was opened is too much."""
+    assert outcome.verdict("hasty-skin") is Verdict.FAILED
+    failed = {
+        one.subject for one in outcome.of(Measured, test="s/hasty-skin") if one.verdict is MeasurementVerdict.FAILED
+    }
+    assert failed == {"one port", "several ports"}
+    said = [one.detail for one in outcome.of(Message, test="s/hasty-skin") if one.detail.startswith("messages of")]
+    assert "one is due every 20 ms; likely: a sensor slower than what publishes it" in said[0]
