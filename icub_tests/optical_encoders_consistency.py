@@ -179,6 +179,8 @@ class OpticalEncodersConsistency(JointsTest):
         name = self.robot_part.names[joint]
         if doubt := self.swinger.in_doubt(joint):
             self.inconclusive(f"{name} {doubt}: nothing can be said of it")
+        if outcome.excuse:
+            self.inconclusive(f"{name} {outcome.complaint}; but {outcome.excuse}")
         if outcome.complaint:
             self.check(condition=False, text=f"{name} {outcome.complaint}; {likely_causes(*outcome.findings)}")
         if not len(trace):

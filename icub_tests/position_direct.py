@@ -124,7 +124,7 @@ class PositionDirect(RobotTest):
                 lost = self._probe(part, form)
                 run = self._follow(part, form)
             except GuardError as error:
-                self.assert_fail(f"{name}: {error}; {likely_causes('runs away')}")
+                self.blame(error, "runs away", during=name)
             finally:
                 part.set_mode(ControlMode.POSITION)
             self._judge_stimulus(name, run)

@@ -80,7 +80,7 @@ class TorqueControlConsistency(RobotTest):
                 try:
                     self._test(part, form, group)
                 except GuardError as error:
-                    self.assert_fail(f"{form}: {error}; {likely_causes('runs away')}")
+                    self.blame(error, "runs away", during=form)
                 finally:
                     hold(part, group)
                 part.wait(_MODE_TIME)
@@ -112,16 +112,20 @@ class TorqueControlConsistency(RobotTest):
             ))  # fmt: skip
             if gone.max() > _TRAVEL:
                 break
+        excuse = part.guard.excuse() if part.guard is not None and gone.max() > _TRAVEL else ""
         hold(part, joints)
         for place, joint in enumerate([*joints, *others]):
             if place >= len(joints) and gone[place] <= _TRAVEL:
                 continue
             with self.subresult(f"{part.names[joint]} {form}"):
-                self.check_fail_if_true(
-                    gone[place] > _TRAVEL,
-                    f"{part.names[joint]} went {gone[place]:.1f} deg by torques within {self.change:g} Nm of what "
-                    f"holds it, {_TRAVEL:g} deg are allowed; {likely_causes('runs away')}",
-                )
+                if gone[place] > _TRAVEL:
+                    what = (
+                        f"{part.names[joint]} went {gone[place]:.1f} deg by torques within {self.change:g} Nm of what "
+                        f"holds it, {_TRAVEL:g} deg are allowed"
+                    )
+                    if excuse:  # they were to hold it for a moment only
+                        self.inconclusive(f"{what}; but {excuse}")
+                    self.check(False, f"{what}; {likely_causes('runs away')}")
                 for change, wanted, told, measured, kept in found if place < len(joints) else ():
                     self._judge(
                         part.names[joint], change, wanted[place], told[place], measured[place], kept=bool(kept[place])

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 _PARTS = ("head", "torso", "left_arm", "right_arm", "left_leg", "right_leg")
 #: All joints come to each posture from both sides, from so far (deg), so that friction cancels out; how fast (deg/s).
 _APPROACH, _APPROACH_SPEED = 2.0, 10.0
+#: No way to a posture is gone in less, s.
+_SHORTEST = 0.4
 #: How long joints come to rest, and for how long they are measured then, s. A controller takes about a second to gather
 #: on either side what friction takes: measured sooner, it does not cancel out.
 _REST, _MEASURING = 1.0, 0.2
@@ -111,9 +113,12 @@ class TorqueControlGravityConsistency(RobotTest):
 
     def _measure(self, part: Part, joint: int, position: float, side: float) -> tuple[FloatArray, FloatArray]:
         """Come to a position from one side; the measured torques of the chosen joints, and the model's."""
-        for away, speed in ((side * _APPROACH, self.speed), (0.0, _APPROACH_SPEED)):
-            self._move_others(part, joint, away, speed)
-            bring(self, part, [joint], [position + away], speed=speed, tolerance=1.0)
+        for away, fastest in ((side * _APPROACH, self.speed), (0.0, _APPROACH_SPEED)):
+            self._move_others(part, joint, away)
+            target = position + away
+            # Of a short way at full speed the whole limb would feel nothing but its beginning and its end.
+            speed = min(fastest, max(_APPROACH_SPEED, abs(target - part.board.encoder(joint)) / _SHORTEST))
+            bring(self, part, [joint], [target], speed=speed, tolerance=1.0)
         part.wait(_REST)
         torques = mean_torques(part, _MEASURING)
         here: dict[str, float] = {}
@@ -122,11 +127,11 @@ class TorqueControlGravityConsistency(RobotTest):
         model = self.gravity.torques(here)
         return torques[self.chosen], np.array([model[part.names[chosen]] for chosen in self.chosen])
 
-    def _move_others(self, part: Part, joint: int, away: float, speed: float) -> None:
+    def _move_others(self, part: Part, joint: int, away: float) -> None:
         """Send the other chosen joints so far from home, for friction hides in what rests; nobody waits for them."""
         others = [one for one in self.chosen if one != joint]
         places = np.clip(part.home[others] + away, part.low[others], part.high[others])
-        part.board.set_reference_speeds([speed] * len(others), others)
+        part.board.set_reference_speeds([_APPROACH_SPEED] * len(others), others)
         part.board.position_move(places, others)
 
     def _judge_all(self, part: Part, measured: FloatArray, wanted: FloatArray) -> None:

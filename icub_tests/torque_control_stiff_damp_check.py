@@ -117,7 +117,7 @@ class TorqueControlStiffDampCheck(RobotTest):
                 trace = self._give_way(part, joint, self.homes[place], 0.0, damper)
                 self._judge(part.names[joint], "damping", damper, trace.velocities[:, joint], trace.torques[:, joint])
         except GuardError as error:
-            self.assert_fail(f"{error}; {likely_causes('runs away', 'impedance')}")
+            self.blame(error, "runs away", "impedance")
         finally:
             hold(part, [joint])
             for one, impedance in before.items():

@@ -156,7 +156,8 @@ class Input(Connection):
         """Deal with messages, this one first; returns whether the connection goes on elsewhere."""
         receive, answer, dispatch = link.receive, link.answer, self.port.dispatch
         gathers = self.port.keeps and isinstance(link, GatheredLink)
-        while True:
+        # What one that was hung up on has sent before is older than what comes from whoever took its place.
+        while not self._closing:
             key, text, data = message
             if key in _LAST and (key == "q" or text in ("", "r")):  # and not a word that happens to begin so
                 answer()
@@ -168,6 +169,7 @@ class Input(Connection):
             if gathers and key == "D" and 0 < link.missing() <= CHUNK:  # type: ignore[attr-defined]  # see gathers
                 return self._be_gathered()
             message = receive()
+        return False
 
     def _turn_round(self, link: InputLink) -> None:
         from rtf.middleware.reversing import turned_round
@@ -199,6 +201,8 @@ class Input(Connection):
         link.fill()
         dealt = 0
         while not (missing := link.missing()):
+            if self._closing:  # see _receive_all
+                return False
             message = link.receive()
             key, text, data = message
             if key != "D":

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import os
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 from rtf import clock
 from rtf.middleware.network import default_network
 from rtf.middleware.time import CLOCK_VARIABLE, LockstepClock, clock_from_environment
 from rtf.robot.client.control_board import connect
 from rtf.robot.errors import RefusedError, RobotError, StaleStateError
+from rtf.robot_testing.causes import likely_causes
 from rtf.robot_testing.contacts import ContactWatch, listen_to_forces
-from rtf.robot_testing.guard import Limits, MotionGuard
+from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
 from rtf.robot_testing.last_seconds import LastSeconds
 from rtf.robot_testing.lateness import Waiting, busyness
 from rtf.robot_testing.ledger import MotionLedger
@@ -97,7 +98,12 @@ class RobotTest(TestCase):
         session.excuse = self._excuse
 
     def _excuse(self, error: Exception) -> str:
-        """Why a state that was too old says nothing of the robot; in lockstep nothing excuses it."""
+        """Why a state that was too old, or a joint that was stopped, says nothing of the robot.
+
+        In lockstep nothing excuses them.
+        """
+        if isinstance(error, GuardError):
+            return error.excuse
         if not isinstance(error, StaleStateError) or isinstance(self.clock, LockstepClock):
             return ""
         return busyness(self._waiting.share())
@@ -204,6 +210,18 @@ class RobotTest(TestCase):
                     raise
             else:
                 return
+
+    # Judging -----------------------------------------------------------------------------------------------------
+
+    def blame(self, error: GuardError, *findings: str, during: str = "") -> NoReturn:
+        """End the test, or the sub-result, with what the guard has stopped: as failed, with the likely causes.
+
+        It is inconclusive where this machine was too busy to control joints.
+        """
+        text = f"{during}: {error}" if during else str(error)
+        if error.excuse:
+            self.inconclusive(f"{text}; but {error.excuse}")
+        self.assert_fail(f"{text}; {likely_causes(*findings)}")
 
     # Values ------------------------------------------------------------------------------------------------------
 

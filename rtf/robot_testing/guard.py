@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
+from rtf.middleware.time import LockstepClock
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import (
     NoAnswerError,
@@ -19,6 +20,7 @@ from rtf.robot.errors import (
 )
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing.contacts import WITHIN, NoForcesError
+from rtf.robot_testing.lateness import LastMoments
 from rtf.robot_testing.ledger import MotionLedger
 from rtf.robot_testing.problems import Problems
 from rtf.robot_testing.snapshot import Snapshot, answered, sliding_joints
@@ -53,13 +55,14 @@ _LIMP = frozenset({ControlMode.IDLE, ControlMode.HARDWARE_FAULT})
 class GuardError(RobotError, TestFailure):
     """A part does what it may not: the sentence names the joint, the value and the limit. The joint was stopped.
 
-    It is a failure of the test, for it is the robot that is wrong. ``joint`` is its number in the part, -1 where that
-    is not told.
+    It is a failure of the test, for it is the robot that is wrong; but not where there is an ``excuse``: this machine
+    was too busy just then to control joints. ``joint`` is its number in the part, -1 where that is not told.
     """
 
-    def __init__(self, text: str, joint: int = -1) -> None:
+    def __init__(self, text: str, joint: int = -1, excuse: str = "") -> None:
         super().__init__(text)
         self.joint = joint
+        self.excuse = excuse
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +125,7 @@ class MotionGuard:
         self._secured: set[int] = set()  # joints that nobody drives any more
         self._contacts = contacts
         self._doubted = False  # whether it was told that contacts are felt late
+        self._last_moments = LastMoments()
 
     def _tell_of_joints(self) -> None:
         """Report what is not watched, or not moved, as one might think it were."""
@@ -191,7 +195,15 @@ class MotionGuard:
                 self._hold_unseen()
             raise
 
+    def excuse(self) -> str:
+        """Why what joints did a moment ago may be no fault of theirs; "" where this machine could control them.
+
+        In lockstep it always can, for time waits for it.
+        """
+        return "" if isinstance(self._clock, LockstepClock) else self._last_moments.busyness()
+
     def _look(self) -> None:
+        self._last_moments.pass_by()
         self._watch_given_up()
         positions = self.board.encoders()
         self._judge(Wrong(np.isnan(positions), lambda joint: f"has no position: its encoder gives {positions[joint]}"))
@@ -289,7 +301,7 @@ class MotionGuard:
             self.halt(joints)
         except RobotError as error:
             text = f"{text.rpartition('; ')[0]}; and it could not be stopped: {error}"
-        raise GuardError(text, joint)
+        raise GuardError(text, joint, self.excuse())
 
     def halt(self, joints: Sequence[int]) -> None:
         """Stop joints in whatever modes they are. One that is driven by duty cycle, current or torque is held.
@@ -475,7 +487,7 @@ class MotionGuard:
                     self._watch_given_up()
                     self._watch_motion()
                 except GuardError as error:
-                    raise GuardError(f"on the way back {error}", error.joint) from None
+                    raise GuardError(f"on the way back {error}", error.joint, error.excuse) from None
         except BaseException as error:
             if isinstance(error, GuardError):
                 MotionLedger().blocked(self.name)

@@ -112,22 +112,24 @@ class JointsTest(RobotTest):
         """
         if error.joint not in self.chosen:
             raise error
-        self.give_up(error.joint, f"{error}; {likely_causes('stopped')}", "had to be stopped")
+        self.give_up(error.joint, f"{error}; {likely_causes('stopped')}", "had to be stopped", excuse=error.excuse)
 
-    def give_up(self, joint: int, text: str, what: str) -> None:
-        """Fail a joint with a text, leave it idle for ``what``, and choose it no more, nor those coupled with it."""
+    def give_up(self, joint: int, text: str, what: str, *, excuse: str = "") -> None:
+        """Fail a joint with a text, leave it idle for ``what``, and choose it no more, nor those coupled with it.
+
+        With an ``excuse`` nothing can be said of it.
+        """
         guard = self.robot_part.guard
         if guard is not None:
             guard.give_up(joint, f"it {what}")
             guard.give_up_companions(joint, f"which {what}")
-        self._exclude({joint: text}, what)
+        self._exclude({joint: text}, what, excuse)
 
-    def _exclude(self, wrong: Mapping[int, str], what: str) -> None:
+    def _exclude(self, wrong: Mapping[int, str], what: str, excuse: str = "") -> None:
         """Fail joints, and choose neither them any more, nor those that are coupled with them."""
         names, guard = self.robot_part.names, self.robot_part.guard
         for joint, text in wrong.items():
-            with self.subresult(names[joint]):
-                self.check(condition=False, text=text)
+            self._fail(joint, text, excuse)
         coupled = {other: joint for joint in wrong for other in (guard.companions(joint) if guard is not None else ())}
         for other, joint in coupled.items():
             if other in self.chosen and other not in wrong:
@@ -135,6 +137,13 @@ class JointsTest(RobotTest):
                     self.inconclusive(f"{names[other]} is coupled with {names[joint]}, which {what}")
         self.chosen = [one for one in self.chosen if one not in wrong and one not in coupled]
         self.assert_fail_if_false(self.chosen, "no joint is left that could be tested")
+
+    def _fail(self, joint: int, text: str, excuse: str) -> None:
+        """Fail a joint; with an ``excuse`` nothing can be said of it."""
+        with self.subresult(self.robot_part.names[joint]):
+            if excuse:
+                self.inconclusive(f"{text}; but {excuse}")
+            self.check(condition=False, text=text)
 
     def judge_stop(self, joint: int, error: GuardError) -> None:
         """Fail the joint that the guard had to stop during the course of one; of that one nothing is said but this.
@@ -144,8 +153,7 @@ class JointsTest(RobotTest):
         part, stopped = self.robot_part, self.robot_part.names[error.joint]
         if error.joint != joint and part.guard is not None:
             part.guard.halt([joint])
-        with self.subresult(stopped):
-            self.check(condition=False, text=f"{error}; {likely_causes('stopped')}")
+        self._fail(error.joint, f"{error}; {likely_causes('stopped')}", error.excuse)
         if error.joint != joint:
             with self.subresult(part.names[joint]):
                 self.inconclusive(f"{stopped} had to be stopped while {part.names[joint]} was tested")
@@ -169,7 +177,7 @@ class JointsTest(RobotTest):
         try:
             yield
         except GuardError as error:
-            self.assert_fail(f"{error}; {likely_causes('stopped')}")
+            self.blame(error, "stopped")
 
 
 def told_at(times: FloatArray, told: Sequence[tuple[float, float]]) -> FloatArray:

@@ -32,6 +32,8 @@ _PRESSURE = Path("/proc/pressure/cpu")
 _TOTAL = re.compile(rb"^some .*total=(\d+)", re.MULTILINE)
 #: The share of the time in which something waits, from which on a machine is too busy to judge others by.
 _BUSY = 0.5
+#: The last moments are between once and twice this long, s of the machine's time.
+_MOMENTS = 1.0
 
 
 def lateness(beats: ArrayLike, period: float) -> str:
@@ -111,6 +113,22 @@ class Waiting:
         """The share of that time; 0 before any has passed."""
         seconds = self.seconds
         return (waited() - self._before) / seconds if seconds > 0 else 0.0
+
+
+class LastMoments:
+    """Whether this machine has been too busy in the last second or two; ``pass_by`` is called again and again."""
+
+    def __init__(self) -> None:
+        self._before = self._now = Waiting()
+
+    def pass_by(self) -> None:
+        """Forget what is long ago. Called in loops that control joints: most of the time it only looks at the clock."""
+        if self._now.seconds >= _MOMENTS:
+            self._before, self._now = self._now, Waiting()
+
+    def busyness(self) -> str:
+        """See the function."""
+        return busyness(self._before.share())
 
 
 def busyness(waiting: float) -> str:

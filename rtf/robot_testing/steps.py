@@ -204,7 +204,7 @@ class StepTest(RobotTest):
             late = self._late(joint, [*times, self.now()], [*ages, part.state_age()], trace)
             if late:
                 self.inconclusive(f"{error}; but {late}")
-            self.assert_fail(f"{error}; {likely_causes('runs away')}")
+            self.blame(error, "runs away")
         now = part.board.control_modes(joint)[0]
         self.assert_true(now is mode, f"{part.names[joint]} left {mode.word} for {now.word} in the middle of a step")
         late = self._late(joint, times, ages, trace)

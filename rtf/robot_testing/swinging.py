@@ -37,10 +37,14 @@ class Ends(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How swings went: nothing to complain of, or what is wrong in a sentence without its subject, and findings."""
+    """How swings went: nothing to complain of, or what is wrong in a sentence without its subject, and findings.
+
+    With an ``excuse`` it is no fault of the joint, see GuardError.
+    """
 
     complaint: str = ""
     findings: tuple[str, ...] = ()
+    excuse: str = ""
 
 
 def ends_of(part: Part, joint: int, width: float, low: float | None = None, high: float | None = None) -> Ends:
@@ -93,7 +97,7 @@ class Swinger:
                     return outcomes[joint]
         except GuardError as error:
             self.give_up([joint])
-            return Outcome(f"had to be stopped: {error}", ("runs away",))
+            return Outcome(f"had to be stopped: {error}", ("runs away",), error.excuse)
         return Outcome()
 
     def go(

@@ -278,6 +278,9 @@ class Session:
         if isinstance(error, SkipTest | Inconclusive):
             self._set_aside(error)
             return
+        if self.excuse is not None and (why := self.excuse(error)):
+            self._set_aside(Inconclusive(f"{text_of(error)}; but {why}").with_traceback(error.__traceback__))
+            return
         place = raised_place(error)
         if isinstance(error, TestFailure):
             self.message(Severity.FAILURE, error.title, error.detail, place, comparison=error.comparison)
@@ -292,8 +295,6 @@ class Session:
                 place,
                 traceback_text=author_traceback(error),
             )
-        elif self.excuse is not None and (why := self.excuse(error)):
-            self._set_aside(Inconclusive(f"{text_of(error)}; but {why}").with_traceback(error.__traceback__))
         else:
             text = text_of(error)
             text = f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import struct
 import threading
@@ -98,6 +99,30 @@ class TestStreams:
         writer.settle()
         assert keeper.came == [0, 1, 2]
         assert keeper.threads[1].startswith("rtf-input")
+
+    @pytest.mark.parametrize("specifier", [131, 3], ids=["tcp", "fast_tcp"])
+    @pytest.mark.parametrize("gathered", [True, False])
+    def test_nothing_more_comes_from_whom_was_hung_up_on(self, network: Network, gathered: bool, specifier: int):
+        """What it has sent already is older than what comes from the same port by a new connection."""
+
+        class Impatient(Keeper):
+            def _keep(self, delivery: Delivery) -> None:
+                super()._keep(delivery)
+                if self.came[-1] == 3:
+                    assert self.remove_input(delivery.sender)
+
+        with Impatient("/keeper", network) as keeper:
+            keeper.keeps = gathered
+            with raw(keeper, specifier) as caller:
+                caller.sendall(framed(encode(Bottle([0]))))
+                eventually(lambda: keeper.came and gathered is (threads_of_inputs() == 0), "it is not as wanted")
+                caller.sendall(b"".join(framed(encode(Bottle([number]))) for number in range(1, 8)))
+                caller.settimeout(5.0)
+                with contextlib.suppress(ConnectionError):
+                    while caller.recv(4096):
+                        pass
+            eventually(lambda: not threads_of_inputs(), "the connection has not ended")
+            assert keeper.came == [0, 1, 2, 3]
 
     def test_a_question_has_a_thread_of_its_own(self, network: Network):
         """Who answers may take its time: here until another stream has brought something."""
@@ -197,11 +222,11 @@ def framed(body: bytes, key: str = "D") -> bytes:
     return wire.front(key, "", len(body)) + body
 
 
-def raw(keeper: Port) -> socket.socket:
-    """A connection by tcp that was made by hand."""
+def raw(keeper: Port, specifier: int = 131) -> socket.socket:
+    """A connection by tcp, or by what the number says, that was made by hand."""
     caller = socket.create_connection((keeper.contact.host, keeper.contact.port))
     name = b"/caller\0"
-    caller.sendall(wire.header(131) + struct.pack("<i", len(name)) + name)
+    caller.sendall(wire.header(specifier) + struct.pack("<i", len(name)) + name)
     assert len(caller.recv(8, socket.MSG_WAITALL)) == 8
     return caller
 

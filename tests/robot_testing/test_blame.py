@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from rtf.middleware.time import LockstepClock
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError
 from rtf.robot_testing.joints_case import told_at
+from rtf.robot_testing.lateness import LastMoments
 from rtf.testing.events import Event, Message, SubResultEnded
 from rtf.testing.outcome import TestFailure, TestProblem
 from rtf.testing.plugins import find, load_test
@@ -148,6 +150,54 @@ def test_the_joint_that_was_stopped_is_blamed_and_not_the_one_that_moved(
     assert verdicts(said) == {"joint2": Verdict.FAILED, "joint0": Verdict.INCONCLUSIVE}
     assert "likely: a joint that nothing holds" in failures(said)["joint2"]
     assert bench.board.motion_done(0)
+
+
+BUSY = "this machine is too busy: for 97% of the time something waited for a processor"
+
+
+@pytest.mark.parametrize("name", ["JointLimits", "position-stress"])
+def test_nobody_is_blamed_for_what_is_stopped_while_the_machine_is_too_busy(
+    bench: PartBench, said: list[Event], made: Callable[..., Any], name: str, monkeypatch: pytest.MonkeyPatch
+):
+    """Neither on its way home nor later: it is left alone, or stopped, as ever, and nothing is said of it."""
+    monkeypatch.setattr(bench.guard, "excuse", lambda: BUSY)
+    test = made(name)
+    show(bench, {0: BEYOND})
+    test.bring_home()
+    assert test.chosen == [1, 2]
+    assert bench.part.held() == [1, 2]
+    test.judge_stop(1, GuardError("joint1 turns at 153 deg/s, too fast; it was stopped", 1, BUSY))
+    assert verdicts(said) == {"joint0": Verdict.INCONCLUSIVE, "joint1": Verdict.INCONCLUSIVE}
+    reasons = [one.reason for one in said if isinstance(one, SubResultEnded)]
+    assert all(reason.endswith(f"; but {BUSY}") for reason in reasons)
+    assert "beyond its limits; it was stopped" in reasons[0]
+
+
+@pytest.mark.parametrize(("excuse", "verdict"), [("", Verdict.FAILED), (BUSY, Verdict.INCONCLUSIVE)])
+def test_what_the_guard_has_stopped_ends_a_part_of_a_test(
+    said: list[Event], made: Callable[..., Any], excuse: str, verdict: Verdict
+):
+    """Whether the test says something of it, or nothing."""
+    test, error = made(), GuardError("joint1 turns too fast; it was stopped", 1, excuse)
+    with test.subresult("told"):
+        test.blame(error, "runs away", during="group")
+    with test.subresult("untold"):
+        raise error
+    assert verdicts(said) == {"told": verdict, "untold": verdict}
+    text = [one.reason for one in said if isinstance(one, SubResultEnded)] if excuse else [*failures(said).values()]
+    assert text[0].startswith("group: joint1 turns too fast; it was stopped; ")
+    assert ("likely: gains far too large" in text[0]) is not bool(excuse)
+
+
+def test_the_guard_knows_whether_the_machine_could_keep_up(bench: PartBench, monkeypatch: pytest.MonkeyPatch):
+    """Its errors say so; in lockstep time waits for whoever is late."""
+    monkeypatch.setattr(LastMoments, "busyness", lambda _: BUSY)
+    show(bench, {0: BEYOND})
+    with pytest.raises(GuardError) as caught:
+        bench.guard.watch()
+    assert caught.value.excuse == BUSY
+    monkeypatch.setattr(bench.guard, "_clock", object.__new__(LockstepClock))
+    assert bench.guard.excuse() == ""
 
 
 def test_a_joint_that_was_left_idle_is_no_fault_of_those_that_move_later(

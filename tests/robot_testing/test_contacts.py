@@ -113,13 +113,21 @@ class Limb:
         """Let the sensor and the board say how things are, and the guard look."""
         for _ in range(steps):
             self.time.sleep(0.01)
-            values = np.zeros(numbers)
-            values[:3] = force
-            self.sensor.write(values, VECTOR, envelope=f"{self.sent} {self.time.now():.6f}" if stamped else "")
-            self.sent += 1
-            self.server.publish(self.time.now())
-            self.server.settle()
+            self.feel(force, numbers=numbers, at=self.time.now() if stamped else None)
+            self.show()
             self.guard.watch()
+
+    def feel(self, force: tuple[float, ...], *, numbers: int = 6, at: float | None) -> None:
+        """Let the sensor say a force, as of such a moment; None: without a stamp."""
+        values = np.zeros(numbers)
+        values[:3] = force
+        self.sensor.write(values, VECTOR, envelope="" if at is None else f"{self.sent} {at:.6f}")
+        self.sent += 1
+
+    def show(self) -> None:
+        """Let the board say how it is."""
+        self.server.publish(self.time.now())
+        self.server.settle()
 
 
 @pytest.fixture
@@ -267,6 +275,52 @@ def test_streams_that_are_behind_each_other_are_brought_together(limb: Limb):
         at = limb.time.now() + 0.05 + 0.01 * number
         limb.sensor.write(np.array([40.0, 0, 20, 0, 0, 0]), VECTOR, envelope=f"{limb.sent} {at:.6f}")
     limb.guard.watch()
+
+
+def test_a_force_of_which_the_motion_is_not_known_yet_is_no_contact(limb: Limb):
+    """States may be late, as on a busy machine: when they are there they explain it."""
+    limb.guard = limb.watched(Limits(speed=np.inf))
+    for behind in (2, 3, 5, 8):
+        limb.step(steps=30)
+        for number in range(behind):  # the joint is hastened, the sensor feels it, and no state shows it
+            limb.feel((40.0, 0.0, 20.0), at=limb.time.now() + 0.01 * (number + 1))
+            limb.guard.watch()
+        for _ in range(behind):
+            limb.time.sleep(0.01)
+            limb.device.speed += 50.0
+            limb.show()
+            limb.guard.watch()
+        limb.device.speed = 0.0
+    assert limb.said == []
+
+
+def test_what_a_limb_did_in_a_gap_of_its_states_is_not_known(limb: Limb):
+    """It may have been hastened and stopped there; a contact that lasts is felt behind it all the same."""
+    limb.step(steps=30)
+    for force in (40.0, 40.0, 40.0, 0.0):  # no state
+        limb.time.sleep(0.01)
+        limb.feel((force, 0.0, 20.0), at=limb.time.now())
+        limb.guard.watch()
+    limb.step(steps=30)
+    for _ in range(4):
+        limb.time.sleep(0.01)
+        limb.feel((40.0, 0.0, 20.0), at=limb.time.now())
+        limb.guard.watch()
+    with pytest.raises(GuardError, match="something pushes"):
+        limb.step((40.0, 0.0, 20.0), steps=12)
+    assert limb.said == []
+
+
+def test_a_limb_of_which_many_states_are_missing_is_told_once(limb: Limb):
+    """Whoever reads the log knows that contacts were felt late, if at all."""
+    for number in range(300):
+        limb.time.sleep(0.01)
+        limb.feel(WEIGHT, at=limb.time.now())
+        if number % 5 < 2:
+            limb.show()
+        limb.guard.watch()
+    assert len(limb.said) == 1
+    assert "is watched less well for contacts: for 1 s so many of its states were missing" in limb.said[0]
 
 
 def test_limits_that_the_guard_has_asked_for_are_not_asked_for_again(limb: Limb):

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from rtf.robot_testing.lateness import busyness, lateness, staleness, tardiness, waited
+from rtf import clock
+from rtf.robot_testing import lateness as machine
+from rtf.robot_testing.lateness import LastMoments, busyness, lateness, staleness, tardiness
+from rtf.robot_testing.lateness import waited as waited_really
 
 
 def test_a_loop_that_keeps_its_period_is_not_late():
@@ -60,5 +63,20 @@ def test_a_machine_on_which_much_waits_is_busy():
     assert busyness(0.0) == busyness(0.4) == ""
     assert "for 93% of the time something waited for a processor" in busyness(0.93)
     assert "for 100%" in busyness(1.02)
-    before = waited()
-    assert waited() >= before >= 0.0
+    before = waited_really()
+    assert waited_really() >= before >= 0.0
+
+
+def test_only_the_last_moments_of_a_machine_count(monkeypatch):
+    """Busy until a moment ago is busy; what was before is forgotten, and what only begins is not known yet."""
+    now, waited = 100.0, 0.0
+    monkeypatch.setattr(clock, "monotonic", lambda: now)
+    monkeypatch.setattr(machine, "waited", lambda: waited)
+    moments = LastMoments()
+    assert moments.busyness() == ""
+    for second, share in enumerate([0.0, 0.0, 0.9, 0.9, 0.0, 0.0, 0.0]):
+        for _ in range(100):
+            now, waited = now + 0.01, waited + 0.01 * share
+            moments.pass_by()
+        said = moments.busyness()
+        assert ("too busy" in said) == (second in {2, 3}), (second, said)
