@@ -63,7 +63,7 @@ class JointLimits(JointsTest):
     tags = ("motion", "limits")
     safety = Safety.MOTION
 
-    speed = Parameter(list[float], "speed of all moves", unit="deg/s", default=[60.0], low=0.1)
+    speed = Parameter(list[float], "speed of all moves", unit="deg/s", default=[50.0], low=0.1)
     out_of_bound = Parameter(
         list[float], "how far beyond a limit it is asked to go", unit="deg", default=[2.0], low=0.001,
         key="outOfBoundPosition",
