@@ -194,6 +194,7 @@ class RobotTest(TestCase):
         last = LastSeconds(self, part, forces)
         self.add_cleanup(last.write)
         if guard is not None:
+            guard.on_stop = last.take_stop
             self.add_cleanup(guard.restore)
         self.add_cleanup(last.take)
         return part

@@ -25,7 +25,7 @@ from rtf.robot.extended_state import Field
 from rtf.robot_testing.pressing import Load, Pressing
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from rtf.middleware.delivery import Delivery
     from rtf.middleware.network import Network
@@ -92,14 +92,17 @@ class Forces:
     def newest(self, count: int) -> list[Delivery]:
         """The last messages, the newest first."""
         # Copied in one step, for messages come meanwhile.
-        return list(self._messages)[: -count - 1 : -1]
+        return self.kept()[: -count - 1 : -1]
 
-    def rows(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """All that are kept: their numbers (-1 without a stamp), stamps (s), and forces (N) and torques (Nm).
+    def kept(self) -> list[Delivery]:
+        """All messages that are kept, the oldest first."""
+        return list(self._messages)
+
+    def rows(self, kept: Sequence[Delivery]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What messages say: their numbers (-1 without a stamp), stamps (s), and forces (N) and torques (Nm).
 
         The last has a row a message. Raises NoForcesError when they are no six numbers each.
         """
-        kept = list(self._messages)
         stamps = [stamp_of(delivery) for delivery in kept]
         return (
             np.array([float(stamp.count) for stamp in stamps]),

@@ -126,6 +126,8 @@ class MotionGuard:
         self._contacts = contacts
         self._doubted = False  # whether it was told that contacts are felt late
         self._last_moments = LastMoments()
+        #: Called with a joint that was stopped.
+        self.on_stop: Callable[[int], object] | None = None
 
     def _tell_of_joints(self) -> None:
         """Report what is not watched, or not moved, as one might think it were."""
@@ -301,6 +303,8 @@ class MotionGuard:
             self.halt(joints)
         except RobotError as error:
             text = f"{text.rpartition('; ')[0]}; and it could not be stopped: {error}"
+        if self.on_stop is not None:
+            self.on_stop(joint)
         raise GuardError(text, joint, self.excuse())
 
     def halt(self, joints: Sequence[int]) -> None:

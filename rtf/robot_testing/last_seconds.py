@@ -1,21 +1,19 @@
-"""What a part did in the last seconds before a test failed, for who wants to know what led to it."""
+"""What a part did in the last seconds before it had to be stopped, or a test failed: for who asks what led to it."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.contacts import CHANNELS, NoForcesError
 from rtf.robot_testing.mode_numbers import LEGEND, mode_numbers
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from rtf.robot.interfaces import FloatArray
+    from rtf.middleware.delivery import Delivery
     from rtf.robot_testing.case import RobotTest
     from rtf.robot_testing.contacts import Forces
     from rtf.robot_testing.part import Part
+    from rtf.robot_testing.trace import Trace
 
 #: What is kept of each joint, as far as its board gives it, beside its mode.
 _KEPT = (
@@ -26,10 +24,19 @@ _KEPT = (
 )
 
 
-class LastSeconds:
-    """``take`` it before the part is put back, so that it ends with the failure; ``write`` it when that is done.
+class _Taken(NamedTuple):
+    """What had come until then: the states, and the messages of the sensor."""
 
-    Writing files takes its time, during which a part must not be left as it is. ``forces`` are those of the part's
+    when: str
+    states: Trace
+    felt: list[Delivery]
+
+
+class LastSeconds:
+    """What a part did until the guard first stopped a joint of it, and until the end of a test that has failed.
+
+    ``take`` the latter before the part is put back, so that it ends with the failure; ``write`` it when that is done:
+    writing files takes its time, during which a part must not be left as it is. ``forces`` are those of the part's
     sensor; None where it has none.
     """
 
@@ -37,41 +44,50 @@ class LastSeconds:
         self._test = test
         self._part = part
         self._forces = forces
-        self._time: FloatArray | None = None
-        self._states: dict[str, tuple[FloatArray, str]] = {}
-        self._modes: NDArray[np.int32] | None = None
-        self._felt: tuple[FloatArray, FloatArray, FloatArray] | None = None
+        self._taken: list[_Taken] = []
+
+    def take_stop(self, joint: int) -> None:
+        """Copy it when the guard has stopped a joint, for the test may go on with others; the first one only."""
+        if not self._taken:
+            self._take(f"before {self._part.names[joint]} was stopped")
 
     def take(self) -> None:
         """Copy it, if the test has failed."""
-        history, forces = self._part.history, self._forces
-        if not self._test.failing:
-            return
-        self._part.board.unobserve(history.add)  # so that all of it is of the same states
-        if len(history):
-            valid = history.newest[1].valid
-            self._time = history.time
-            self._states = {name: (history.column(field), unit) for name, field, unit in _KEPT if valid[field]}
-            self._modes = history.control_modes
-        if forces is not None and len(forces):
-            try:
-                self._felt = forces.rows()
-            except NoForcesError as error:
-                self._test.report(str(error))
+        if self._test.failing:
+            self._take("before the end")
+
+    def _take(self, when: str) -> None:
+        felt = [] if self._forces is None else self._forces.kept()
+        self._taken.append(_Taken(when, self._part.history.copy(), felt))
 
     def write(self) -> None:
         """Attach what was taken to the test."""
-        if self._felt is not None and self._forces is not None:
-            numbers, stamps, values = self._felt
-            self._test.record(
-                f"before the end: {self._forces.source}",
-                time=(stamps, "s"),
-                number=(numbers, "count"),
-                **{axis: (values[:, channel], symbol) for channel, (axis, symbol) in enumerate(CHANNELS.items())},
-            )
-        if self._time is not None and self._modes is not None:
+        if any(len(taken.states) for taken in self._taken):
             self._test.report(LEGEND)
-            for joint, name in enumerate(self._part.names):
-                columns = {what: (values[:, joint], unit) for what, (values, unit) in self._states.items()}
-                columns["mode"] = mode_numbers(self._modes[:, joint]), ""
-                self._test.record(f"before the end: {name}", time=(self._time, "s"), **columns)
+        for taken in self._taken:
+            if self._forces is not None and taken.felt:
+                self._write_forces(self._forces, taken)
+            if len(taken.states):
+                self._write_states(taken)
+
+    def _write_forces(self, forces: Forces, taken: _Taken) -> None:
+        try:
+            numbers, stamps, values = forces.rows(taken.felt)
+        except NoForcesError as error:
+            self._test.report(str(error))
+            return
+        self._test.record(
+            f"{taken.when}: {forces.source}",
+            time=(stamps, "s"),
+            number=(numbers, "count"),
+            **{axis: (values[:, channel], symbol) for channel, (axis, symbol) in enumerate(CHANNELS.items())},
+        )
+
+    def _write_states(self, taken: _Taken) -> None:
+        states, valid = taken.states, taken.states.newest[1].valid
+        time, modes = states.time, states.control_modes
+        fields = {name: (states.column(field), unit) for name, field, unit in _KEPT if valid[field]}
+        for joint, name in enumerate(self._part.names):
+            columns = {what: (values[:, joint], unit) for what, (values, unit) in fields.items()}
+            columns["mode"] = mode_numbers(modes[:, joint]), ""
+            self._test.record(f"{taken.when}: {name}", time=(time, "s"), **columns)
