@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 #: The parts of an iCub, all of which decide what hangs where.
 _PARTS = ("head", "torso", "left_arm", "right_arm", "left_leg", "right_leg")
 #: All joints come to each posture from both sides, from so far (deg), so that friction cancels out; how fast (deg/s).
-_APPROACH, _APPROACH_SPEED = 2.0, 10.0
-#: No way to a posture is gone in less, s; and what a joint that is near it needs to be there, as those that are not
-#: waited for do.
-_SHORTEST, _ARRIVING = 0.4, 0.15
+#: Of so short a way at 40 deg/s the whole limb feels nothing but beginning and end; at 10 its controllers gather on the
+#: way there what they have to lose again on the way back, and 0.8 Nm of friction are left.
+_APPROACH, _APPROACH_SPEED = 2.0, 20.0
+#: No way to a posture is gone in less, s.
+_SHORTEST = 0.2
 #: How long joints come to rest, and for how long they are measured then, s. A controller takes about a second to gather
 #: on either side what friction takes: measured sooner, it does not cancel out.
 _REST, _MEASURING = 1.0, 0.2
@@ -117,10 +118,8 @@ class TorqueControlGravityConsistency(RobotTest):
         for away, fastest in ((side * _APPROACH, self.speed), (0.0, _APPROACH_SPEED)):
             self._move_others(part, joint, away)
             target = position + away
-            # Of a short way at full speed the whole limb would feel nothing but its beginning and its end.
             speed = min(fastest, max(_APPROACH_SPEED, abs(target - part.board.encoder(joint)) / _SHORTEST))
-            bring(self, part, [joint], [target], speed=speed, tolerance=1.0)
-            part.wait(_ARRIVING)
+            bring(self, part, [joint], [target], speed=speed, tolerance=0.5 if away else 1.0)
         part.wait(_REST)
         torques = mean_torques(part, _MEASURING)
         here: dict[str, float] = {}
