@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import threading
 from contextlib import closing
@@ -16,7 +15,7 @@ from rtf.middleware.rpc import RpcClient, RpcServer
 from rtf.middleware.time import LockstepClock
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from rtf.middleware.network import Network
 
@@ -25,24 +24,29 @@ class Told(BaseException):
     """What the handler of the signal raises."""
 
 
-@pytest.fixture(autouse=True)
-def handler() -> Iterator[None]:
-    """A signal that breaks off what the main thread does."""
+@pytest.fixture
+def break_off() -> Iterator[Callable[[], None]]:
+    """Has the main thread, which is in a call, or about to wait in it, raise Told; returns when it does."""
+    raised = threading.Event()
 
     def tell(*_: object) -> None:
-        raise Told
+        if not raised.is_set():
+            raised.set()
+            raise Told
+
+    def tell_until_raised() -> None:
+        main = threading.main_thread().ident
+        assert main is not None
+        while not raised.is_set():  # one that comes just before the kernel waits wakes up nobody
+            signal.pthread_kill(main, signal.SIGUSR1)
+            raised.wait(0.02)
 
     before = signal.signal(signal.SIGUSR1, tell)
-    yield
+    yield tell_until_raised
     signal.signal(signal.SIGUSR1, before)
 
 
-def break_off() -> None:
-    """Have the main thread, which waits in a call, raise Told."""
-    os.kill(os.getpid(), signal.SIGUSR1)
-
-
-def test_an_answer_that_comes_too_late_is_not_taken_for_another(network: Network):
+def test_an_answer_that_comes_too_late_is_not_taken_for_another(network: Network, break_off: Callable[[], None]):
     """The connection is gone, and with it the answer; a new one asks as before."""
     told, may_answer = threading.Event(), threading.Event()
 
@@ -63,7 +67,7 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_another(network: Network
         assert client.call(Bottle(["soon"])) == Bottle(["to", "soon"])
 
 
-def test_a_sleep_that_is_broken_off_is_not_the_end_of_time(network: Network):
+def test_a_sleep_that_is_broken_off_is_not_the_end_of_time(network: Network, break_off: Callable[[], None]):
     """Who was told to stop may have to wait afterwards, until the robot is parked."""
     passing = threading.Event()
 
