@@ -44,6 +44,7 @@ class Fx(FixtureManager):
     on_park = Parameter(str, "", default="")
     on_teardown = Parameter(str, "", default="")
     after_test = Parameter(bool, "whether checks hold until a test was started", default=False)
+    after = Parameter(str, "a file until which they hold", default="")
 
     def note(self, hook):
         with open(FOLDER + "/calls", "a") as stream:
@@ -56,6 +57,7 @@ class Fx(FixtureManager):
     def setup(self): return self.act("setup", self.on_setup)
     def check(self):
         if self.after_test and not os.path.exists(FOLDER + "/test-began"): return True
+        if self.after and not os.path.exists(FOLDER + "/" + self.after): return True
         return self.act("check", self.on_check)
     def park(self): return self.act("park", self.on_park)
     def teardown(self): self.act("teardown", self.on_teardown)
@@ -670,9 +672,20 @@ class TestOwedPark:
 
     def test_on_what_does_not_come_up_is_told(self, lab: Lab):
         """The cause is that of what it depends on, which collapses before the other is up once more."""
-        below = fixture("a", on_check="kill", after_test="true", restarts=0, on_lost="error")
+        below = fixture("a", on_check="kill", after="b-is-down", restarts=0, on_lost="error")
         above = rig("b", "a", on_check="kill").replace('backoff="0.01"', 'backoff="60"')
-        outcome = lab.run(below + above + case(hang="true"))
+
+        def interfere(run: Run) -> None:
+            emit = run.emit
+
+            def telling(event: Event) -> None:
+                emit(event)
+                if isinstance(event, FixtureChanged) and (event.fixture, event.state) == ("b", COLLAPSED):
+                    (lab.folder / "b-is-down").touch()
+
+            run.emit = telling
+
+        outcome = lab.run(below + above + case(hang="true"), interfere=interfere)
         last = incidents(outcome, "b")[-1].cause
         assert last.startswith("b did not put back what a test left: fixture a is not usable: ")
 
