@@ -86,9 +86,6 @@ class Forces:
         """In the thread of the connection."""
         self._messages.append(delivery.kept())
 
-    def __len__(self) -> int:
-        return len(self._messages)
-
     def newest(self, count: int) -> list[Delivery]:
         """The last messages, the newest first."""
         # Copied in one step, for messages come meanwhile.
@@ -266,20 +263,21 @@ class ContactWatch:
         if len(states) < _MIDDLE_OF or len(messages) < _MIDDLE_OF:
             return None
         times = np.array([time for time, _ in states])
-        stamps = [stamp_of(one) for one in messages]
-        if stamps[0].count < 0:
+        if stamp_of(messages[0]).count < 0:
             raise NoForcesError(f"{self.source} sends no stamps")
-        # One of the two streams may be behind the other.
-        late = next((at for at, stamp in enumerate(stamps) if stamp.time <= times[-1] - _KNOWN), None)
-        if late is None or stamps[late].time < times[0]:  # of clocks that differ: what came last has to do
+        # One of the two streams may be behind the other; as a rule the first messages tell, and no more are read.
+        late = next((at for at, one in enumerate(messages) if stamp_of(one).time <= times[-1] - _KNOWN), None)
+        if late is None or stamp_of(messages[late]).time < times[0]:  # of clocks that differ: what came last has to do
             near, taken = range(len(states) - _MIDDLE_OF, len(states)), messages[:_MIDDLE_OF]
-            time = stamps[0].time
+            time = stamp_of(taken[0]).time
         else:
-            taken, time = messages[late : late + _MIDDLE_OF], stamps[late].time
+            taken = messages[late : late + _MIDDLE_OF]
             if len(taken) < _MIDDLE_OF:
                 return None
-            begin = min(stamp.time for stamp in stamps[late : late + _MIDDLE_OF]) - _BEFORE
-            if _gap(times, begin, time + _KNOWN) > max(_GAP, _PERIODS * float(np.median(np.diff(times)))):
+            stamps = [stamp_of(one).time for one in taken]
+            time, begin = stamps[0], min(stamps) - _BEFORE
+            gap = _gap(times, begin, time + _KNOWN)
+            if gap > _GAP and gap > _PERIODS * float(np.median(np.diff(times))):
                 return None
             near = range(*np.searchsorted(times, (begin, time + _AFTER), "right"))
         force = np.sort([self.forces.read(one)[:3] for one in taken], axis=0)[_MIDDLE_OF // 2]
