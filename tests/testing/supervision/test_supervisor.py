@@ -203,8 +203,8 @@ def rig(name: str = "rig", depends: str = "", **more: object):
     return fixture(name, depends, **{**lost, **more}).replace(">fx<", ">rig<")  # type: ignore[arg-type]
 
 
-def on(what: Callable[[Event], bool], stage: int = 0) -> Callable[[Run], None]:
-    """Interrupts a run at each event for which something holds."""
+def at(what: Callable[[Event], bool], act: Callable[[Run], object]) -> Callable[[Run], None]:
+    """Does something at each event of a run for which something holds."""
 
     def interfere(run: Run) -> None:
         emit = run.emit
@@ -212,11 +212,16 @@ def on(what: Callable[[Event], bool], stage: int = 0) -> Callable[[Run], None]:
         def listening(event: Event) -> None:
             emit(event)
             if what(event):
-                run.interrupts.request("a test", stage=stage)
+                act(run)
 
         run.emit = listening
 
     return interfere
+
+
+def on(what: Callable[[Event], bool], stage: int = 0) -> Callable[[Run], None]:
+    """Interrupts a run there."""
+    return at(what, lambda run: run.interrupts.request("a test", stage=stage))
 
 
 def case(name: str = "t", attributes: str = "", **parameters: object):
@@ -674,18 +679,11 @@ class TestOwedPark:
         """The cause is that of what it depends on, which collapses before the other is up once more."""
         below = fixture("a", on_check="kill", after="b-is-down", restarts=0, on_lost="error")
         above = rig("b", "a", on_check="kill").replace('backoff="0.01"', 'backoff="60"')
-
-        def interfere(run: Run) -> None:
-            emit = run.emit
-
-            def telling(event: Event) -> None:
-                emit(event)
-                if isinstance(event, FixtureChanged) and (event.fixture, event.state) == ("b", COLLAPSED):
-                    (lab.folder / "b-is-down").touch()
-
-            run.emit = telling
-
-        outcome = lab.run(below + above + case(hang="true"), interfere=interfere)
+        down = at(
+            lambda event: isinstance(event, FixtureChanged) and (event.fixture, event.state) == ("b", COLLAPSED),
+            lambda _: (lab.folder / "b-is-down").touch(),
+        )
+        outcome = lab.run(below + above + case(hang="true"), interfere=down)
         last = incidents(outcome, "b")[-1].cause
         assert last.startswith("b did not put back what a test left: fixture a is not usable: ")
 
