@@ -43,8 +43,7 @@ class Fx(FixtureManager):
     on_check = Parameter(str, "", default="")
     on_park = Parameter(str, "", default="")
     on_teardown = Parameter(str, "", default="")
-    after_test = Parameter(bool, "whether checks hold until a test was started", default=False)
-    after = Parameter(str, "a file until which they hold", default="")
+    after = Parameter(str, "the file until which checks hold; test-began is of the first test", default="")
 
     def note(self, hook):
         with open(FOLDER + "/calls", "a") as stream:
@@ -56,7 +55,6 @@ class Fx(FixtureManager):
 
     def setup(self): return self.act("setup", self.on_setup)
     def check(self):
-        if self.after_test and not os.path.exists(FOLDER + "/test-began"): return True
         if self.after and not os.path.exists(FOLDER + "/" + self.after): return True
         return self.act("check", self.on_check)
     def park(self): return self.act("park", self.on_park)
@@ -199,7 +197,7 @@ def fixture(
 
 def rig(name: str = "rig", depends: str = "", **more: object):
     """A fixture of something that is there once, which collapses under the first test."""
-    lost = {"on_check": "false", "after_test": "true", "on_lost": "error"}
+    lost = {"on_check": "false", "after": "test-began", "on_lost": "error"}
     return fixture(name, depends, **{**lost, **more}).replace(">fx<", ">rig<")  # type: ignore[arg-type]
 
 
@@ -349,7 +347,7 @@ class TestCheck:
         self, lab: Lab, how: str, cause: str, status: int | None, signal_name: str
     ):
         """The test is stopped at once, lost through no fault of its own, and run again on the next incarnation."""
-        outcome = lab.run(fixture(on_check=how, after_test="true") + case(wait_for="setup #2"))
+        outcome = lab.run(fixture(on_check=how, after="test-began") + case(wait_for="setup #2"))
         incident = incidents(outcome)[0]
         assert cause in incident.cause
         assert (incident.phase, incident.incarnation, incident.test) == (Phase.CHECK, 1, "s/t")
@@ -374,7 +372,7 @@ class TestCheck:
 
         There it is called for the test that was cut short, which must not find what it left behind, and at the end.
         """
-        lab.run(fixture(on_check=how, after_test="true") + case(wait_for="park #2"))
+        lab.run(fixture(on_check=how, after="test-began") + case(wait_for="park #2"))
         assert lab.calls == [
             "fx setup #1",
             "fx on_collapse #1",
@@ -389,18 +387,18 @@ class TestCheck:
     def test_end_of_the_process_is_noticed_at_once(self, lab: Lab, monkeypatch: pytest.MonkeyPatch):
         """Nobody waits for the next check when the fixture's process dies."""
         monkeypatch.setattr(incarnation, "CHECK_LIMIT", 60.0)
-        outcome = lab.run(fixture(on_check="kill", after_test="true") + case(wait_for="setup #2"))
+        outcome = lab.run(fixture(on_check="kill", after="test-began") + case(wait_for="setup #2"))
         began = outcome.of(TestStarted)[0].time
         assert outcome.of(TestEnded)[0].time - began < 5.0
 
     def test_last_words_are_in_the_incident(self, lab: Lab):
         """The last lines a fixture wrote before it died are in the incident."""
-        outcome = lab.run(fixture(on_check="exit", after_test="true") + case(wait_for="setup #2"))
+        outcome = lab.run(fixture(on_check="exit", after="test-began") + case(wait_for="setup #2"))
         assert incidents(outcome)[0].output == "last words"
 
     def test_that_hangs_shows_its_stacks_and_not_the_tests(self, lab: Lab):
         """The dump of a hung fixture is the fixture's although a test runs meanwhile."""
-        outcome = lab.run(fixture(on_check="hang", after_test="true") + case(wait_for="setup #2"))
+        outcome = lab.run(fixture(on_check="hang", after="test-began") + case(wait_for="setup #2"))
         (dumped,) = outcome.of(StackDumped)
         assert (dumped.fixture, dumped.test) == ("fx", "")
         assert "linger_in_vain" in dumped.text
@@ -414,13 +412,13 @@ class TestCheck:
 
     def test_under_the_last_test_is_noticed(self, lab: Lab):
         """The verdict of a test counts only if its fixture is still there afterwards."""
-        outcome = lab.run(fixture(on_check="false", after_test="true", times=9, restarts=0) + case())
+        outcome = lab.run(fixture(on_check="false", after="test-began", times=9, restarts=0) + case())
         assert verdicts(outcome)[-1] in (Verdict.FIXTURE_LOST, Verdict.BLOCKED)
         assert Verdict.PASSED not in verdicts(outcome)
 
     def test_again_and_again_uses_up_the_restarts(self, lab: Lab):
         """A fixture that comes up each time and collapses each time fails for good, and blocks what comes after."""
-        xml = fixture(on_check="false", after_test="true", times=99, restarts=2)
+        xml = fixture(on_check="false", after="test-began", times=99, restarts=2)
         outcome = lab.run(xml + case(wait_for="never") + case("u", wait_for="never") + case("v"))
         assert states(outcome)[-1] == (FAILED, 3)
         assert verdicts(outcome) == [Verdict.FIXTURE_LOST, Verdict.FIXTURE_LOST]
@@ -437,14 +435,14 @@ class TestCheck:
     )
     def test_policy_decides_what_becomes_of_the_test(self, lab: Lab, policy: str, expected: list[Verdict]):
         """The lost test is run again, an error, or skipped, as the suite says; the next one runs in any case."""
-        xml = fixture(on_check="false", after_test="true", on_lost=policy) + case(wait_for="setup #2") + case("u")
+        xml = fixture(on_check="false", after="test-began", on_lost=policy) + case(wait_for="setup #2") + case("u")
         outcome = lab.run(xml)
         assert verdicts(outcome) == expected
         assert verdicts(outcome, "s/u") == [Verdict.PASSED]
 
     def test_of_another_fixture_disturbs_no_test(self, lab: Lab):
         """A test that does not need the fixture runs to its end; the fixture is restarted for the next that does."""
-        xml = fixture("a", on_check="false", after_test="true") + fixture("b")
+        xml = fixture("a", on_check="false", after="test-began") + fixture("b")
         xml += case("first", 'fixtures="a"', quiet="true")
         xml += case(attributes='fixtures="b"', wait_for="a check #1") + case("u", 'fixtures="a b"')
         outcome = lab.run(xml)
@@ -458,7 +456,7 @@ class TestDependencies:
     def test_worked_example(self, lab: Lab):
         """The example in the supervisor's text, step by step."""
         xml = (
-            fixture("server", on_check="kill", after_test="true")
+            fixture("server", on_check="kill", after="test-began")
             + fixture("simulator", "server", restarts=0)
             + fixture("logger", restarts=0)
             + case(wait_for="simulator setup #2")
@@ -496,7 +494,7 @@ class TestDependencies:
     def test_collapse_while_a_dependent_sets_up(self, lab: Lab):
         """A dependent that is coming up is not waited for when what it stands on collapses; both start anew."""
         (lab.folder / "test-began").touch()
-        xml = fixture("a", on_check="false", after_test="true") + fixture("b", "a", on_setup="hang", restarts=0)
+        xml = fixture("a", on_check="false", after="test-began") + fixture("b", "a", on_setup="hang", restarts=0)
         outcome = lab.run(xml + case())
         assert verdicts(outcome) == [Verdict.PASSED]
         assert outcome.of(TestStarted)[0].fixtures == {"a": 2, "b": 2}
@@ -504,7 +502,7 @@ class TestDependencies:
     def test_collapse_of_an_earlier_one_while_a_later_one_sets_up(self, lab: Lab):
         """When all are up at last, all of them are up: what collapsed meanwhile has been restarted."""
         (lab.folder / "test-began").touch()
-        xml = fixture("a", on_check="false", after_test="true") + fixture("b", on_setup="raise") + case()
+        xml = fixture("a", on_check="false", after="test-began") + fixture("b", on_setup="raise") + case()
         outcome = lab.run(xml)
         assert verdicts(outcome)[-1] == Verdict.PASSED
         assert outcome.of(TestStarted)[-1].fixtures == {"a": 2, "b": 2}
@@ -583,7 +581,7 @@ class TestPark:
 
     def test_on_the_next_incarnation_where_the_first_was_lost(self, lab: Lab):
         """Also for another test, and before what depends on it is set up; once is enough."""
-        lost = fixture("a", on_check="false", after_test="true", on_lost="error") + fixture("b", "a")
+        lost = fixture("a", on_check="false", after="test-began", on_lost="error") + fixture("b", "a")
         lab.run(lost + case(hang="true") + case("u") + case("v"))
         assert lab.calls[-8:] == [
             "a setup #2",
@@ -689,7 +687,7 @@ class TestOwedPark:
 
     def test_by_what_is_not_there_is_not_told(self, lab: Lab):
         """What occupies nothing took what was left with it."""
-        outcome = lab.run(fixture(restarts=0, on_check="false", after_test="true") + case(hang="true"))
+        outcome = lab.run(fixture(restarts=0, on_check="false", after="test-began") + case(hang="true"))
         assert [incident.cause for incident in incidents(outcome)] == ["check() returned False"]
 
     def test_is_handed_on_to_later_suites(self, lab: Lab):
@@ -802,8 +800,8 @@ class TestCommandLine:
         """With two jobs, each suite's fixture collapses, is restarted and repeats its test in its own lane."""
         self.write(
             lab,
-            one=fixture("a", on_check="false", after_test="true") + case(wait_for="a setup #2"),
-            two=fixture("b", on_check="kill", after_test="true") + case(wait_for="b setup #2"),
+            one=fixture("a", on_check="false", after="test-began") + case(wait_for="a setup #2"),
+            two=fixture("b", on_check="kill", after="test-began") + case(wait_for="b setup #2"),
         )
         outcome = run_command(lab.folder, "-j", "2", "-s", "one.xml", "-s", "two.xml")
         for suite in ("one", "two"):
