@@ -30,6 +30,8 @@ PACE = 0.02
 TOLERANCE, GRACE = 0.5, 5.0
 #: What a command may take to arrive on a busy machine, beyond its usual time, s.
 LATEST = 0.3
+#: What is near already goes there in so long a time, s, but not slower than this, deg/s.
+_NEAR_TIME, _SLOWEST = 0.2, 1.0
 _HISTORY = 1000
 
 
@@ -174,10 +176,16 @@ class Part:
         begin, here = self.clock.now(), self.board.encoders(chosen)
         if not going:
             return Arrival(not chosen, here, 0.0, tolerance)
+        way = np.abs(goal - here)
         if timeout is None:
-            timeout = float(np.nanmax(2 * np.abs(goal - here)[going] / speeds[going], initial=0.0)) + GRACE
-        self.board.set_reference_speeds(speeds[going], held)
+            timeout = float(np.nanmax(2 * way[going] / speeds[going], initial=0.0)) + GRACE
+        # What is there already is so at once: the next command comes in the middle of the little way that is left. At
+        # full speed that takes milliseconds; boards may go on with the acceleration which that takes, and swing.
+        paces = np.where(way <= tolerance, np.minimum(speeds, np.maximum(_SLOWEST, way / _NEAR_TIME)), speeds)
+        self.board.set_reference_speeds(paces[going], held)
         self.board.position_move(goal[going], held)
+        if (paces != speeds)[going].any():  # whoever gives commands of their own later takes the speed to be theirs
+            self.board.set_reference_speeds(speeds[going], held)
 
         def arrived() -> bool:
             nonlocal here

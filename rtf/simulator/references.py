@@ -2,8 +2,9 @@
 
 The reference of an axis is a polynomial of the fifth degree in time, and behind its end a straight line. A minimum-jerk
 move is the polynomial that begins with the position, speed and acceleration of the reference now and ends at rest;
-from rest that is the well-known ``10 s³ - 15 s⁴ + 6 s⁵`` (Flash and Hogan 1985). A change of speed is a parabola, and
-goes on as a line. Blocks cost one evaluation of all axes for many steps, so a step only looks up a row.
+from rest that is the well-known ``10 s³ - 15 s⁴ + 6 s⁵`` (Flash and Hogan 1985). It begins with no more acceleration
+than it has on its way from rest. A change of speed is a parabola, and goes on as a line. Blocks cost one evaluation of
+all axes for many steps, so a step only looks up a row.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 #: Steps that are computed at once.
 BLOCK = 64
 _DEGREE = 5
+#: The greatest acceleration of a minimum-jerk move from rest, times its way by the square of its time.
+_GREATEST = 10 / np.sqrt(3)
 
 
 class References:
@@ -116,6 +119,9 @@ class References:
         position, velocity, acceleration = self.at(now, axes)
         distance = targets - position
         duration = np.maximum(np.abs(distance) / np.maximum(speeds, _SLOWEST), self._step)
+        # A way of 0.1 deg in 5 ms takes 23 000 deg/s². A move of a second that began with that would go far astray.
+        most = _GREATEST * np.abs(distance) / duration**2
+        acceleration = np.clip(acceleration, -most, most)
         # The six conditions: position, speed and acceleration at the beginning, and rest at the target.
         t = duration
         c = self._coefficients

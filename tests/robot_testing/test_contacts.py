@@ -178,6 +178,18 @@ def test_force_of_a_joint_that_is_hastened_is_no_contact(limb: Limb):
     limb.step(steps=30)
 
 
+@pytest.mark.parametrize("begin", np.arange(0.0, 0.01, 0.001))
+def test_a_push_that_is_over_at_once_is_no_contact(limb: Limb, begin: float):
+    """A motor that gives all it has for 20 ms: it is felt in two messages or three, and states show a slope."""
+    limb.guard = limb.watched(Limits(speed=np.inf))
+    limb.step(steps=30)
+    inertia, rate = 20.0 / 9.81 * 0.3, 6000.0
+    for elapsed in np.arange(0.0, 0.3, 0.01):
+        pushed = min(max(float(elapsed) - begin, 0.0), 0.02)
+        limb.device.speed = rate * pushed
+        limb.step((inertia * np.radians(rate) * (0.0 < pushed < 0.02), 0.0, 20.0))
+
+
 def test_noise_of_speeds_hides_no_contact(limb: Limb):
     """6 deg/s of it would explain 60 N that nobody presses with. That it is so is told once."""
     limb.device.noise = 6.0
@@ -394,12 +406,12 @@ def arm(tmp_path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Part]:
 @simulated
 @pytest.mark.parametrize("speed", [10.0, 60.0])
 def test_arm_that_runs_into_the_body_is_stopped(arm: Part, speed: float):
-    """Whether it comes slowly or fast, it is named and comes to rest."""
+    """Whether it comes slowly or fast, it is named within 0.8 deg of where it touches, 4.9 deg, and comes to rest."""
     with pytest.raises(GuardError, match=r"l_shoulder_roll .* strikes something"):
         arm.move([0.0], [1], speed=speed)
+    assert arm.board.encoder(1) > 4.1
     arm.clock.sleep(2.0)
     assert np.abs(arm.board.encoder_speeds()[:7]).max() < 1.0
-    assert arm.board.encoder(1) > 1.0
 
 
 @simulated

@@ -95,6 +95,25 @@ def test_a_move_that_a_test_stands_on_names_its_joints_by_the_tolerance_it_had(b
         RobotTest.require(Joints(), arrival, "home", part, [0, 1, 2], [5.0, 0.0, 0.0])
 
 
+def test_what_is_there_already_goes_the_rest_slowly(bench: PartBench, monkeypatch: pytest.MonkeyPatch):
+    """The next command comes in the middle of it. Commands that a test gives itself are at the speed of the move."""
+    told: list[tuple[str, list[float]]] = []
+    for name in ("set_reference_speeds", "position_move"):
+        monkeypatch.setattr(bench.part.board, name, lambda values, _, name=name: told.append((name, list(values))))
+    arrival = bench.part.move([0.1, 0.4, 30.0], speed=20.0, tolerance=0.5, timeout=0.1)
+    assert not arrival.reached
+    speeds, targets, after = told
+    assert speeds == ("set_reference_speeds", pytest.approx([1.0, 2.0, 20.0]))
+    assert targets == ("position_move", [0.1, 0.4, 30.0])
+    assert after == ("set_reference_speeds", [20.0, 20.0, 20.0])
+    told.clear()
+    bench.part.move([0.1, 0.1, 0.1], speed=[0.4, 20.0, 1.0], timeout=0.1)
+    assert told[0][1] == [0.4, 1.0, 1.0]
+    told.clear()
+    bench.part.move([10.0, 20.0], [1, 2], speed=5.0, timeout=0.1)
+    assert [name for name, _ in told] == ["set_reference_speeds", "position_move"]
+
+
 def test_a_joint_without_a_position_has_not_arrived(bench: PartBench):
     """What is no number is near nothing."""
     bench.part._need_guard = lambda what: None

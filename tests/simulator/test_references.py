@@ -54,17 +54,35 @@ class TestMoves:
     @pytest.mark.parametrize("moment", [1, 150, 499, 900, 1000])
     @pytest.mark.parametrize("target", [-30.0, 25.0, 60.0])
     def test_from_motion_nothing_jumps(self, references: References, moment: int, target: float):
-        """Position, speed and acceleration go on from what they are, and the move ends at rest at its target."""
+        """Position and speed go on from what they are, and so does acceleration, as far as the move has as much itself.
+
+        It ends at rest at its target.
+        """
         references.move(AXES, same(20.0), same(20.0), 0)
         before = path(references, moment, 1)[:, 0]
         references.move(AXES, same(target), same(30.0), moment)
         steps = round(abs(target - before[0]) / 30.0 / STEP) + 2
         found = path(references, moment, steps)
-        assert found[:, 0] == pytest.approx(before, abs=1e-9)
+        most = 10 / np.sqrt(3) * 30.0**2 / abs(target - before[0])
+        assert found[:, 0] == pytest.approx([*before[:2], np.clip(before[2], -most, most)], abs=1e-9)
         assert found[:, -1] == pytest.approx([target, 0.0, 0.0], abs=1e-9)
         assert np.abs(np.diff(found[0])).max() < 0.5, "the reference jumps"
         # What is said of speed is what the positions do.
         assert np.diff(found[0])[:-1] / STEP == pytest.approx(((found[1][1:] + found[1][:-1]) / 2)[:-1], abs=0.5)
+
+    @pytest.mark.parametrize("moment", range(1, 6))
+    @pytest.mark.parametrize(("target", "astray"), [(60.0, 0.01), (5.0, 0.01), (-30.0, 9.0)])
+    def test_a_way_that_took_milliseconds_does_not_swing(
+        self, references: References, moment: int, target: float, astray: float
+    ):
+        """0.1 deg of it has thousands of deg/s²; what is told in the middle of it turns back from its speed at most."""
+        references.move(AXES, same(0.1), same(20.0), 0)
+        references.move(AXES, same(target), same(20.0), moment)
+        positions, speeds, _ = path(references, moment, round(abs(target) / 20.0 / STEP))
+        low, high = sorted((0.0, target))
+        assert low - 0.01 <= positions.min()
+        assert positions.max() <= max(high, 0.1) + astray
+        assert np.abs(speeds).max() < 60.0
 
     def test_done_at_the_end_and_not_before(self, references: References):
         """The step at which the target is reached is the first one at which the motion is done."""
