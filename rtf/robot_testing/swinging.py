@@ -152,7 +152,9 @@ def _unseen_outcomes(unseen: dict[int, float]) -> dict[int, Outcome]:
 class _Watch:
     """Looks whether joints come to where they shall, and whether a motor turns one whose encoder does not show it.
 
-    The controller of such a joint would turn it on and on. What is said is of the last look, which was at one state.
+    The controller of such a joint would turn it on and on. What is said is of the last look, which was at one state,
+    and of how far it is then from where it was farthest from its goal: until there it went on with its last move, and
+    one that is where it began may have gone there and back.
     """
 
     def __init__(
@@ -163,13 +165,16 @@ class _Watch:
         self._joints = joints
         self._wanted = wanted
         self._tolerance = tolerance
+        # Of these joints, a row each: how far they were from their goals, where, and how far apart from their motors.
+        self._farthest = np.full((3, len(joints)), -np.inf)
         self.look()
-        self._here_0, self._apart_0 = self._here, self._apart
 
     def look(self) -> None:
         """See where joints and motors are now."""
         self._here, motors = self._board.encoders_together()
         self._apart = self._transmission.disagreement(self._here, motors)
+        now = np.array([self.away, self._here[self._joints], self._apart[self._joints]])
+        self._farthest = np.where(now[0] > self._farthest[0], now, self._farthest)
 
     @property
     def away(self) -> FloatArray:
@@ -183,9 +188,10 @@ class _Watch:
 
     def unseen(self, least: float) -> dict[int, float]:
         """The joints that were turned by ``least`` deg or more unseen, and how far their motors turned them (deg)."""
-        seen = np.abs(self._here - self._here_0)
-        turned = np.abs(self._apart - self._apart_0)
-        return {j: float(turned[j]) for j in self._joints if turned[j] > least and seen[j] < _SEEN_SHARE * turned[j]}
+        _, here, apart = self._farthest
+        seen, turned = np.abs(self._here[self._joints] - here), np.abs(self._apart[self._joints] - apart)
+        rows = zip(self._joints, seen.tolist(), turned.tolist(), strict=True)
+        return {joint: far for joint, near, far in rows if far > least and near < _SEEN_SHARE * far}
 
     def late(self) -> dict[int, Outcome]:
         """What is wrong with the joints that are not there."""

@@ -11,7 +11,7 @@ import pytest
 from rtf import clock
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode
-from rtf.robot_testing.courses import work
+from rtf.robot_testing.courses import finish, work
 from rtf.robot_testing.swinging import Ends, Swinger
 from rtf.robot_testing.transmission import Transmission
 
@@ -87,6 +87,18 @@ def test_a_joint_that_is_turned_unseen_takes_those_along_that_are_coupled_with_i
     again = bench.swinger.go([0.0] * 3, [0, 1, 2], [20.0] * 3)
     assert "is coupled with joint2" in again[1].complaint
     assert "does not obey any more" in again[2].complaint
+
+
+def test_a_joint_that_goes_on_before_it_turns_back_is_seen(bench: Bench):
+    """At the end of a swing it still moves. Where it began the next one it has been away and back, and not stood."""
+    course = bench.swinger.moving([10.0], [0], [20.0])
+    next(course)
+    for place in (-0.5, -1.0, -1.0, -0.5, 0.0):  # its motor turns by a degree each time
+        bench.device.shown = {0: place}
+        bench.time.sleep(0.05)
+        next(course)
+    bench.device.shown = {}
+    assert finish(bench.part, course, pace=0.02) == {}
 
 
 def test_a_joint_without_a_position_has_not_arrived(bench: Bench):
