@@ -63,6 +63,7 @@ def test_claims_become_cases(claims):
     """The healthy robot, each severity, the part of the joint that is broken, and the reason."""
     found = claims("""
         parameters = { inject = "" }
+        fast_parameters = { joints = [1] }
         [[finds]]
         fault = "jam"
         target = "l_elbow"
@@ -87,7 +88,11 @@ def test_claims_become_cases(claims):
     assert cases[1].names == "l_elbow"
     assert cases[2].injection == "jam l_elbow torque=400"
     assert "part" not in cases[3].parameters
-    assert [case.fault for case in cases_of(found, fast=True)] == ["", "jam", "jam"]
+    fast = [*cases_of(found, fast=True)]
+    assert [case.fault for case in fast] == ["", "jam", "jam"]
+    assert cases[0].parameters == {"inject": ""}
+    assert fast[0].parameters == {"inject": "", "joints": [1]}
+    assert "joints" not in fast[1].parameters
 
 
 @pytest.mark.parametrize(

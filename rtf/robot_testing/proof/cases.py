@@ -76,7 +76,8 @@ class Case:
 
 def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
     """The cases of one test: the healthy robot, and each severity of each claim. ``fast``: only what is marked so."""
-    yield Case(claims.test, Expectation.HEALTHY, parameters=claims.parameters, fast=True, timeout=claims.timeout)
+    parameters = claims.parameters | (claims.fast_parameters if fast else {})
+    yield Case(claims.test, Expectation.HEALTHY, parameters=parameters, fast=True, timeout=claims.timeout)
     for claim in claims.claims:
         if find_kind(claim.fault).layer in _NOT_IN_SUITES or (fast and not claim.fast):
             continue

@@ -3,6 +3,7 @@
 ::
 
     parameters = { part = "left_arm" }    # what the test is given in all cases, beside what a case says
+    fast_parameters = { joints = [1, 3] } # and on the healthy robot in the fast subset, where all joints take long
 
     [[finds]]                             # the test must fail, and name what is broken
     fault = "jam"
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _KINDS = ("finds", "silent", "expected")
-_TOP = {"parameters", "timeout", *_KINDS}
+_TOP = {"parameters", "fast_parameters", "timeout", *_KINDS}
 _ENTRY = {"fault", "target", "values", "names", "parameters", "reason", "fast", "delay", "duration"}
 
 
@@ -75,6 +76,7 @@ class Claims:
     claims: tuple[Claim, ...]
     timeout: float = 300.0
     of_a_part: bool = False  # whether the test has the parameter ``part``
+    fast_parameters: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +119,9 @@ def read_claims(path: Path) -> Claims:
     of_a_part = isinstance(getattr(type(test), "part", None), Parameter)
     if of_a_part:
         claims = [_with_part(claim) for claim in claims]
+    parameters, fast = (dict(data.get(key, {})) for key in ("parameters", "fast_parameters"))
     timeout = float(data.get("timeout", 300.0))
-    return Claims(type(test).__name__, path, dict(data.get("parameters", {})), tuple(claims), timeout, of_a_part)
+    return Claims(type(test).__name__, path, parameters, tuple(claims), timeout, of_a_part, fast)
 
 
 def _read(path: Path) -> dict[str, Any]:
