@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rtf import clock
-from rtf.testing.plugins import shipped_folder
 
-SUITES = shipped_folder("suite") / "icubSim"
+SUITES = Path(__file__).parents[2] / "suites" / "icubSim"
 DRIFT = """<suite name="drift">
     <fixture name="names"> yarpserver </fixture>
     <fixture name="robot" depends="names"> simulator </fixture>
