@@ -12,6 +12,8 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
+from measuring import TESTRUNNER
+
 from rtf import clock
 
 SUITES = Path(__file__).parents[2] / "suites" / "icubSim"
@@ -19,7 +21,7 @@ DRIFT = """<suite name="drift">
     <fixture name="names"> yarpserver </fixture>
     <fixture name="robot" depends="names"> simulator </fixture>
     <test name="drift" timeout="600">
-        <parameter name="part">{part}</parameter> <parameter name="cycles">{swings}</parameter> OpticalEncodersDrift
+        <parameter name="part">torso</parameter> <parameter name="cycles">{swings}</parameter> OpticalEncodersDrift
     </test>
 </suite>
 """
@@ -32,14 +34,13 @@ class Job(NamedTuple):
     goal: float
 
 
-def jobs(folder: Path, part: str, swings: int) -> dict[str, Job]:
+def jobs(folder: Path, swings: int) -> dict[str, Job]:
     """All of them by name. The suite of the third is written to the folder in which they are run."""
-    (folder / "drift.xml").write_text(DRIFT.format(part=part, swings=swings), encoding="utf-8")
-    runner = (sys.executable, "-m", "rtf.cli.testrunner", "--suite")
+    (folder / "drift.xml").write_text(DRIFT.format(swings=swings), encoding="utf-8")
     return {
-        "four": Job((*runner, str(SUITES / "four.xml")), 60.0),
-        "battery": Job((*runner, str(SUITES / "battery.xml")), 240.0),
-        "drift": Job((*runner, "drift.xml"), 120.0),
+        "four": Job((*TESTRUNNER, "--suite", str(SUITES / "four.xml")), 60.0),
+        "battery": Job((*TESTRUNNER, "--suite", str(SUITES / "battery.xml")), 240.0),
+        "drift": Job((*TESTRUNNER, "--suite", "drift.xml"), 120.0),
         "proof": Job((sys.executable, "-m", "rtf.cli.tools", "proof", "--fast", "-j", "2"), 120.0),
     }
 
@@ -48,12 +49,11 @@ def main(arguments: list[str] | None = None) -> int:
     """Run what was asked for, in a folder that is gone afterwards; 1 if a run has failed."""
     parser = argparse.ArgumentParser(description="How long the robot tests take; all of them some six minutes.")
     parser.add_argument("names", nargs="*", metavar="NAME", help="four, battery, drift, proof (default: all)")
-    parser.add_argument("--part", default="torso", help="the part whose encoders drift")
-    parser.add_argument("--swings", type=int, default=1000, help="its half-swings")
+    parser.add_argument("--swings", type=int, default=1000, help="half-swings of the torso for drift")
     options = parser.parse_args(arguments)
     failed = 0
     with tempfile.TemporaryDirectory(prefix="rtf-benchmark-") as folder:
-        known = jobs(Path(folder), options.part, options.swings)
+        known = jobs(Path(folder), options.swings)
         for name in options.names or known:
             began = clock.monotonic()
             ran = subprocess.run(known[name].arguments, cwd=folder, capture_output=True, text=True, check=False)

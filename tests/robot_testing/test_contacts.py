@@ -404,14 +404,15 @@ def arm(tmp_path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Part]:
 
 
 @simulated
-@pytest.mark.parametrize("speed", [10.0, 60.0])
-def test_arm_that_runs_into_the_body_is_stopped(arm: Part, speed: float):
+@pytest.mark.parametrize(("speed", "rest"), [(10.0, 4.0), (60.0, 0.5)])
+def test_arm_that_runs_into_the_body_is_stopped(arm: Part, speed: float, rest: float):
     """Whether it comes slowly or fast, it is named within 0.8 deg of where it touches, 4.9 deg, and comes to rest."""
     with pytest.raises(GuardError, match=r"l_shoulder_roll .* strikes something"):
         arm.move([0.0], [1], speed=speed)
     assert arm.board.encoder(1) > 4.1
     arm.clock.sleep(2.0)
     assert np.abs(arm.board.encoder_speeds()[:7]).max() < 1.0
+    assert arm.board.encoder(1) > rest
 
 
 @simulated
