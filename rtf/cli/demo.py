@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rtf.testing.results import RunResult
 
 #: The suites of the battery: the longest first, so that the others run beside it.
-_BATTERY = ("control", "encoders", "motors", "basics", "stress", "sensors", "streams")
+BATTERY = ("control", "encoders", "motors", "basics", "stress", "sensors", "streams")
 
 
 class _Shown(NamedTuple):
@@ -133,7 +133,7 @@ def _battery(runs: Path) -> _Shown:
 
     print("\nThe battery: all tests of a lab, on the simulated robot; it takes some minutes")
     folder = shipped_folder("suites") / "icubSim"
-    suites = [word for suite in (*_BATTERY, *_cameras()) for word in ("--suite", str(folder / f"{suite}.xml"))]
+    suites = [word for suite in (*BATTERY, *_cameras()) for word in ("--suite", str(folder / f"{suite}.xml"))]
     page = ["--web-reporter", "--web-port", "0", "--history", str(runs / "battery-history.sqlite")]
     runs.mkdir(parents=True, exist_ok=True)
     words = ["--runs", str(runs), "--answer", "default", "--junit", str(runs / "battery-junit.xml")]

@@ -15,10 +15,9 @@ from typing import NamedTuple
 from measuring import TESTRUNNER
 
 from rtf import clock
+from rtf.cli.demo import BATTERY
 
 SUITES = Path(__file__).parents[2] / "suites" / "icubSim"
-#: What battery.xml is made of, the longest first: as suites of their own they share the processors.
-BATTERY = ("control", "encoders", "motors", "basics", "stress", "sensors", "streams")
 DRIFT = """<suite name="drift">
     <fixture name="names"> yarpserver </fixture>
     <fixture name="robot" depends="names"> simulator </fixture>
