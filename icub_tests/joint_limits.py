@@ -9,7 +9,7 @@ import numpy as np
 
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.companions import lanes
+from rtf.robot_testing.companions import queues
 from rtf.robot_testing.courses import work
 from rtf.robot_testing.guard import GuardError
 from rtf.robot_testing.joints_case import JointsTest, told_at
@@ -117,12 +117,12 @@ class JointLimits(JointsTest):
         return weak
 
     def run(self) -> None:
-        """Let all lanes go at once; each joint is judged when it is home again."""
+        """Let all queues go at once; each joint is judged when it is home again."""
         part = self.robot_part
         self._spans: dict[int, tuple[float, float]] = {}
         self._told: dict[int, list[tuple[float, float]]] = {joint: [] for joint in self.chosen}
         with part.recorded() as trace:
-            work(part, lanes(part.names, self.chosen), self._course, pace=_PACE)
+            work(part, queues(part.names, self.chosen), self._course, pace=_PACE)
         self._keep(trace)
 
     def _course(self, joint: int) -> Course[None]:

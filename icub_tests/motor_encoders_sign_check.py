@@ -66,7 +66,6 @@ class MotorEncodersSignCheck(DutyTest):
         ]
 
     def judge(self, joint: int, found: list[BothWays]) -> None:
-        """See the base."""
         name, steps, (ways,) = self.robot_part.names[joint], self.steps[self.chosen.index(joint)], found
         moved = [ramp.moved for ramp in ways[:2]]
         self.assert_true(

@@ -71,7 +71,6 @@ class MotorStiction(DutyTest):
         return abs(float(_stictions(found).mean()) - most) > _FAR * most
 
     def judge(self, joint: int, found: list[BothWays]) -> None:
-        """See the base."""
         name, place = self.robot_part.names[joint], self.chosen.index(joint)
         for ways in found:
             self._require_motion(name, ways, self.steps[place])

@@ -11,9 +11,9 @@ from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, fit_line, likely_causes
 from rtf.robot_testing.courses import singly, until, work
 from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.out_of_limits import give_up_strays
 from rtf.robot_testing.parameter_checks import joint_count
 from rtf.robot_testing.part import PACE
-from rtf.robot_testing.strays import give_up_strays
 from rtf.robot_testing.swinging import Outcome, Swinger, ends_of
 from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter

@@ -10,7 +10,7 @@ import numpy as np
 from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, fit_line, likely_causes
 from rtf.robot_testing.joints_case import JointsTest
-from rtf.robot_testing.strays import give_up_strays
+from rtf.robot_testing.out_of_limits import give_up_strays
 from rtf.robot_testing.swinging import Outcome, Swinger, ends_of
 from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter

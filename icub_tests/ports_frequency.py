@@ -86,8 +86,8 @@ def _wrong_line(parts: list[Value]) -> list[str]:
     """What is wrong with a line of [PORTS]."""
     numbers = [float(part) for part in parts[1:3] if isinstance(part, int | float)]
     if not parts or not isinstance(parts[0], str) or len(numbers) != 2 or parts[3:] not in ([], [_OPTIONAL]):  # noqa: PLR2004
-        mend = f"a line is a port, its rate and the tolerance in Hz, and perhaps {_OPTIONAL}, such as: "
-        return [f"[PORTS] {Bottle(parts).to_text()}: {mend}/icub/head/state:o 100 5"]
+        hint = f"a line is a port, its rate and the tolerance in Hz, and perhaps {_OPTIONAL}, such as: "
+        return [f"[PORTS] {Bottle(parts).to_text()}: {hint}/icub/head/state:o 100 5"]
     rate, tolerance = numbers
     if not rate > 0 or not tolerance >= 0:
         return [f"[PORTS] {parts[0]}: {rate:g} Hz with a tolerance of {tolerance:g} Hz is no rate"]

@@ -70,7 +70,6 @@ class PositionControlAccuracy(StepTest):
         return min(reach / math.sqrt(3.0), self.step / 4)
 
     def most_spread(self, joint: int) -> float:
-        """See the base."""
         return max(self.repeatability, self.hidden[joint])
 
     def _give_gains(self) -> None:
@@ -84,11 +83,9 @@ class PositionControlAccuracy(StepTest):
             board.set_pid(PidType.POSITION, joint, pid._replace(**{name: gains[place] for name, gains in own.items()}))
 
     def room(self, joint: int) -> float:
-        """See the base."""
         return min(self.step, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
 
     def begin(self, joint: int) -> Course[tuple[float, float]]:
-        """See the base."""
         part, (home, sign) = self.robot_part, self.starts[joint]
         self.assert_true(
             (yield from part.entering(ControlMode.POSITION_DIRECT, [joint])),
@@ -98,9 +95,7 @@ class PositionControlAccuracy(StepTest):
         return home, home + sign * self.room(joint)
 
     def drive(self, joint: int, reference: float) -> None:
-        """See the base."""
         self.robot_part.board.set_positions(reference, joint)
 
     def measured(self, trace: Trace, joint: int) -> FloatArray:
-        """See the base."""
         return trace.positions[:, joint]

@@ -181,11 +181,9 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         return strong
 
     def room(self, joint: int) -> float:
-        """See the base."""
         return min(self.step, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
 
     def begin(self, joint: int) -> Course[tuple[float, float]]:
-        """See the base."""
         part, (home, sign) = self.robot_part, self.starts[joint]
         duties = part.board.duty_cycles()
         held = self.transmission.holding_duty(duties, joint)
@@ -233,7 +231,6 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         return [max(-self.most, min(self.most, one)) for one in wanted]
 
     def tell(self, joints: list[int], efforts: list[float]) -> None:
-        """See the base."""
         if len(joints) > 1:
             self.robot_part.board.set_reference_duty_cycles(efforts, joints)
         else:
@@ -246,7 +243,6 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         return tardiness(self.told[joint], trace.local_time, trace.duty_cycles[:, joint], self.sample_time)
 
     def measured(self, trace: Trace, joint: int) -> FloatArray:
-        """See the base."""
         return trace.positions[:, joint]
 
     def values(self, joint: int, cycles: list[Cycle]) -> list[Judged]:

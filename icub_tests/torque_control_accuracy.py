@@ -71,7 +71,6 @@ class TorqueControlAccuracy(CoupledStepTest):
         return torque_joints(self, part, self.joints)
 
     def room(self, joint: int) -> float:
-        """See the base."""
         return min(self.travel, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
 
     def begin(self, joint: int) -> Course[tuple[float, float]]:
@@ -96,11 +95,9 @@ class TorqueControlAccuracy(CoupledStepTest):
         return held, held + sign * step
 
     def drive(self, joint: int, reference: float) -> None:
-        """See the base."""
         self.give(joint, reference)
 
     def tell(self, joints: list[int], efforts: list[float]) -> None:
-        """See the base."""
         if len(joints) > 1:
             self.robot_part.board.set_reference_torques(efforts, joints)
         else:
@@ -114,7 +111,6 @@ class TorqueControlAccuracy(CoupledStepTest):
         return after > self.shortest and abs(part.board.encoder_speeds(joint)[0]) > part.fastest[joint]
 
     def measured(self, trace: Trace, joint: int) -> FloatArray:
-        """See the base."""
         return trace.torques[:, joint]
 
     def values(self, joint: int, cycles: list[Cycle]) -> list[Judged]:

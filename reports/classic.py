@@ -1,6 +1,6 @@
-"""The console of RTF's ancestor, line for line.
+"""The console of the C++ framework, line for line.
 
-Verbosity 0 shows errors, failures and the totals, as the ancestor does without ``-v``; with 1 everything is shown.
+Verbosity 0 shows errors, failures and the totals, as the C++ framework does without ``-v``; with 1 everything is shown.
 Colours appear only where a person sees them.
 """
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from rtf.testing.report.lines import Line
     from rtf.testing.results import RunResult
 
-#: The ancestor's colours, but for its grey, which is black and cannot be read on a dark terminal.
+#: The C++ framework's colours, but for its grey, which is black and cannot be read on a dark terminal.
 _COLOURS = {"start": "94", "passed": "92", "failed": "91", "fail": "91", "error": "91", "info": "90"}
 
 
 class ClassicReporter(Reporter):
-    """Prints to standard output what the ancestor printed.
+    """Prints to standard output what the C++ framework printed.
 
     ``detail`` adds the places; with the option ``summary`` ``no`` the totals are left out.
     """

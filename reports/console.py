@@ -41,7 +41,7 @@ from rtf.testing.events import (
     TestStarted,
 )
 from rtf.testing.report import text as report_text
-from rtf.testing.report.text import measurement, one_line, place, problem, sentence, shown
+from rtf.testing.report.text import measurement, one_line, place, problem_text, sentence, shown
 from rtf.testing.reporting import Reporter, ReportOptions
 from rtf.testing.verdict import FixtureState, MeasurementVerdict, Severity, Verdict
 
@@ -211,7 +211,7 @@ class ConsoleReporter(Reporter):
         last = self._incidents_said.get(fixture)
         self._incidents_said[fixture] = event
         if last is not None and _same_incident(last) == _same_incident(event):
-            again = f"fixture {shown(event.fixture)} #{event.incarnation} in {event.phase}: the same again"
+            again = f"fixture {shown(event.fixture)} #{event.generation} in {event.phase}: the same again"
             self._print(self._styled(again, _BAD))
             return
         self._print(self._styled(f"fixture {shown(report_text.incident(event))}", _BAD))
@@ -225,15 +225,15 @@ class ConsoleReporter(Reporter):
                 self._indented(line, "    | ", _DIM)
 
     def _fixture(self, event: FixtureChanged, _results: RunResult) -> None:
-        name = f"fixture {shown(event.fixture)} #{event.incarnation}"
+        name = f"fixture {shown(event.fixture)} #{event.generation}"
         if event.state is FixtureState.FAILED:
             last = self._incidents_said.get((event.suite, event.fixture))
             told = last is not None and event.detail.startswith(last.cause)
             why = event.detail.removeprefix(last.cause) if last is not None and told else f": {event.detail}"
             self._print(self._styled(f"{name} is given up{shown(why)}", _BAD))
-        elif self.options.verbosity > 0 or (self.options.verbosity == 0 and event.incarnation > 1):
-            words = {FixtureState.STARTING: "is being restarted" if event.incarnation > 1 else "is being set up"}
-            words[FixtureState.READY] = "is back" if event.incarnation > 1 else "is ready"
+        elif self.options.verbosity > 0 or (self.options.verbosity == 0 and event.generation > 1):
+            words = {FixtureState.STARTING: "is being restarted" if event.generation > 1 else "is being set up"}
+            words[FixtureState.READY] = "is back" if event.generation > 1 else "is ready"
             told = event.state in words if self.options.verbosity == 0 else event.state is not FixtureState.COLLAPSED
             if told:
                 self._print(self._styled(f"{name} {words.get(event.state, f'is {event.state}')}", _DIM))
@@ -350,7 +350,7 @@ class ConsoleReporter(Reporter):
         for suite in results.suites.values():
             for message in suite.problems:
                 self._print(f"  {self._styled(str(message.severity), _BAD)}  suite {one_line(suite.name)}")
-                self._indented(problem(message), "      ")
+                self._indented(problem_text(message), "      ")
 
     def _alike(self, verdict: Verdict, tests: list[TestResult]) -> None:
         """Name tests of which the same is to be said; of those that were not begun the number says enough."""
@@ -369,7 +369,7 @@ class ConsoleReporter(Reporter):
         for message in test.problems:
             ours = lost or message.detail.startswith(_WRONG_PARAMETER)
             brief = ours and self.options.verbosity <= 0
-            reasons.append(problem(replace(message, traceback="") if brief else message))
+            reasons.append(problem_text(replace(message, traceback="") if brief else message))
         left_out = test.problem_count - len(test.problems)
         if left_out:
             reasons.append(f"… {left_out} more in the journal")
@@ -379,12 +379,12 @@ class ConsoleReporter(Reporter):
         alike: dict[tuple[str, str], list[FixtureIncident]] = {}
         for suite in results.suites.values():
             for event in suite.incidents:
-                sentence_of_any = report_text.incident(replace(event, incarnation=0))
+                sentence_of_any = report_text.incident(replace(event, generation=0))
                 alike.setdefault((suite.id, sentence_of_any), []).append(event)
         if alike:
             self._print(self._styled("\nFixture incidents", _BOLD))
         for first, *more in alike.values():
-            again = f"  (and {len(more)} more like it, up to #{more[-1].incarnation})" if more else ""
+            again = f"  (and {len(more)} more like it, up to #{more[-1].generation})" if more else ""
             self._print(f"  {one_line(report_text.incident(first))}{again}")
 
     def _slowest(self, results: RunResult) -> None:
@@ -411,5 +411,5 @@ class ConsoleReporter(Reporter):
 
 
 def _same_incident(event: FixtureIncident) -> FixtureIncident:
-    """The incident without what tells it from the same one of another incarnation."""
-    return replace(event, incarnation=0, time=0.0, seq=0)
+    """The incident without what tells it from the same one of another generation."""
+    return replace(event, generation=0, time=0.0, seq=0)

@@ -25,15 +25,15 @@ from rtf.testing.events import (
     SubResultEnded,
 )
 from rtf.testing.report.files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents, members, to_json
-from rtf.testing.report.text import near_path, problem, shown
-from rtf.testing.report.troubles import of_run, of_suite
+from rtf.testing.report.problems import of_run, of_suite
+from rtf.testing.report.text import near_path, problem_text, shown
 from rtf.testing.reporting import Reporter
 from rtf.testing.verdict import Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.testing.report.troubles import Trouble
+    from rtf.testing.report.problems import Problem
     from rtf.testing.results import RunResult, TestResult
 
 SPECIFICATION = "0.1.0"
@@ -109,10 +109,10 @@ class CtrfReporter(Reporter):
             for result in suite.tests.values():
                 record = spool.get(result.id) if result.id in spool else to_json(self._test(result, suite.name, []))
                 yield _status(result.verdict or Verdict.NOT_RUN), record
-            for trouble in of_suite(suite):
-                yield _trouble(trouble, suite.name)
-        for trouble in of_run(results):
-            yield _trouble(trouble, "run")
+            for problem in of_suite(suite):
+                yield _problem(problem, suite.name)
+        for problem in of_run(results):
+            yield _problem(problem, "run")
 
     def _head(self, results: RunResult) -> dict[str, Any]:
         run = results.started.run if results.started else ""
@@ -236,7 +236,7 @@ def _uuid(name: str) -> str:
 
 def _trace(event: Event) -> str:
     if isinstance(event, Message) and event.severity in (Severity.FAILURE, Severity.ERROR):
-        return problem(event)
+        return problem_text(event)
     return f"{event.cause}\n{event.text}" if isinstance(event, StackDumped) else ""
 
 
@@ -244,15 +244,15 @@ def _status(verdict: Verdict) -> str:
     return _STATUS.get(verdict, "failed")
 
 
-def _trouble(trouble: Trouble, suite: str) -> tuple[str, bytes]:
-    status = "failed" if trouble.red else "other"
+def _problem(problem: Problem, suite: str) -> tuple[str, bytes]:
+    status = "failed" if problem.red else "other"
     record = {
-        "name": trouble.name,
+        "name": problem.name,
         "status": status,
-        "rawStatus": trouble.kind,
+        "rawStatus": problem.kind,
         "duration": 0,
         "suite": [suite],
-        "message": trouble.message or trouble.name,
-        "trace": trouble.text,
+        "message": problem.message or problem.name,
+        "trace": problem.text,
     }
     return status, to_json(record)

@@ -219,18 +219,18 @@ def _fixture(suite: dict[str, Any], name: str) -> dict[str, Any]:
         if fixture["name"] == name:
             found: dict[str, Any] = fixture
             return found
-    lists = ("incarnations", "incidents", "messages", "output", "stacks", "attachments")
+    lists = ("generations", "incidents", "messages", "output", "stacks", "attachments")
     made: dict[str, Any] = {"name": name, **{member: [] for member in lists}}
     suite["fixtures"].append(made)
     return made
 
 
 def _enter_state(fixture: dict[str, Any], event: FixtureChanged) -> None:
-    incarnations = fixture["incarnations"]
-    if not incarnations or incarnations[-1]["incarnation"] != event.incarnation:
-        incarnations.append({"incarnation": event.incarnation, "pid": event.pid, "states": []})
-    incarnations[-1]["pid"] = incarnations[-1]["pid"] or event.pid
-    incarnations[-1]["states"].append(members(event, "suite", "fixture", "incarnation", "pid"))
+    generations = fixture["generations"]
+    if not generations or generations[-1]["generation"] != event.generation:
+        generations.append({"generation": event.generation, "pid": event.pid, "states": []})
+    generations[-1]["pid"] = generations[-1]["pid"] or event.pid
+    generations[-1]["states"].append(members(event, "suite", "fixture", "generation", "pid"))
 
 
 def _test(result: TestResult, attempts: list[AttemptEvents]) -> dict[str, Any]:

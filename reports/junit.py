@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 from rtf import clock
 from rtf.testing.events import Event, SuiteEnded
 from rtf.testing.report.files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents
-from rtf.testing.report.junit import CaseWriter, attributes, element, kind_of, properties_of, seconds_of, trouble_case
+from rtf.testing.report.junit import CaseWriter, attributes, element, kind_of, problem_case, properties_of, seconds_of
+from rtf.testing.report.problems import Problem, of_run, of_suite
 from rtf.testing.report.text import near_path
-from rtf.testing.report.troubles import Trouble, of_run, of_suite
 from rtf.testing.reporting import Reporter
 
 if TYPE_CHECKING:
@@ -132,15 +132,15 @@ class JUnitReporter(Reporter):
     # The file ----------------------------------------------------------------------------------------------------
 
     def _write(self, spool: Spool, results: RunResult, *, over: bool) -> None:
-        """Write all suites that have ended, or when the run is over all, and the run's own troubles."""
+        """Write all suites that have ended, or when the run is over all, and the run's own problems."""
         suites = [suite for suite in results.suites.values() if over or suite.ended is not None]
-        troubles = of_run(results) if over else []
+        problems = of_run(results) if over else []
         totals, elapsed = _Totals(), 0.0
         for suite in suites:
             totals.add(_totals(suite))
             elapsed += _elapsed(suite)
-        for trouble in troubles:
-            totals.count("error" if trouble.red else "")
+        for problem in problems:
+            totals.count("error" if problem.red else "")
         pairs: list[tuple[str, object]] = [("name", "rtf"), ("tests", totals.tests), ("failures", totals.failures)]
         pairs += [("errors", totals.errors), ("time", seconds_of(elapsed))]
         with self._target.writing(last=over) as stream:
@@ -152,8 +152,8 @@ class JUnitReporter(Reporter):
                 for piece in self._suite_cases(suite, spool, names, results):
                     stream.write(piece)
                 stream.write(b"</testsuite>\n")
-            if troubles:
-                stream.write(self._run_suite(troubles, names, results).encode())
+            if problems:
+                stream.write(self._run_suite(problems, names, results).encode())
             stream.write(b"</testsuites>\n")
 
     def _suite_head(self, suite: SuiteResult, results: RunResult) -> str:
@@ -182,23 +182,23 @@ class JUnitReporter(Reporter):
             head = [*names.identity(group, result.name), ("time", seconds_of(result.duration))]
             body = spool.get(result.id) if result.id in spool else self._cases.body(result, []).encode()
             yield f"<testcase{attributes([*head, *self._cases.place(result)])}>\n".encode() + body + b"</testcase>\n"
-        troubles = of_suite(suite)
-        for trouble in troubles:
-            yield trouble_case(trouble, names.identity(group, trouble.name)).encode()
-        if not suite.tests and not troubles:  # Jenkins drops a suite without a case
+        problems = of_suite(suite)
+        for problem in problems:
+            yield problem_case(problem, names.identity(group, problem.name)).encode()
+        if not suite.tests and not problems:  # Jenkins drops a suite without a case
             empty = attributes([*names.identity(group, "(no tests)"), ("time", "0.000")])
             skipped = element("skipped", "the suite has no tests", ("message", "the suite has no tests"))
             yield f"<testcase{empty}>\n{skipped}</testcase>\n".encode()
 
     @staticmethod
-    def _run_suite(troubles: list[Trouble], names: _Names, results: RunResult) -> str:
+    def _run_suite(problems: list[Problem], names: _Names, results: RunResult) -> str:
         totals = _Totals()
-        for trouble in troubles:
-            totals.count("error" if trouble.red else "")
+        for problem in problems:
+            totals.count("error" if problem.red else "")
         pairs: list[tuple[str, object]] = [("name", "run"), ("tests", totals.tests), ("failures", 0)]
         pairs.append(("errors", totals.errors))
         group = _class_name(results, "run")
-        cases = "".join(trouble_case(trouble, names.identity(group, trouble.name)) for trouble in troubles)
+        cases = "".join(problem_case(problem, names.identity(group, problem.name)) for problem in problems)
         head = attributes([*pairs, ("skipped", 0), ("time", "0.000")])
         return f"<testsuite{head}>\n{properties_of(_run_facts(results))}{cases}</testsuite>\n"
 
@@ -207,8 +207,8 @@ def _totals(suite: SuiteResult) -> _Totals:
     totals = _Totals()
     for result in suite.tests.values():
         totals.count(kind_of(result))
-    for trouble in of_suite(suite):
-        totals.count("error" if trouble.red else "")
+    for problem in of_suite(suite):
+        totals.count("error" if problem.red else "")
     if not totals.tests:
         totals.count("skipped")
     return totals

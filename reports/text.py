@@ -1,7 +1,7 @@
-"""The result file of RTF's ancestor: every event as a line, then the totals.
+"""The result file of the C++ framework: every event as a line, then the totals.
 
-Unlike the ancestor's it is written while the run goes on, so that a runner that is killed leaves what was known. The
-file is complete when it ends with the summary, which is written in one piece. It contains everything, whatever the
+Unlike the C++ framework's it is written while the run goes on, so that a runner that is killed leaves what was known.
+The file is complete when it ends with the summary, which is written in one piece. It contains everything, whatever the
 verbosity; ``detail`` adds the places.
 """
 

@@ -101,11 +101,9 @@ class SystemClock(Clock):
     """The machine's own time."""
 
     def now(self) -> float:
-        """See Clock."""
         return now()
 
     def sleep(self, seconds: float) -> None:
-        """See Clock."""
         sleep(seconds)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 class RtfError(Exception):
-    """Base of all errors of the framework: a sentence that names the thing, the place and the mend."""
+    """Base of all errors of the framework: a sentence that names the thing, the place and the hint."""
 
 
 @dataclass(frozen=True, slots=True)

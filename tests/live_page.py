@@ -145,10 +145,10 @@ class Page:
         """A GET."""
         return self.ask("GET", path, **headers)
 
-    def control(self, what: str, **wish: object) -> Answer:
-        """A wish, as the page sends it."""
+    def control(self, what: str, **command: object) -> Answer:
+        """A request, as the page sends it."""
         headers = {"Content-Type": "application/json", "Authorization": f"Bearer {self.token}"}
-        return self.ask("POST", f"/control/{what}", json.dumps(wish).encode(), **headers)
+        return self.ask("POST", f"/control/{what}", json.dumps(command).encode(), **headers)
 
     def follow(self, after: int | None = None) -> Stream:
         """Follow the run."""

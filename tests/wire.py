@@ -1,4 +1,4 @@
-"""A wire between a browser and a server that can be cut and mended, as those of a lab are."""
+"""A wire between a browser and a server that can be cut and fixed, as those of a lab are."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Wire:
         for end in broken:
             _break(end)
 
-    def mend(self) -> None:
+    def hint(self) -> None:
         """Carry connections again."""
         with self._lock:
             self._whole = True

@@ -1,4 +1,4 @@
-// An earlier run against this one: what fails now, what was mended, what moved.
+// An earlier run against this one: what fails now, what was fixed, what moved.
 
 import { CHANGES, MOVED, compareOutcomes, outcomesOfModel, outcomesOfRecords } from "./compare.js";
 import { fill, free, h, setText } from "./dom.js";

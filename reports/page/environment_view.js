@@ -17,7 +17,7 @@ export class EnvironmentView {
     this.#page = page;
     this.command = h("p", { class: "command" });
     this.facts = h("dl", { class: "facts" });
-    this.troubles = h("div", { class: "troubles" });
+    this.problems = h("div", { class: "problems" });
     this.suites = h("div", { class: "suite-facts" });
     this.filter = h("input", {
       type: "search",
@@ -31,7 +31,7 @@ export class EnvironmentView {
       { class: "view figures environment", "aria-label": t("view.environment") },
       this.command,
       this.facts,
-      this.troubles,
+      this.problems,
       h("h2", { text: "Suites" }),
       this.suites,
       h("h2", { text: "Parameters" }),
@@ -43,7 +43,7 @@ export class EnvironmentView {
   update(changes) {
     if (changes.run) {
       this.#fillFacts();
-      this.#fillTroubles();
+      this.#fillProblems();
     }
     if (changes.plan) this.#fillSuites();
     this.#fillParameters(changes.tests);
@@ -96,7 +96,7 @@ export class EnvironmentView {
     return `${this.#page.format.date(time)}  (${new Date(time * 1000).toISOString().replace("T", " ").slice(0, 19)} UTC)`;
   }
 
-  #fillTroubles() {
+  #fillProblems() {
     const { diagnostics, internalErrors } = this.#page.model;
     const place = ({ file, line, column }) => [file, line, column].filter(Boolean).join(":");
     const said = diagnostics.map((one) =>
@@ -119,7 +119,7 @@ export class EnvironmentView {
       ),
     );
     fill(
-      this.troubles,
+      this.problems,
       said.length > 0 && [
         h("h2", { text: "About the files and the command line" }),
         h("ul", { class: "diagnostics" }, said),

@@ -97,7 +97,7 @@ export class FixturesView {
     const { started } = model;
     const test = model.tests.get(incident.test);
     const facts = [
-      `incarnation ${incident.incarnation ?? 1}`,
+      `generation ${incident.generation ?? 1}`,
       incident.phase && `in ${incident.phase}`,
       endOf(incident),
     ]

@@ -88,18 +88,18 @@ class Fixture {
     this.name = name;
     this.suite = suite;
     this.state = "";
-    this.incarnations = []; // {number, changes: [fixture_changed], tests: [{test, attempt, started, ended}]}
+    this.generations = []; // {number, changes: [fixture_changed], tests: [{test, attempt, started, ended}]}
     this.incidents = [];
     this.messages = [];
     this.output = [];
     this.stacks = [];
   }
 
-  incarnation(count) {
-    let found = this.incarnations.find((one) => one.number === count);
+  generation(count) {
+    let found = this.generations.find((one) => one.number === count);
     if (!found) {
       found = { number: count, changes: [], tests: [] };
-      this.incarnations.push(found);
+      this.generations.push(found);
     }
     return found;
   }
@@ -299,8 +299,8 @@ const HANDLERS = {
     run.shift(test, before);
     run.changes.tests.add(test.id);
     const suite = run.suites.get(test.suite);
-    for (const [name, incarnation] of Object.entries(record.fixtures ?? {})) {
-      suite?.fixture(name).incarnation(incarnation).tests.push({ test: test.id, attempt: test.attempt });
+    for (const [name, generation] of Object.entries(record.fixtures ?? {})) {
+      suite?.fixture(name).generation(generation).tests.push({ test: test.id, attempt: test.attempt });
     }
     if (suite && record.fixtures) run.changes.suites.add(suite.id);
     run.note(record);
@@ -427,7 +427,7 @@ const HANDLERS = {
     const fixture = run.fixtureOf(record);
     if (!fixture) return;
     fixture.state = record.state;
-    fixture.incarnation(record.incarnation).changes.push(record);
+    fixture.generation(record.generation).changes.push(record);
     run.note(record);
   },
 

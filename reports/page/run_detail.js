@@ -67,11 +67,11 @@ export class RunDetail {
 }
 
 function incidentItem(record) {
-  const { suite, fixture, cause, phase, test, incarnation, output, traceback } = record;
+  const { suite, fixture, cause, phase, test, generation, output, traceback } = record;
   return h("li", { class: "message" }, sign("collapsed"),
     h("div", { class: "message-body" },
       h("p", {}, h("a", { href: linkToFixture(suite, fixture) }, free(fixture)), ": ", free(cause)),
-      h("p", { class: "dim message-about" }, h("span", { text: `incarnation ${incarnation ?? 1}, ${phase ?? ""}` }), test ? h("a", { href: linkTo(test) }, free(test)) : null),
+      h("p", { class: "dim message-about" }, h("span", { text: `generation ${generation ?? 1}, ${phase ?? ""}` }), test ? h("a", { href: linkTo(test) }, free(test)) : null),
       output ? folded("last output", output, { className: "mono" }) : null,
       traceback ? folded("traceback", traceback, { className: "mono" }) : null));
 }

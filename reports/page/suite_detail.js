@@ -50,5 +50,5 @@ function fixtureItem(fixture) {
   return h("li", {},
     h("a", { href: linkToFixture(fixture.suite, fixture.name) }, free(fixture.name)), " ",
     badge(fixture.state || "planned"),
-    h("span", { class: "dim", text: ` ${[formatCount(fixture.incarnations.length, "incarnation"), formatCount(incidents, "incident")].filter(Boolean).join(", ")}` }));
+    h("span", { class: "dim", text: ` ${[formatCount(fixture.generations.length, "generation"), formatCount(incidents, "incident")].filter(Boolean).join(", ")}` }));
 }

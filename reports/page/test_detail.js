@@ -162,10 +162,10 @@ class FactsPart {
 
   #fixtures() {
     const stood = Object.entries(this.attempt?.started.fixtures ?? {});
-    return stood.length > 0 && stood.map(([name, incarnation], index) => [
+    return stood.length > 0 && stood.map(([name, generation], index) => [
       index ? ", " : "",
       h("a", { href: linkToFixture(this.test.suite, name) }, free(name)),
-      incarnation > 1 ? ` (incarnation ${incarnation})` : "",
+      generation > 1 ? ` (generation ${generation})` : "",
     ]);
   }
 

@@ -9,7 +9,7 @@ import { VERDICTS } from "./model.js";
 import { toneOf } from "./signs.js";
 
 const LABEL = 26; // pixels for the name above a lane
-const LIFE = 16; // height of the bar of an incarnation
+const LIFE = 16; // height of the bar of a generation
 const TESTS = 12; // and of the tests on it
 const LANE = LABEL + LIFE + TESTS + 12;
 const AXIS_HEIGHT = 20;
@@ -125,10 +125,10 @@ export class Timeline {
 
   #lane(fixture, top, scale) {
     const { visible } = this.#page.format;
-    const count = fixture.incarnations.length;
+    const count = fixture.generations.length;
     const facts = [
       fixture.state || "not started",
-      count > 1 && `${count} incarnations`,
+      count > 1 && `${count} generations`,
       fixture.incidents.length &&
         `${fixture.incidents.length} ${fixture.incidents.length > 1 ? "incidents" : "incident"}`,
     ]
@@ -140,7 +140,7 @@ export class Timeline {
       visible(fixture.name),
       svg("tspan", { class: "timeline-facts", dx: 8, text: facts }),
     );
-    const life = fixture.incarnations.flatMap((one) => this.#life(fixture, one, top, scale));
+    const life = fixture.generations.flatMap((one) => this.#life(fixture, one, top, scale));
     const tests = this.#tests(fixture, top, scale);
     const incidents = fixture.incidents.map((one) => this.#incident(fixture, one, top, scale));
     return svg(
@@ -154,11 +154,11 @@ export class Timeline {
     );
   }
 
-  /** An incarnation: a bar for each of its states, until the next. */
-  #life(fixture, incarnation, top, { x, begin, now }) {
-    const bars = incarnation.changes.map((change, index) => ({
+  /** A generation: a bar for each of its states, until the next. */
+  #life(fixture, generation, top, { x, begin, now }) {
+    const bars = generation.changes.map((change, index) => ({
       change,
-      until: incarnation.changes[index + 1]?.time ?? now,
+      until: generation.changes[index + 1]?.time ?? now,
     }));
     return bars
       .filter(({ change }) => change.state !== "stopped")
@@ -166,7 +166,7 @@ export class Timeline {
         const from = x(change.time);
         const width = Math.max(change.state === "failed" ? 6 : 1.5, x(Math.max(until, change.time)) - from);
         const name =
-          fixture.incarnations.length > 1 ? `${fixture.name}, incarnation ${incarnation.number}` : fixture.name;
+          fixture.generations.length > 1 ? `${fixture.name}, generation ${generation.number}` : fixture.name;
         const end = change.state === "failed" ? change.time : until;
         const text = [
           `${name}: ${change.state} ${period(change.time, end, begin)}`,
@@ -184,12 +184,12 @@ export class Timeline {
           data: { tone: STATE_TONES[change.state] ?? "idle", state: change.state },
         });
         const label =
-          change.state === "ready" && fixture.incarnations.length > 1 && width > 40
+          change.state === "ready" && fixture.generations.length > 1 && width > 40
             ? svg("text", {
                 class: "timeline-number",
                 x: from + 5,
                 y: top + LABEL + LIFE - 4,
-                text: `#${incarnation.number}`,
+                text: `#${generation.number}`,
               })
             : null;
         return this.#mark(svg("g", {}, bar, label), { text, fixture: fixture.name, at: change.time, lane: top });
@@ -197,7 +197,7 @@ export class Timeline {
   }
 
   #tests(fixture, top, { x, begin, now, model }) {
-    const stood = fixture.incarnations.flatMap((one) => one.tests).filter(({ attempt }) => attempt.started.time);
+    const stood = fixture.generations.flatMap((one) => one.tests).filter(({ attempt }) => attempt.started.time);
     const bars = stood.map(({ test, attempt }) => {
       const verdict = attempt.ended?.outcome ?? attempt.ended?.verdict ?? "running";
       const until = attempt.ended?.time ?? now;
@@ -237,7 +237,7 @@ export class Timeline {
   #incident(fixture, incident, top, { x, begin }) {
     const at = x(incident.time);
     const y = top + LABEL;
-    const when = `at ${clockText(incident.time - begin, 0.01)}, incarnation ${incident.incarnation ?? 1}`;
+    const when = `at ${clockText(incident.time - begin, 0.01)}, generation ${incident.generation ?? 1}`;
     const text = `${fixture.name}: ${incident.cause} ${when}${incident.test ? `, under ${incident.test}` : ""}`;
     const shape = svg("path", { class: "timeline-incident", d: `M${at} ${y + 3}L${at - 6} ${y - 8}H${at + 6}Z` });
     const line = svg("path", { class: "timeline-incident-line", d: `M${at} ${y}V${y + LIFE + TESTS + 2}` });
@@ -301,7 +301,7 @@ export class Timeline {
 /** From the first to the last that is known of the fixtures; to `now` while the suite goes on. */
 function spanOf(suite, fixtures, now) {
   const changes = fixtures
-    .flatMap((fixture) => fixture.incarnations.flatMap((one) => one.changes))
+    .flatMap((fixture) => fixture.generations.flatMap((one) => one.changes))
     .map((change) => change.time);
   const from = Math.min(suite.started?.time ?? Infinity, ...changes, now);
   const to = suite.ended?.time ?? now;

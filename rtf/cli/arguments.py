@@ -1,4 +1,4 @@
-"""The command line of ``testrunner``: flat flags, those of the ancestor with their names and meaning, and ours."""
+"""The command line of ``testrunner``: flat flags, those of the C++ framework with their names and meaning, and ours."""
 
 from __future__ import annotations
 
@@ -197,7 +197,7 @@ def _how(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--allow-motion",
         action="store_true",
-        help="let tests move a real robot (a simulated one needs no leave); the operator is asked before each",
+        help="let tests move a real robot (a simulated one needs no permission); the operator is asked before each",
     )
     group.add_argument(
         "--answer",
@@ -219,7 +219,7 @@ def add_report_options(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument("-d", "--detail", action="store_true", help="file and line of each message")
     group.add_argument(
-        "--style", choices=("console", "classic"), default="console", help="'classic' writes the ancestor's lines"
+        "--style", choices=("console", "classic"), default="console", help="'classic' writes the C++ framework's lines"
     )
     group.add_argument(
         "--color",

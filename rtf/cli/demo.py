@@ -80,13 +80,13 @@ def _show(what: str, show: Callable[[], list[str]]) -> list[str]:
 
 
 def _talk() -> list[str]:
-    from rtf.cli.talking import talk
+    from rtf.cli.demo_network import talk
 
     return talk()
 
 
 def _move(runs: Path) -> list[str]:
-    from rtf.cli.moving import move
+    from rtf.cli.demo_robot import move
 
     return move(runs)
 
@@ -113,7 +113,7 @@ def _what_goes_wrong(runs: Path, rest: Sequence[str]) -> _Shown:
 
 
 def _can_simulate() -> bool:
-    """Whether what simulates a robot is installed; says what mends it."""
+    """Whether what simulates a robot is installed; says what fixes it."""
     from rtf.simulator import engine
     from rtf.simulator.errors import MissingPackageError
 

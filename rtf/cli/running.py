@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
 
-    from rtf.testing.control import Control
     from rtf.testing.events import Diagnosed
     from rtf.testing.isolation.launch import Launched
     from rtf.testing.reporting import Reporter
+    from rtf.testing.run_control import Control
     from rtf.testing.runner import RunOptions
 
 
@@ -51,7 +51,7 @@ def _with_fixtures(
     """The plan with what its tests ask for where nobody names a fixture: no file, as with ``--test``, or not in it."""
     if all(planned.suite.fixtures for planned in suites):
         return suites, ()
-    from rtf.testing.alone import with_fixtures
+    from rtf.testing.implied_fixtures import with_fixtures
 
     made: list[PlannedSuite] = []
     diagnostics: list[Diagnosed] = []
@@ -195,9 +195,9 @@ def make_run_folder(options: argparse.Namespace, plan: Plan) -> Path:
 
 def run_options(options: argparse.Namespace, folder: Path, words: list[str]) -> RunOptions:
     """The options of the runner."""
-    from rtf.testing.control import Control
     from rtf.testing.isolation.attempt import GRACE
     from rtf.testing.operator import make_operator
+    from rtf.testing.run_control import Control
     from rtf.testing.runner import RunOptions
 
     control = Control()
@@ -233,7 +233,7 @@ def _memory(mebibytes: int | None) -> int:
 
 
 def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: Launched | None = None) -> ExitCode:
-    """Open reporters and journal, run, and close everything. ``launched`` is a nursery that is getting ready."""
+    """Open reporters and journal, run, and close everything. ``launched`` is a fork server that is getting ready."""
     from rtf.testing.journal import FILE_NAME, Journal
     from rtf.testing.reporting import Broadcast
     from rtf.testing.runner import Run

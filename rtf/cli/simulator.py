@@ -21,7 +21,7 @@ _EPILOG = """\
 to a simulator that runs (each has its own --help):
   rtf simulator status                                  how it is, and what is broken
   rtf simulator inject KIND [TARGET] [NAME=VALUE ...]   break something
-  rtf simulator clear [NUMBER]                          mend it, or everything
+  rtf simulator clear [NUMBER]                          fix it, or everything
 without one:
   rtf simulator faults [KIND] [--json]                  what can be broken
 
@@ -231,7 +231,7 @@ def _value(parser: Parser, word: str) -> tuple[str, float]:
 def _clear(words: Sequence[str]) -> int:
     parser = Parser(
         prog="rtf simulator clear",
-        description="Mend a simulator that runs; prints how many faults were taken out.",
+        description="Fix a simulator that runs; prints how many faults were taken out.",
         allow_abbrev=False,
     )
     _add_robot(parser)

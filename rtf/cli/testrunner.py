@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.errors import RtfError
-from rtf.testing.leave import give_leave
+from rtf.testing.permission import give_permission
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def _run(words: list[str]) -> int:
         parser.error(f"what is {extra[0]!r}? Suites are named with --suite, tests with --test")
     if options.isolation == "none":
         print("testrunner: isolation 'none': a test that hangs or crashes takes the run with it", file=sys.stderr)
-    give_leave(given=options.allow_motion)
+    give_permission(given=options.allow_motion)
     if options.resume:
         return _resume(options)
     if not (options.test or options.tests or options.suite or options.suites):

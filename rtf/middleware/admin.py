@@ -141,18 +141,18 @@ def _get_property(port: Port, key: str) -> Bottle:
 
 
 def _set_property(port: Port, key: str, request: Bottle) -> Bottle:
-    """Whatever the key is, it becomes a property; with the name of a port it is a wish as well."""
+    """Whatever the key is, it becomes a property; with the name of a port it is a request as well."""
     value = request.get(3)
     port.properties.put(key, *([] if value is None else [value]))
     if not key.startswith("/"):
         return Bottle([_OK])
-    wishes = Property.from_bottle(Bottle([item for item in request if isinstance(item, Bottle)]))
+    settings = Property.from_bottle(Bottle([item for item in request if isinstance(item, Bottle)]))
     if key in (port.name, "/"):
-        return Bottle([_OK if qos.set_process(wishes, port.network.report) else _FAIL])
-    if not wishes.check("sched") and not wishes.check("qos"):
+        return Bottle([_OK if qos.set_process(settings, port.network.report) else _FAIL])
+    if not settings.check("sched") and not settings.check("qos"):
         return Bottle([_OK])
     connections = _connections(port, key)
-    done = [connection.configure(wishes, port.network.report) for connection in connections]
+    done = [connection.configure(settings, port.network.report) for connection in connections]
     return Bottle([_OK if done and all(done) else _FAIL])
 
 

@@ -123,13 +123,11 @@ class BufferedPort(Port, Generic[T]):
                 self._arrived.wait_for(lambda: self._ended or not self.interrupted)
 
     def interrupt(self) -> None:
-        """See Port."""
         super().interrupt()
         with self._arrived:
             self._arrived.notify_all()
 
     def resume(self) -> None:
-        """See Port."""
         super().resume()
         with self._arrived:
             self._arrived.notify_all()
@@ -172,14 +170,12 @@ class BufferedPort(Port, Generic[T]):
                 self._senders[output] = Sender(output, self._lost)
 
     def disconnected(self, output: Output) -> None:
-        """See Port."""
         with self._lock:
             sender = self._senders.pop(output, None)
         if sender is not None:
             sender.close()
 
     def close(self) -> None:
-        """See Port."""
         with self._lock:
             senders = [*self._senders.values()]
         self._ended = True

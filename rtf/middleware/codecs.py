@@ -89,7 +89,6 @@ class BottleCodec(TextCodec[Bottle]):
         return encode_blocks(value, dialect)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Bottle, int]:
-        """See Codec."""
         return decode_from(data, 0, dialect)
 
     def decode(self, data: Buffer, dialect: Dialect) -> Bottle:

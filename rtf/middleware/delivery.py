@@ -112,14 +112,11 @@ class HandedOver(Delivery):
 
     @property
     def size(self) -> int | None:
-        """See Delivery."""
         return None
 
     def kept(self) -> Delivery:
-        """See Delivery."""
         return self
 
     def reply(self, value: object, codec: Codec[object] | None = None) -> None:
-        """See Delivery."""
         if self.wants_reply:
             self.replied = (value, codec or codec_of(value))

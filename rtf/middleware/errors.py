@@ -6,7 +6,7 @@ from rtf.errors import RtfError
 
 
 class MiddlewareError(RtfError):
-    """Something about a port, a name or a connection; the message names it and what would mend it."""
+    """Something about a port, a name or a connection; the message names it and what would fix it."""
 
 
 class NameNotFoundError(MiddlewareError, LookupError):

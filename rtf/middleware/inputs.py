@@ -63,22 +63,18 @@ class Input(Connection):
 
     @property
     def peer(self) -> str:
-        """See Connection."""
         return self.sender
 
     @property
     def carrier(self) -> str:
-        """See Connection."""
         return "" if self.link is None else self.link.carrier.name
 
     @property
     def connectionless(self) -> bool:
-        """See Connection."""
         return self.link is not None and self.link.carrier.connectionless
 
     @property
     def socket(self) -> sockets.socket | None:
-        """See Connection."""
         return self._stream.socket if self.link is None else self.link.endpoint
 
     @property

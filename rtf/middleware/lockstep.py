@@ -347,6 +347,5 @@ class _ClockPort(Port):
         output.link.limit_waiting(_LISTENING)
 
     def left(self, caller: Input) -> None:
-        """See Port."""
         super().left(caller)
         self._gone()

@@ -33,7 +33,7 @@ class Opening:
 class Network:
     """A network of ports. ``patience`` is how many seconds a peer may take for a handshake.
 
-    ``report`` is called with a sentence for each trouble, such as a connection that was lost, and ``notice`` for each
+    ``report`` is called with a sentence for each problem, such as a connection that was lost, and ``notice`` for each
     connection that is made or ended, as YARP words it ("Receiving input from /a to /b using tcp"); from any thread,
     which waits meanwhile, so both must be quick. ``opening`` says what a
     port is called that is opened in this process; the configuration may rename ports or fix their numbers. ``key`` is

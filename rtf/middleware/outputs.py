@@ -32,22 +32,18 @@ class Output(Connection):
 
     @property
     def peer(self) -> str:
-        """See Connection."""
         return self.target.name
 
     @property
     def carrier(self) -> str:
-        """See Connection."""
         return self.link.carrier.name
 
     @property
     def connectionless(self) -> bool:
-        """See Connection."""
         return self.link.carrier.connectionless
 
     @property
     def socket(self) -> sockets.socket | None:
-        """See Connection."""
         return self.link.endpoint
 
     def call(self, message: Outgoing, codec: Codec[object], timeout: float | None = None) -> object | None:

@@ -57,9 +57,9 @@ class Qos:
         return cls(tos=_tos_of(DSCP, name, "DSCP class"))
 
     @classmethod
-    def from_wishes(cls, wishes: Property) -> Qos:
+    def from_property(cls, settings: Property) -> Qos:
         """Read ``(sched ((priority 30) (policy 1))) (qos ((priority HIGH)))`` and its kin. Raises QosError."""
-        sched, packets = _inner(wishes, "sched"), _inner(wishes, "qos")
+        sched, packets = _inner(settings, "sched"), _inner(settings, "qos")
         found = cls(policy=_number(sched, "policy"), priority=_number(sched, "priority"))
         tos = _number(packets, "tos")
         if packets.check("priority"):
@@ -70,7 +70,7 @@ class Qos:
             raise QosError(f"a type of service is from 0 to {_MAX_TOS}, not {tos}")
         return cls(tos, found.policy, found.priority)
 
-    def to_wishes(self) -> list[Bottle]:
+    def to_settings(self) -> list[Bottle]:
         """The same as YARP's library sends it: what is left as it is goes as -1."""
         sched = {"policy": _or_default(self.policy), "priority": _or_default(self.priority)}
         return [Bottle(["sched", Property(sched)]), Bottle(["qos", Property({"tos": _or_default(self.tos)})])]
@@ -87,20 +87,20 @@ def _tos_of(table: dict[str, int], name: str, what: str) -> int:
     return code << 2
 
 
-def _inner(wishes: Property, key: str) -> Property:
-    group = wishes.find(key)
+def _inner(settings: Property, key: str) -> Property:
+    group = settings.find(key)
     if isinstance(group, Property):
         return group
     return Property.from_bottle(group) if isinstance(group, Bottle) else Property()
 
 
-def _number(wishes: Property, key: str) -> int | None:
-    value = wishes.find(key)
+def _number(settings: Property, key: str) -> int | None:
+    value = settings.find(key)
     return None if value is None or as_int(value) < 0 else as_int(value)
 
 
-def _text(wishes: Property, key: str) -> str:
-    value = wishes.find(key)
+def _text(settings: Property, key: str) -> str:
+    value = settings.find(key)
     return value.text if isinstance(value, Vocab) else as_string(value) or str(as_int(value))
 
 
@@ -172,17 +172,17 @@ def _threads() -> set[int]:
     return {int(task.name) for task in Path("/proc/self/task").iterdir()}
 
 
-def set_process(wishes: Property, complain: Callable[[str], None]) -> bool:
+def set_process(settings: Property, complain: Callable[[str], None]) -> bool:
     """Obey ``(process ((priority 30) (policy 1)))`` and ``(sched …)``; whether everything could be done."""
-    process = _inner(wishes, "process")
+    process = _inner(settings, "process")
     if not process.check("policy") and not process.check("priority"):
-        process = _inner(wishes, "sched")
+        process = _inner(settings, "sched")
     try:
         policy, priority = _number(process, "policy"), _number(process, "priority")
         if policy is not None or priority is not None:
             set_process_priority(policy, priority)
     except QosError as error:
-        complain(f"a wish for this process is refused: {error}")
+        complain(f"a request for this process is refused: {error}")
         return False
     return True
 
@@ -224,12 +224,12 @@ class Connection(ABC):
         elif wanted.policy or wanted.priority:
             raise QosError(f"the connection with {self.peer} has no thread of its own: {self.instead}")
 
-    def configure(self, wishes: Property, complain: Callable[[str], None]) -> bool:
+    def configure(self, settings: Property, complain: Callable[[str], None]) -> bool:
         """Set what a message of administration asks for; whether everything could be done."""
         try:
-            self.apply(Qos.from_wishes(wishes))
+            self.apply(Qos.from_property(settings))
         except QosError as error:
-            complain(f"a wish for the connection with {self.peer} is refused: {error}")
+            complain(f"a request for the connection with {self.peer} is refused: {error}")
             return False
         return True
 

@@ -95,7 +95,7 @@ def set_connection_qos(
     for asked, other, one in ((source, target, wanted), (target, source, wanted if of_target is None else of_target)):
         if one == Qos():
             continue
-        reply = administer(network, asked, Bottle([Vocab("prop"), Vocab("set"), other.name, *one.to_wishes()]))
+        reply = administer(network, asked, Bottle([Vocab("prop"), Vocab("set"), other.name, *one.to_settings()]))
         if as_string(reply.get(0)) != "ok" and reply.get(0) != Vocab("ok"):
             raise ConnectError(
                 f"{asked.name} did not set {one} for its connection with {other.name}: "
@@ -107,7 +107,7 @@ def _read_qos(network: Network, asked: Contact, other: Contact) -> Qos:
     reply = administer(network, asked, Bottle([Vocab("prop"), Vocab("get"), other.name]))
     if not reply.check("qos"):
         raise ConnectError(f"{asked.name}: {as_string(reply.get(1)) or 'it did not say'}")
-    return Qos.from_wishes(Property.from_bottle(reply))
+    return Qos.from_property(Property.from_bottle(reply))
 
 
 def _judged(reply: Bottle) -> str:

@@ -105,7 +105,6 @@ class NetworkClock(Clock):
                 self._changed.notify_all()
 
     def now(self) -> float:
-        """See Clock."""
         with self._changed:
             return self._wait_for_time()
 
@@ -116,7 +115,6 @@ class NetworkClock(Clock):
         return self._now
 
     def sleep(self, seconds: float) -> None:
-        """See Clock."""
         if seconds <= 0:
             return
         with self._changed:
@@ -126,7 +124,6 @@ class NetworkClock(Clock):
                 self._changed.wait()
 
     def close(self) -> None:
-        """See Clock."""
         with self._changed:
             if self._closed:
                 return

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
     from rtf.page.feed import Feed
 
-    #: Passes a wish on to the run; the answer says by ``error`` and ``late`` why it is not granted.
-    Wish = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
+    #: Passes a request on to the run; the answer says by ``error`` and ``late`` why it is not granted.
+    Command = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
 
 #: What a client may send, in bytes, and the seconds it may take for it.
 MAX_BODY = 64 << 10
@@ -45,9 +45,9 @@ _HEAVY = 2
 _STAGES = (1, 2)
 
 
-def make_application(settings: Settings, feed: Feed, wish: Wish | None) -> ASGIApp:
-    """The application of one page, with the guard before it. Without ``wish`` nothing is controlled."""
-    page = Page(settings, feed, wish)
+def make_application(settings: Settings, feed: Feed, command: Command | None) -> ASGIApp:
+    """The application of one page, with the guard before it. Without ``command`` nothing is controlled."""
+    page = Page(settings, feed, command)
     routes = [
         Route("/", page.index),
         Route("/facts", page.facts),
@@ -67,12 +67,12 @@ def make_application(settings: Settings, feed: Feed, wish: Wish | None) -> ASGIA
 class Page:
     """The answers."""
 
-    def __init__(self, settings: Settings, feed: Feed, wish: Wish | None) -> None:
+    def __init__(self, settings: Settings, feed: Feed, command: Command | None) -> None:
         self.access = Access(settings)
         self._settings = settings
         self._folder = Path(settings.run_folder)
         self._feed = feed
-        self._wish = wish
+        self._command = command
         self._status = Status(self._folder / FILE_NAME)
         self._heavy = asyncio.Semaphore(_HEAVY)
         self._assets = read_assets()
@@ -92,7 +92,7 @@ class Page:
         """What the page must know before it shows anything."""
         facts = {
             "mode": "live",
-            "control": self._wish is not None,
+            "control": self._command is not None,
             "compare": self._settings.compare is not None,
             "history": self._settings.history is not None,
             "run": self._folder.name,
@@ -192,7 +192,7 @@ class Page:
 
     async def stop(self, request: Request) -> Response:
         """Stop after the running test, or now."""
-        given = await self._read_wish(request)
+        given = await self._read_command(request)
         if isinstance(given, Response):
             return given
         if type(given.get("stage")) is not int or given["stage"] not in _STAGES:
@@ -201,7 +201,7 @@ class Page:
 
     async def answer(self, request: Request) -> Response:
         """Answer a question."""
-        given = await self._read_wish(request)
+        given = await self._read_command(request)
         if isinstance(given, Response):
             return given
         words = [given.get(name) for name in ("test", "question", "answer")]
@@ -209,7 +209,7 @@ class Page:
             return _error(400, 'want {"test": …, "question": …, "answer": …}, all of them text')
         return await self._pass_on({"answer": words})
 
-    async def _read_wish(self, request: Request) -> dict[str, Any] | Response:
+    async def _read_command(self, request: Request) -> dict[str, Any] | Response:
         if not self.access.may_control(request.headers.get("authorization", "")):
             refusal = _error(401, "this takes the token that stands in the address testrunner printed")
             refusal.headers["www-authenticate"] = "Bearer"
@@ -228,11 +228,11 @@ class Page:
             return _error(400, "this is no JSON")
         return given if isinstance(given, dict) else _error(400, "want a JSON object")
 
-    async def _pass_on(self, wish: dict[str, Any]) -> Response:
-        if self._wish is None:
+    async def _pass_on(self, command: dict[str, Any]) -> Response:
+        if self._command is None:
             return _error(409, "the run is over")
         try:
-            said = await self._wish(wish)
+            said = await self._command(command)
         except (TimeoutError, ConnectionError):
             return _error(503, "the runner does not answer")
         if "error" in said:

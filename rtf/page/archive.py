@@ -121,9 +121,9 @@ def _one_run(path: Path) -> Iterator[tuple[BinaryIO, _Survey]]:
         if survey is not None and survey.ended and survey.starts == 1:
             yield stream, survey
             return
-    with tempfile.TemporaryFile() as mended:
-        mended.writelines(to_line(event) for event in replay.with_ends(replay.as_one_run(path)))
-        yield mended, _surveyed(mended) or _Survey()
+    with tempfile.TemporaryFile() as repaired:
+        repaired.writelines(to_line(event) for event in replay.with_ends(replay.as_one_run(path)))
+        yield repaired, _surveyed(repaired) or _Survey()
 
 
 def _surveyed(stream: BinaryIO) -> _Survey | None:

@@ -1,7 +1,7 @@
 """Joins the page's ES modules into one, in the order of their imports, for the page that is a single file.
 
 This is no compiler: it takes the ``import`` lines and the word ``export`` away and changes nothing else. What that
-would break is refused, with the line and the mend. It reads lines, not JavaScript: what stands at the left margin
+would break is refused, with the line and the hint. It reads lines, not JavaScript: what stands at the left margin
 counts as top level, so modules keep away from the margin what is inside braces, comments and templates.
 """
 
@@ -23,12 +23,12 @@ _EXPORTED = re.compile(r"export (?=(?:async function|function|class|const)\b)")
 _COMMENT = re.compile(r"\s*(?://|/\*|\*)")
 _WHILE_IT_RUNS = re.compile(r"\bimport\s*[.(]")
 
-_IMPORT_MEND = 'write it on one line at the left margin, as import { name } from "./module.js";'
-_EXPORT_MEND = "write export at the left margin before the declaration of a function, class or const"
+_IMPORT_HINT = 'write it on one line at the left margin, as import { name } from "./module.js";'
+_EXPORT_HINT = "write export at the left margin before the declaration of a function, class or const"
 
 
 class BundleError(PageError, ValueError):
-    """Modules that cannot be joined, or a page that cannot be one file; says where and how to mend it."""
+    """Modules that cannot be joined, or a page that cannot be one file; says where and how to fix it."""
 
 
 @dataclass(slots=True)
@@ -85,7 +85,7 @@ def _read(name: str, text: str) -> _Module:
         if _COMMENT.match(line):
             module.body.append(line)
         elif _WHILE_IT_RUNS.search(line):
-            raise BundleError(f"{place}: there is nothing to import while the page runs; {_IMPORT_MEND}")
+            raise BundleError(f"{place}: there is nothing to import while the page runs; {_IMPORT_HINT}")
         elif re.match(r"\s*import\b", line):
             module.imports.append((number, *_import(line, place)))
         else:
@@ -96,7 +96,7 @@ def _read(name: str, text: str) -> _Module:
 def _import(line: str, place: str) -> tuple[str, list[str]]:
     match = _IMPORT.fullmatch(line)
     if match is None:
-        raise BundleError(f"{place}: this import cannot be taken away: {line.strip()!r}; {_IMPORT_MEND}")
+        raise BundleError(f"{place}: this import cannot be taken away: {line.strip()!r}; {_IMPORT_HINT}")
     return match[2], [name.strip() for name in match[1].split(",")]
 
 
@@ -105,7 +105,7 @@ def _without_export(module: _Module, line: str, number: int) -> str:
     place = f"{module.name}:{number}"
     plain = _EXPORTED.sub("", line, count=1) if line.startswith("export ") else line
     if re.match(r"\s*export\b", plain):
-        raise BundleError(f"{place}: this export cannot be taken away: {line.strip()!r}; {_EXPORT_MEND}")
+        raise BundleError(f"{place}: this export cannot be taken away: {line.strip()!r}; {_EXPORT_HINT}")
     match = _DECLARATION.match(plain)
     if match is None:
         return plain

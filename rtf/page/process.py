@@ -19,15 +19,15 @@ import sys
 import threading
 from typing import TYPE_CHECKING, Any
 
-from rtf.testing.control import TooLateError
 from rtf.testing.operator import AnswerError
 from rtf.testing.reporting import ReportError
+from rtf.testing.run_control import TooLateError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from rtf.page.settings import Settings
-    from rtf.testing.control import Control
+    from rtf.testing.run_control import Control
 
 #: Where the new process finds its open files.
 LISTENER_FD, CHANNEL_FD, POKE_FD = 3, 4, 5
@@ -172,14 +172,14 @@ class ServerProcess:
         except (ValueError, KeyError, TypeError, RecursionError):
             return None
 
-    def _grant(self, wish: dict[str, Any]) -> dict[str, Any]:
+    def _grant(self, command: dict[str, Any]) -> dict[str, Any]:
         if self._control is None:
-            return {"error": "this run takes no wishes", "late": True}
+            return {"error": "this run takes no requests", "late": True}
         try:
-            if "stop" in wish:
-                self._control.stop(STOPPED_BY, int(wish["stop"]))
+            if "stop" in command:
+                self._control.stop(STOPPED_BY, int(command["stop"]))
             else:
-                test, question, text = wish["answer"]
+                test, question, text = command["answer"]
                 self._control.answer(test, question, text, ANSWERED_BY)
         except AnswerError as error:
             return {"error": str(error)}

@@ -47,7 +47,7 @@ _ANSWER_TIME = 5.0
 
 
 class Runner:
-    """The other end of the channel: wishes go there, and the news that the run is over comes back."""
+    """The other end of the channel: requests go there, and the news that the run is over comes back."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader = reader
@@ -55,14 +55,14 @@ class Runner:
         self._waiting: dict[int, asyncio.Future[dict[str, Any]]] = {}
         self._count = 0
 
-    async def wish(self, wish: dict[str, Any]) -> dict[str, Any]:
-        """Pass a wish on. Raises TimeoutError when the runner does not answer, ConnectionError when it is gone."""
+    async def command(self, command: dict[str, Any]) -> dict[str, Any]:
+        """Pass a request on. Raises TimeoutError when the runner does not answer, ConnectionError when it is gone."""
         self._count += 1
         number = self._count
         answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
         self._waiting[number] = answer
         try:
-            self.say({"id": number, **wish})
+            self.say({"id": number, **command})
             async with asyncio.timeout(_ANSWER_TIME):
                 return await answer
         finally:
@@ -151,7 +151,7 @@ async def serve_run(settings: Settings, listener: socket.socket, channel: socket
     watch = Watch(Path(settings.run_folder) / FILE_NAME, poke)
     watch.feed.grow()
     runner = Runner(*await asyncio.open_connection(sock=channel, limit=MAX_LINE))
-    server = Server(make_application(settings, watch.feed, runner.wish), watch.feed)
+    server = Server(make_application(settings, watch.feed, runner.command), watch.feed)
     serving = asyncio.ensure_future(server.serve(sockets=[listener]))
     runner.say({"ready": True})
     listening = asyncio.ensure_future(runner.listen(watch))

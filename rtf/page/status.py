@@ -1,4 +1,4 @@
-"""A journal in short: what runs now and a number for each test, as the ancestor's web server gave them to scripts."""
+"""The status of a run for scripts: what runs now, and a number for each test, as in the C++ framework."""
 
 from __future__ import annotations
 

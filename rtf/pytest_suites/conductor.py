@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.testing.events import Diagnosed
-    from rtf.testing.lane import Lane
     from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.reporting import Broadcast
     from rtf.testing.runner import RunOptions
+    from rtf.testing.suite_worker import SuiteWorker
 
 _T = TypeVar("_T")
 
@@ -37,14 +37,14 @@ class RunOverError(RuntimeError):
 class _Order(Generic[_T]):
     """Something to be done in the run's thread."""
 
-    work: Callable[[Lane], _T]
+    work: Callable[[SuiteWorker], _T]
     result: _T | None = None
     error: BaseException | None = None
     done: threading.Event = field(default_factory=threading.Event)
 
-    def carry_out(self, lane: Lane) -> None:
+    def carry_out(self, worker: SuiteWorker) -> None:
         try:
-            self.result = self.work(lane)
+            self.result = self.work(worker)
         except BaseException as error:  # noqa: BLE001 - raised by who waits for it
             self.error = error
 
@@ -65,7 +65,7 @@ class Conductor:
         self._run = Run(suites, replace(options, conduct=self._conduct, handle_signals=False), broadcast)
         self._diagnostics = diagnostics
         self._lock = threading.Lock()
-        self._lane: Lane | None = None
+        self._worker: SuiteWorker | None = None
         self._order: _Order[object] | None = None
         self._closing = False
         self._over = False
@@ -79,28 +79,28 @@ class Conductor:
     def begin_suite(self, planned: PlannedSuite) -> None:
         """Make ready for tests of a suite."""
 
-        def work(lane: Lane) -> None:
+        def work(worker: SuiteWorker) -> None:
             self._run.plan(replace(planned, tests=()))
-            self._suite.enter_context(lane.suite(planned))
+            self._suite.enter_context(worker.suite(planned))
 
         self._have_done(work)
 
     def end_suite(self) -> None:
         """Take down the fixtures of the suite that was begun."""
-        self._have_done(lambda _lane: self._suite.close())
+        self._have_done(lambda _worker: self._suite.close())
 
     def bring_up(self, planned: PlannedSuite, test: PlannedTest) -> bool:
         """Bring up what a test stands on. When it is false, :meth:`run` says at once why the test cannot be started."""
 
-        def work(lane: Lane) -> bool:
+        def work(worker: SuiteWorker) -> bool:
             self._run.plan(replace(planned, tests=(test,)))
-            return lane.bring_up(test)
+            return worker.bring_up(test)
 
         return self._have_done(work)
 
     def run(self, test: PlannedTest) -> None:
         """Run a test up to its final end."""
-        self._have_done(lambda lane: lane.run_test(test))
+        self._have_done(lambda worker: worker.run_test(test))
 
     @property
     def interrupted(self) -> bool:
@@ -112,21 +112,21 @@ class Conductor:
         with self._lock:
             self._closing = True
             self._wake()
-        trouble: BaseException | None = None
+        problem: BaseException | None = None
         while self._thread.is_alive():
             try:
                 self._thread.join()
             except BaseException as error:  # noqa: BLE001 - raised below
-                trouble = trouble or error
+                problem = problem or error
                 self._cut_short(error)
-        if trouble is not None:
-            raise trouble
+        if problem is not None:
+            raise problem
 
     # pytest's thread ---------------------------------------------------------------------------------------------
 
-    def _have_done(self, work: Callable[[Lane], _T]) -> _T:
+    def _have_done(self, work: Callable[[SuiteWorker], _T]) -> _T:
         order = _Order(work)
-        trouble: BaseException | None = None
+        problem: BaseException | None = None
         with self._lock:
             if self._over:
                 raise RunOverError("the run of the robot tests broke and is over; the summary says why")
@@ -136,15 +136,15 @@ class Conductor:
             try:
                 order.done.wait()
             except BaseException as error:  # noqa: BLE001 - raised below
-                trouble = trouble or error
+                problem = problem or error
                 self._cut_short(error)
-        if trouble is not None or order.error is not None:
-            raise trouble or order.error  # type: ignore[misc]  # one of them is
+        if problem is not None or order.error is not None:
+            raise problem or order.error  # type: ignore[misc]  # one of them is
         return order.result  # type: ignore[return-value]  # there is one, if there was no error
 
     def _wake(self) -> None:
-        if self._lane is not None and not self._over:
-            self._lane.wake()
+        if self._worker is not None and not self._over:
+            self._worker.wake()
 
     def _cut_short(self, error: BaseException) -> None:
         """Ctrl-C ends the run, and pressed again kills; anything else, such as pytest's time-out, the running test."""
@@ -153,8 +153,8 @@ class Conductor:
             interrupts.request("SIGINT", stage=_NOW if interrupts.stage < _NOW else KILL_STAGE)
             return
         with self._lock:
-            if self._order is not None and self._lane is not None:
-                self._lane.abort(f"{type(error).__name__}: {error}")
+            if self._order is not None and self._worker is not None:
+                self._worker.abort(f"{type(error).__name__}: {error}")
 
     # The run's thread --------------------------------------------------------------------------------------------
 
@@ -169,22 +169,22 @@ class Conductor:
                 order.error = RunOverError("the run of the robot tests broke; the summary says why")
                 order.done.set()
 
-    def _conduct(self, lane: Lane) -> None:
-        with lane.at_work(), self._suite:
-            self._lane = lane
+    def _conduct(self, worker: SuiteWorker) -> None:
+        with worker.at_work(), self._suite:
+            self._worker = worker
             try:
                 while True:
-                    lane.wait(lambda: self._order is not None or self._closing)
+                    worker.wait(lambda: self._order is not None or self._closing)
                     if self._order is None:
                         return
-                    self._carry_out(self._order, lane)
+                    self._carry_out(self._order, worker)
             finally:
                 with self._lock:
-                    self._lane = None  # what wakes it is about to be closed
+                    self._worker = None  # what wakes it is about to be closed
 
-    def _carry_out(self, order: _Order[object], lane: Lane) -> None:
-        order.carry_out(lane)
+    def _carry_out(self, order: _Order[object], worker: SuiteWorker) -> None:
+        order.carry_out(worker)
         with self._lock:
             self._order = None
-            lane.abort("")
+            worker.abort("")
         order.done.set()

@@ -14,12 +14,12 @@ from rtf.pytest_suites.conductor import Conductor
 from rtf.pytest_suites.listener import Listener
 from rtf.pytest_suites.locks import FixtureLocks
 from rtf.pytest_suites.settings import LIVE_PAGE, Settings
-from rtf.testing.control import Control
 from rtf.testing.journal import FILE_NAME, Journal
 from rtf.testing.operator import automatic
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files
 from rtf.testing.report.text import near_path
 from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, load_reporter
+from rtf.testing.run_control import Control
 from rtf.testing.run_folder import make_run_folder
 from rtf.testing.runner import RunOptions, most_memory
 from rtf.testing.suite.model import Timeouts, suite_id_of

@@ -38,7 +38,7 @@ class Settings:
 
     @classmethod
     def of(cls, config: pytest.Config) -> Settings:
-        """The settings of a session. Raises pytest.UsageError, which names the option and the mend."""
+        """The settings of a session. Raises pytest.UsageError, which names the option and the hint."""
         known = config.stash.get(_KEY, None)
         if known is None:
             known = config.stash[_KEY] = _read(config)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.testing.events import Measured, Message, OutputCaptured, StackDumped, SubResultEnded
-from rtf.testing.report.text import measurement, one_line, place, problem, sentence, shown
-from rtf.testing.report.troubles import incident_text
+from rtf.testing.report.problems import incident_text
+from rtf.testing.report.text import measurement, one_line, place, problem_text, sentence, shown
 from rtf.testing.verdict import MeasurementVerdict, Severity, Verdict
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def explanation(told: Told) -> str:
     """All that is to be said of a test that did not pass."""
     said = _last_word(told)
     # What the runner itself noted is its last word, too.
-    parts = [problem(message) for message in _problems(told.last) if message.file or message.detail != said]
+    parts = [problem_text(message) for message in _problems(told.last) if message.file or message.detail != said]
     if told.verdict is not Verdict.FAILED:
         parts.insert(0, f"{told.verdict}: {said}")
     elif not any(said in part for part in parts):
@@ -75,7 +75,7 @@ def sections(told: Told) -> Iterator[tuple[str, str]]:
 
 def suite_problem(event: FixtureIncident | Message) -> str:
     """What went wrong with a suite or its fixtures beside its tests."""
-    return _cut(shown(problem(event) if isinstance(event, Message) else incident_text(event)))
+    return _cut(shown(problem_text(event) if isinstance(event, Message) else incident_text(event)))
 
 
 def earlier_attempt(attempt: AttemptEvents) -> str:

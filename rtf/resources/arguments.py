@@ -17,7 +17,7 @@ _WORD = re.compile(r'"([^"]*)"?|([^ "]+)')
 
 
 def split_arguments(text: str) -> list[str]:
-    """Cut a parameter string of a suite file into words, as the ancestor of this framework does.
+    """Cut a parameter string of a suite file into words, as the C++ framework does.
 
     Only the blank separates; tabs and newlines are ordinary. A double quote begins or ends a stretch in which blanks
     are kept, stands outside the words itself and separates them, so ``a"b c"d`` is three words and ``""`` none. A

@@ -6,7 +6,7 @@ from rtf.errors import RtfError
 
 
 class RobotError(RtfError):
-    """Base of what goes wrong with a device. The sentence names the device, the joint and the mend."""
+    """Base of what goes wrong with a device. The sentence names the device, the joint and the hint."""
 
 
 class RefusedError(RobotError, ValueError):

@@ -33,7 +33,6 @@ class DeviceMeasurements(IMeasurementsSource):
         ]
 
     def read_all(self) -> Measurements:
-        """See IMeasurementsSource."""
         status, read, well = self._device.sensor_status, self._device.read_sensor, SensorStatus.OK
         found: Measurements = []
         for category, infos in self._sensors:

@@ -64,7 +64,6 @@ class ReturnValueCodec(TextCodec[ReturnValue]):
         return (pair.pack(LIST, 1) + encode_element(Vocab(value.word), dialect),)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[ReturnValue, int]:
-        """See Codec."""
         if dialect is Dialect.YARP4:
             bottle, end = decode_from(data, 0, dialect)
             return ReturnValue.of(bottle), end

@@ -60,7 +60,6 @@ class SensorMessageCodec(TextCodec[Measurements]):
         return (b"".join(parts),)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Measurements, int]:
-        """See Codec."""
         try:
             return _read(data, TAGS[dialect].float64_code)
         except (struct.error, _UnusualError):  # cut off, no such message, or one that says the same in other types

@@ -26,8 +26,8 @@ from rtf.robot_testing.safety import Safety
 from rtf.robot_testing.simulated import is_simulated
 from rtf.simulator.control import SimulatorControl
 from rtf.testing import Parameter, TestCase
-from rtf.testing.leave import has_leave
 from rtf.testing.parameters import ParameterError
+from rtf.testing.permission import has_permission
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -66,7 +66,6 @@ class RobotTest(TestCase):
     _may_move = False
 
     def check_parameters(self, folder: str) -> None:
-        """See Declared."""
         super().check_parameters(folder)
         refuse(self, self.parameter_problems())
 
@@ -75,7 +74,7 @@ class RobotTest(TestCase):
         lists = wrong_lists(self, self.apart) if "joints" in self.declarations() else []
         return [*lists, *wrong_fault(self)]
 
-    def alone_fixtures(self) -> Sequence[tuple[str, Mapping[str, str]]]:
+    def implied_fixtures(self) -> Sequence[tuple[str, Mapping[str, str]]]:
         """See TestCase: whoever moves a robot stands on the fixture that puts it back, whatever becomes of the test.
 
         In lockstep that one would hold the time. There the simulator belongs to whoever has set it up so.
@@ -93,7 +92,6 @@ class RobotTest(TestCase):
             self.report(f"/{self.robot_name} is tested, as parameters or suite say; {ROBOT_VARIABLE} is {other}")
 
     def attach_to(self, session: Session, environment: str) -> None:
-        """See TestCase."""
         super().attach_to(session, environment)
         session.excuse = self._excuse
 
@@ -145,7 +143,7 @@ class RobotTest(TestCase):
         """Skip the test, or the sub-result, unless a real robot may move. Whoever said yes is not asked again."""
         if self._may_move:
             return
-        if not has_leave():
+        if not has_permission():
             self.skip(f"/{self.robot_name} is no simulated robot, and it would move: testrunner --allow-motion lets it")
         ledger = MotionLedger()
         ledger.decided(self.robot_name, may_move=False)  # nor may who puts it back move it while nobody has answered

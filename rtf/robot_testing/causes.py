@@ -1,4 +1,4 @@
-"""What may be wrong with a robot whose measurements are wrong in some way: hints for who has to mend it."""
+"""What may be wrong with a robot whose measurements are wrong in some way: hints for who has to fix it."""
 
 from __future__ import annotations
 

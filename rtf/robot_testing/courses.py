@@ -1,7 +1,7 @@
 """Courses: what is done with a joint, written so that several joints are worked with at the same time.
 
 A course is a generator that yields where time has to pass, a beat at a time. :func:`finish` goes through a single one;
-:func:`work` goes through those of many joints, in lanes that are all worked through at once, each of them round after
+:func:`work` goes through those of many joints, in queues that are all worked through at once, each of them round after
 round. What a course finds out it judges at its end, in a sub-result, for until then others have their turns.
 """
 
@@ -11,7 +11,7 @@ import math
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
-from rtf.robot_testing.companions import lanes
+from rtf.robot_testing.companions import queues
 from rtf.robot_testing.guard import GuardError
 
 if TYPE_CHECKING:
@@ -56,8 +56,8 @@ def finish(part: Part, course: Course[T], *, pace: float) -> T:
 
 
 def singly(names: Sequence[str], joints: Iterable[int]) -> list[list[list[int]]]:
-    """Lanes in each of which a single joint has its turn at a time: an arm and its hand, a neck and its eyes."""
-    return [[[joint] for members in lane for joint in members] for lane in lanes(names, joints)]
+    """Queues in each of which a single joint has its turn at a time: an arm and its hand, a neck and its eyes."""
+    return [[[joint] for members in queue for joint in members] for queue in queues(names, joints)]
 
 
 def work(
@@ -65,9 +65,9 @@ def work(
 ) -> None:
     """Go through the courses of joints with beats ``pace`` s apart; the guard looks on.
 
-    ``rounds`` are the lanes, each with its rounds, each with its joints, see :mod:`rtf.robot_testing.companions`. A
+    ``rounds`` are the queues, each with its rounds, each with its joints, see :mod:`rtf.robot_testing.companions`. A
     joint that the guard has to stop ends its course with GuardError, raised where that one waits, or the course that
-    has its turn in its lane; all others go on. A joint that it stops once more is left without power, which nobody but
+    has its turn in its queue; all others go on. A joint that it stops once more is left without power, which nobody but
     its own course hears of. Nothing is made up for beats that come late. Any other error ends, and closes, all courses,
     and so does GuardError when there is no course left to hear of it.
     """
@@ -87,17 +87,17 @@ def _go_on(
     running: dict[int, Course[None]],
     pace: float,
 ) -> None:
-    left = [list(lane) for lane in rounds]
-    lane_of = {joint: number for number, lane in enumerate(rounds) for members in lane for joint in members}
+    left = [list(queue) for queue in rounds]
+    queue_of = {joint: number for number, queue in enumerate(rounds) for members in queue for joint in members}
     begin, stopped = part.clock.now(), set[int]()
     trip: GuardError | None = None
     while True:
         # Courses that begin now are not there yet to hear of it.
-        struck = None if trip is None else _concerned(trip.joint, running, lane_of)
-        busy = {lane_of[joint] for joint in running}
-        for number, lane in enumerate(left):
-            if lane and number not in busy:
-                running.update((joint, course(joint)) for joint in lane.pop(0))
+        struck = None if trip is None else _concerned(trip.joint, running, queue_of)
+        busy = {queue_of[joint] for joint in running}
+        for number, queue in enumerate(left):
+            if queue and number not in busy:
+                running.update((joint, course(joint)) for joint in queue.pop(0))
         if not running:
             break
         for joint in list(running):
@@ -126,12 +126,12 @@ def _look(part: Part, stopped: set[int], running: Iterable[int]) -> GuardError |
     return None
 
 
-def _concerned(stopped: int, running: Iterable[int], lane_of: Mapping[int, int]) -> int | None:
-    """The joint whose course has to do with one that was stopped: it, one of its lane, or any; None without any."""
+def _concerned(stopped: int, running: Iterable[int], queue_of: Mapping[int, int]) -> int | None:
+    """The joint whose course has to do with one that was stopped: it, one of its queue, or any; None without any."""
     candidates = [*running]
     if stopped in candidates or not candidates:
         return stopped if candidates else None
-    return next((joint for joint in candidates if lane_of[joint] == lane_of.get(stopped)), candidates[0])
+    return next((joint for joint in candidates if queue_of[joint] == queue_of.get(stopped)), candidates[0])
 
 
 def _advance(course: Course[None], error: GuardError | None = None) -> bool:

@@ -14,9 +14,9 @@ from rtf.robot_testing.courses import singly, work
 from rtf.robot_testing.duty_ramp import BASELINE, LEAST_CREEP, LIMIT_MARGIN, Ramp, away_from_limits, limp
 from rtf.robot_testing.guard import GuardError, Limits
 from rtf.robot_testing.joints_case import HOMING, JointsTest
+from rtf.robot_testing.out_of_limits import give_up_strays
 from rtf.robot_testing.part import PACE
 from rtf.robot_testing.safety import Safety
-from rtf.robot_testing.strays import give_up_strays
 from rtf.robot_testing.transmission import Transmission
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class BothWays(NamedTuple):
 
 
 class DutyTest(JointsTest):
-    """A test of motors by their duty cycles. Only joints under test are without their controllers, one in each lane.
+    """A test of motors by their duty cycles. Only joints under test are without their controllers, one in each queue.
 
     Who derives from it says the ``steps`` of each chosen joint, and judges what came of them.
     """

@@ -87,7 +87,7 @@ class Ramp:
 class LimpMotor:
     """A motor whose joint is driven by its duty cycle. Made by :func:`limp`; all durations are of the robot's time.
 
-    What takes time is a course, for the motors of other lanes are driven meanwhile.
+    What takes time is a course, for the motors of other queues are driven meanwhile.
     """
 
     def __init__(self, part: Part, transmission: Transmission, joint: int) -> None:

@@ -62,7 +62,7 @@ class MotionLedger:
         self._append({"place": place, "given_up": joint})
 
     def given_up(self, place: str) -> set[int]:
-        """The joints of a part that whoever puts it back may not power again: only a test may, with leave."""
+        """The joints of a part that whoever puts it back may not power again: only a test may, with permission."""
         return {entry["given_up"] for entry in self._entries() if entry.get("place") == place and "given_up" in entry}
 
     def left_idle(self, robot: str) -> list[str]:

@@ -44,11 +44,9 @@ class _RawCodec(TextCodec[bytes]):
     """The bytes of a message as they are."""
 
     def encode(self, value: bytes, dialect: Dialect) -> Sequence[Buffer]:  # noqa: ARG002 - the same in both
-        """See Codec."""
         return (value,)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[bytes, int]:  # noqa: ARG002
-        """See Codec."""
         return bytes(data), len(data)
 
 

@@ -36,13 +36,11 @@ class _AskingRpc(BoardRpc):
     obeys = False
 
     def tell(self, question: Question, *arguments: Value) -> None:
-        """See BoardRpc."""
         if question is not CALIBRATION_DONE:  # that one is a question, answered as if it were told
             self._check(question)
         super().tell(question, *arguments)
 
     def act(self, question: Question, *arguments: Value) -> None:
-        """See BoardRpc."""
         self._check(question)
         super().act(question, *arguments)
 

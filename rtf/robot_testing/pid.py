@@ -31,12 +31,12 @@ class DiscretePid:
 
     def output(self, reference: float, value: float, time: float) -> float:
         """The output for a value that was true at ``time`` (s); one that is older than the last changes nothing."""
-        wished, newest, since = self._last or (reference, value, time)
+        setpoint, newest, since = self._last or (reference, value, time)
         passed = time - since
         if passed < 0:
             value, passed = newest, 0.0
         if passed and self._kp:
-            self._differentiate(self._kick * (reference - wished) - (value - newest), passed)
+            self._differentiate(self._kick * (reference - setpoint) - (value - newest), passed)
         if passed or self._last is None:
             self._last = reference, value, time
         error = reference - value

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Safety(IntEnum):
-    """The classes, from harmless on. On a real robot everything above ``STILL`` needs leave, and somebody who looks."""
+    """The classes, from harmless on. On a real robot all above ``STILL`` need permission and an operator."""
 
     STILL = 0  # it only listens and asks
     MOTION = 1  # joints move under position control, within their limits

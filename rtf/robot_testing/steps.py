@@ -55,7 +55,7 @@ class Cycle(NamedTuple):
 
 
 class StepTest(RobotTest):
-    """Steps of single joints, one at a time in each lane; ``symbol`` is the unit of what is stepped.
+    """Steps of single joints, one at a time in each queue; ``symbol`` is the unit of what is stepped.
 
     The judgements are parameters, so that boards and robots can be compared by their own limits.
     """

@@ -80,7 +80,7 @@ class Trace:
             return ""
         return (
             f"the robot's clock is {abs(offset):.3f} s {'behind' if offset > 0 else 'ahead of'} this machine's; "
-            "times are judged without that, and synchronizing the clocks mends it"
+            "times are judged without that, and synchronizing the clocks fixes it"
         )
 
     def column(self, field: Field) -> NDArray[Any]:

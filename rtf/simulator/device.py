@@ -55,7 +55,6 @@ class SimulatedRobot(Device):
         return self._simulation
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         port = port_name(configuration, "clock", CLOCK)
         factor = positive(configuration, "factor", 1.0)
         seed = configuration.get("seed", 0)
@@ -79,7 +78,6 @@ class SimulatedRobot(Device):
         self._simulation = simulation
 
     def close(self) -> None:
-        """See Device."""
         self._simulation = None
         self._opened.close()
 
@@ -103,7 +101,6 @@ class SimulatedBoard(SimulatedPart):
         self._simulation: Simulation | None = None
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         part = as_string(configuration.find("part"))
         if part not in PARTS:
             raise wrong(configuration, "part", f"{part!r} is none of {', '.join(PARTS)}")
@@ -116,11 +113,9 @@ class SimulatedBoard(SimulatedPart):
         self._simulation = simulation_of(self, devices)
 
     def detach(self) -> None:
-        """See Device."""
         self._simulation = None
 
     def close(self) -> None:
-        """See Device."""
         self.detach()
 
     @property

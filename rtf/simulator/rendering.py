@@ -22,7 +22,7 @@ BackEnd = Literal["egl", "osmesa"]
 VARIABLE = "MUJOCO_GL"
 _PLATFORM_DEVICE = 0x313F  # EGL_PLATFORM_DEVICE_EXT
 _MAX_DEVICES = 8
-_MEND = (
+_HINT = (
     "install the Debian packages libegl1 libegl-mesa0 libgl1-mesa-dri (EGL), or libosmesa6 (OSMesa), "
     "and the Python package mujoco-core[rendering]"
 )
@@ -30,7 +30,7 @@ _MEND = (
 
 @cache
 def rendering_back_end() -> BackEnd:
-    """Give the first back-end that works on this machine. RenderingError says what is missing and what mends it."""
+    """Give the first back-end that works on this machine. RenderingError says what is missing and what fixes it."""
     asked = os.environ.get(VARIABLE, "")
     reasons = []
     for name, obstacle in (("egl", _obstacle_to_egl), ("osmesa", _obstacle_to_osmesa)):
@@ -40,7 +40,7 @@ def rendering_back_end() -> BackEnd:
         if not reason:
             return "egl" if name == "egl" else "osmesa"
         reasons.append(f"{name}: {reason}")
-    raise RenderingError(f"no picture can be made on this machine ({'; '.join(reasons)}); {_MEND}")
+    raise RenderingError(f"no picture can be made on this machine ({'; '.join(reasons)}); {_HINT}")
 
 
 def make_context(width: int, height: int) -> Any:
@@ -51,7 +51,7 @@ def make_context(width: int, height: int) -> Any:
     try:
         return import_module(f"mujoco.{name}").GLContext(width, height)
     except (ImportError, RuntimeError, AttributeError) as error:
-        raise RenderingError(f"no picture can be made with {name} on this machine ({error}); {_MEND}") from error
+        raise RenderingError(f"no picture can be made with {name} on this machine ({error}); {_HINT}") from error
 
 
 def _obstacle_to_egl() -> str:

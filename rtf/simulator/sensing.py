@@ -103,11 +103,9 @@ class SimulatedForceTorque(_Sensor, IAnalogSensor):
         self._reading = SensorReading(self._zero, 0.0)
 
     def channels(self) -> int:
-        """See IAnalogSensor."""
         return self._zero.size
 
     def read(self) -> SensorReading:
-        """See IAnalogSensor."""
         boards = self._boards
         if self._measured_at != boards.tick:
             self._measured_at = boards.tick
@@ -119,7 +117,6 @@ class SimulatedForceTorque(_Sensor, IAnalogSensor):
         return self._reading
 
     def calibrate(self, channel: int | None = None, value: float | None = None) -> None:
-        """See IAnalogSensor."""
         zero = self.sensor.read(self.simulation.data.sensordata) - (value or 0.0)
         if channel is None:
             self._zero = zero
@@ -146,19 +143,15 @@ class SimulatedForceTorques(Device, IMultipleAnalogSensors, IMeasurementsSource)
         """See Device."""
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
-        """See IMultipleAnalogSensors."""
         return self._infos if category is SensorCategory.FORCE_TORQUE else ()
 
     def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:
-        """See IMultipleAnalogSensors."""
         return self._sensor(category, index).status
 
     def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
-        """See IMultipleAnalogSensors."""
         return self._sensor(category, index).read()
 
     def read_all(self) -> Measurements:
-        """See IMeasurementsSource."""
         found: Measurements = [[]] * _CATEGORIES
         readings = found[_FORCE_TORQUE] = []
         for one in self._sensors:
@@ -186,22 +179,18 @@ class SimulatedImu(_Sensor, IMultipleAnalogSensors, IMeasurementsSource):
         self._readings: Measurements = []
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
-        """See IMultipleAnalogSensors."""
         return self._info if category in _IMU_NOISE else ()
 
     def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:
-        """See IMultipleAnalogSensors."""
         self._check(category, index)
         return self.status
 
     def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
-        """See IMultipleAnalogSensors."""
         self._check(category, index)
         self._measure()
         return self._readings[category][0]
 
     def read_all(self) -> Measurements:
-        """See IMeasurementsSource."""
         if self.status != _WELL:
             raise not_well(self.name, SensorCategory.GYROSCOPE, self.status)
         self._measure()

@@ -41,11 +41,9 @@ class _AttachedSensors(Device, IMultipleAnalogSensors, IMeasurementsSource, Gene
         self._sensors = self._make(simulation_of(self, devices))
 
     def detach(self) -> None:
-        """See Device."""
         self._sensors = None
 
     def close(self) -> None:
-        """See Device."""
         self.detach()
 
     def _attached(self) -> S:
@@ -54,15 +52,12 @@ class _AttachedSensors(Device, IMultipleAnalogSensors, IMeasurementsSource, Gene
         return self._sensors
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
-        """See IMultipleAnalogSensors."""
         return self._attached().sensors(category)
 
     def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:
-        """See IMultipleAnalogSensors."""
         return self._attached().sensor_status(category, index)
 
     def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
-        """See IMultipleAnalogSensors."""
         sensors = self._attached()
         with sensors.simulation.gate:
             return sensors.read_sensor(category, index)
@@ -88,7 +83,6 @@ class SimulatedForceTorqueDevice(_AttachedSensors[SimulatedForceTorques], IAnalo
     _sensor: SimulatedForceTorque | None = None
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         self._name = as_string(configuration.find("sensor"))
 
     def _make(self, simulation: Simulation) -> SimulatedForceTorques:
@@ -104,17 +98,14 @@ class SimulatedForceTorqueDevice(_AttachedSensors[SimulatedForceTorques], IAnalo
         return self._sensor
 
     def channels(self) -> int:
-        """See IAnalogSensor."""
         return self._single().channels()
 
     def read(self) -> SensorReading:
-        """See IAnalogSensor."""
         sensor = self._single()
         with sensor.simulation.gate:
             return sensor.read()
 
     def calibrate(self, channel: int | None = None, value: float | None = None) -> None:
-        """See IAnalogSensor."""
         sensor = self._single()
         with sensor.simulation.gate:
             sensor.calibrate(channel, value)

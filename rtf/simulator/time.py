@@ -52,12 +52,10 @@ class SimulationClock(clock.Clock):
         self._ended_at: tuple[float, float] | None = None  # of the machine's clock, and of this one
 
     def now(self) -> float:
-        """See Clock."""
         ended = self._end()
         return self._simulation.now if ended is None else ended[1] + clock.monotonic() - ended[0]
 
     def sleep(self, seconds: float) -> None:
-        """See Clock."""
         if seconds <= 0:
             return
         until = self.now() + seconds
@@ -71,7 +69,6 @@ class SimulationClock(clock.Clock):
                 return
 
     def close(self) -> None:
-        """See Clock."""
         self._end(closed=True)
 
     def _end(self, *, closed: bool = False) -> tuple[float, float] | None:

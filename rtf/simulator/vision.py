@@ -54,11 +54,9 @@ class SimulatedCamera(Device, IFrameGrabber, IFrameGrabberControls):
         self._thread.shutdown()
 
     def width(self) -> int:
-        """See IFrameGrabber."""
         return self._size[0]
 
     def height(self) -> int:
-        """See IFrameGrabber."""
         return self._size[1]
 
     def image(self) -> tuple[Image, float]:
@@ -78,44 +76,35 @@ class SimulatedCamera(Device, IFrameGrabber, IFrameGrabberControls):
         return (pixels * factor).clip(0.0, _FULL).astype(pixels.dtype)
 
     def field_of_view(self) -> tuple[float, float]:
-        """See IFrameGrabber."""
         return self._camera.field_of_view()
 
     # IFrameGrabberControls
 
     def camera_description(self) -> tuple[int, str]:
-        """See IFrameGrabberControls."""
         return 0, f"simulated camera {self.name}"
 
     def has_feature(self, feature: CameraFeature) -> bool:
-        """See IFrameGrabberControls."""
         return feature in _FEATURES
 
     def feature(self, feature: CameraFeature) -> tuple[float, ...]:
-        """See IFrameGrabberControls."""
         return (self._settings[self._known(feature)],)
 
     def set_feature(self, feature: CameraFeature, *values: float) -> None:
-        """See IFrameGrabberControls."""
         if len(values) != 1 or not 0.0 <= values[0] <= 1.0:
             raise RefusedError(f"{self.name}: {feature.name} takes one value from 0 to 1, not {values}")
         self._settings[self._known(feature)] = values[0]
 
     def is_active(self, feature: CameraFeature) -> bool:
-        """See IFrameGrabberControls."""
         return self._known(feature) is feature
 
     def set_active(self, feature: CameraFeature, *, active: bool) -> None:
-        """See IFrameGrabberControls."""
         if self._known(feature) is feature and not active:
             raise RefusedError(f"{self.name}: {feature.name} cannot be switched off")
 
     def is_automatic(self, feature: CameraFeature) -> bool:
-        """See IFrameGrabberControls."""
         return self._known(feature) is not feature
 
     def set_automatic(self, feature: CameraFeature, *, automatic: bool) -> None:
-        """See IFrameGrabberControls."""
         if self._known(feature) is feature and automatic:
             raise RefusedError(f"{self.name}: {feature.name} is not set by the camera itself")
 

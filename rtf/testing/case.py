@@ -20,7 +20,7 @@ from rtf.testing.events import Asked, Attached, Measured, Progressed, SeriesReco
 from rtf.testing.measurement import Measurement, Unit, limits_text, margin_of, quantity, unit
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
 from rtf.testing.parameters import Declared, Parameter
-from rtf.testing.places import calling_place
+from rtf.testing.source_location import calling_place
 from rtf.testing.verdict import MeasurementVerdict, Severity
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class TestCase(Declared):
     def teardown(self) -> None:
         """Undo what ``setup`` did, as far as it came."""
 
-    def alone_fixtures(self) -> Sequence[tuple[str, Mapping[str, str]]]:
+    def implied_fixtures(self) -> Sequence[tuple[str, Mapping[str, str]]]:
         """The fixtures, each with its parameters, that it stands on when no suite says so: ``testrunner --test``.
 
         Asked with its parameters filled, in a process of its own that ends with the answer; nothing has been set up

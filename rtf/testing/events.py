@@ -132,12 +132,12 @@ class SuiteEnded(Event):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixtureChanged(Event):
-    """A fixture went over to another state. ``incarnation`` counts its starts in this run from 1."""
+    """A fixture went over to another state. ``generation`` counts its starts in this run from 1."""
 
     kind: ClassVar[str] = "fixture_changed"
     fixture: str
     suite: str
-    incarnation: int
+    generation: int
     state: FixtureState
     detail: str = ""
     pid: int = 0
@@ -145,7 +145,7 @@ class FixtureChanged(Event):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixtureIncident(Event):
-    """Something went wrong with a fixture: what, in which phase and incarnation, and which test stood on it.
+    """Something went wrong with a fixture: what, in which phase and generation, and which test stood on it.
 
     ``exit_status`` and ``signal`` are those of the program that ended, where one did; ``output`` holds its last lines.
     """
@@ -153,7 +153,7 @@ class FixtureIncident(Event):
     kind: ClassVar[str] = "fixture_incident"
     fixture: str
     suite: str
-    incarnation: int
+    generation: int
     phase: Phase
     cause: str
     exit_status: int | None = None
@@ -165,7 +165,7 @@ class FixtureIncident(Event):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestStarted(Event):
-    """An attempt at a test begins in process ``pid``. ``fixtures`` maps a fixture to the incarnation it stands on."""
+    """An attempt at a test begins in process ``pid``. ``fixtures`` maps a fixture to the generation it stands on."""
 
     __test__: ClassVar[bool] = False
     kind: ClassVar[str] = "test_started"

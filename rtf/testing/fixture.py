@@ -3,17 +3,17 @@
 A fixture lives in a process of its own. There ``setup`` is called once, then ``check`` every half second while tests
 run, then ``teardown``, all in the main thread. A collapse may also be announced at any moment and from any thread with
 :meth:`FixtureManager.collapsed`. After a collapse the old process tears down what is left and ends, and a new one, the
-next *incarnation*, sets up again.
+next *generation*, sets up again.
 
 ======================  ======================================================================================
 what happens            what is called
 ======================  ======================================================================================
 the first start         ``setup``
 a later start           ``before_restart``, ``setup``
-while it is up          ``check``; ``park`` after a test that was cut short
+while it is up          ``check``; ``enter_safe_state`` after a test that was cut short
 it collapsed            ``on_collapse``, ``teardown``
 ``setup`` did not work  ``teardown``
-it is no longer needed  ``park``, ``teardown``
+it is no longer needed  ``enter_safe_state``, ``teardown``
 ======================  ======================================================================================
 
 Whatever takes too long is interrupted by an exception that is not for catching (it derives from BaseException), so
@@ -71,11 +71,11 @@ class FixtureManager(Declared):
         What it raises is told, makes the run fail, and keeps nothing else from being torn down.
         """
 
-    def park(self) -> None:
+    def enter_safe_state(self) -> None:
         """Bring what a test left into a safe state: after a test that was cut short, and before ``teardown``.
 
         That is one that was stopped or killed, or in whose teardown or clean-ups something went wrong. Called only
-        while the fixture is up: when it collapsed under such a test, the next incarnation is asked before anything
+        while the fixture is up: when it collapsed under such a test, the next generation is asked before anything
         else stands on it. If it raises, or takes more than 45 seconds, between tests, the fixture is taken for
         collapsed: nobody knows what the next test would stand on. After a runner that was killed it has this time, too.
         """
@@ -83,8 +83,8 @@ class FixtureManager(Declared):
     def on_collapse(self, reason: str) -> None:
         """Take note of a collapse, before ``teardown``; the place to save logs. Not called when ``setup`` failed."""
 
-    def before_restart(self, incarnation: int) -> None:
-        """Prepare the ground for another try (``incarnation`` is 2 or more), before ``setup``."""
+    def before_restart(self, generation: int) -> None:
+        """Prepare the ground for another try (``generation`` is 2 or more), before ``setup``."""
 
     # What an author calls --------------------------------------------------------------------------------------
 
@@ -94,9 +94,9 @@ class FixtureManager(Declared):
         return self._environment
 
     @property
-    def incarnation(self) -> int:
+    def generation(self) -> int:
         """How many times this fixture has been set up in this run, this time included."""
-        return self._host.incarnation
+        return self._host.generation
 
     def collapsed(
         self, reason: str, *, exit_status: int | None = None, signal_name: str = "", output: str = ""
@@ -110,7 +110,7 @@ class FixtureManager(Declared):
     def provide(self, **variables: str) -> None:
         """Set environment variables for the tests that stand on this fixture, and for the fixtures that depend on it.
 
-        To be called in ``setup``; what an incarnation provides is forgotten with it. Raises ValueError for what no
+        To be called in ``setup``; what a generation provides is forgotten with it. Raises ValueError for what no
         environment can hold.
         """
         for name, value in variables.items():

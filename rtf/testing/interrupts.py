@@ -24,7 +24,7 @@ KILL_STAGE = 3
 class Interrupts:
     """How strongly the run has been asked to stop: 0 not at all, 1 after the running test, 2 now, 3 by force.
 
-    Safe to raise from a signal handler or any thread; each lane notices at its next turn.
+    Safe to raise from a signal handler or any thread; each suite worker notices at its next turn.
     """
 
     def __init__(self) -> None:

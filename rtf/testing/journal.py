@@ -41,7 +41,7 @@ class Journal:
             self._descriptor = os.open(path, flags, 0o644)
             _claim(self._descriptor)
             if resume:
-                _mend_torn_end(path)
+                _repair_torn_end(path)
         except OSError as error:
             raise JournalError(error.errno, f"cannot write the journal {path}: {error.strerror}") from None
         self._lock = threading.Lock()
@@ -118,7 +118,7 @@ def _claim(descriptor: int) -> None:
         return  # a file system that knows no locks has to be trusted
 
 
-def _mend_torn_end(path: Path) -> None:
+def _repair_torn_end(path: Path) -> None:
     """Cut off a last line that has no end, so that what is appended begins on a line of its own."""
     with path.open("rb+") as stream:
         size = stream.seek(0, os.SEEK_END)

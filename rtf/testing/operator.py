@@ -16,8 +16,8 @@ from rtf.testing.outcome import TestingError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.testing.control import Control
     from rtf.testing.events import Asked
+    from rtf.testing.run_control import Control
 
     Answer = Callable[[str | None, str], None]
     Operator = Callable[[Asked, Answer], None]

@@ -165,16 +165,16 @@ class Parameter(Generic[T]):
         if len(values) != 1:
             if not values:
                 raise ValueError("has no value")
-            mend = "; put a text with blanks in quotes" if self.kind is str else ""
-            raise ValueError(f"is one {self.noun}, not {len(values)} values{mend}")
+            hint = "; put a text with blanks in quotes" if self.kind is str else ""
+            raise ValueError(f"is one {self.noun}, not {len(values)} values{hint}")
         return self._element(values[0], None)  # type: ignore[return-value]
 
     def _element(self, value: Value, index: int | None) -> object:
         where = "" if index is None else f"element {index}: "
         made = _ELEMENTS[self.element](value)
         if made is None:
-            mend = ": write true or false" if self.element is bool else ""
-            raise ValueError(f"{where}{to_text(value)} is no {_NOUNS[self.element]}{mend}")
+            hint = ": write true or false" if self.element is bool else ""
+            raise ValueError(f"{where}{to_text(value)} is no {_NOUNS[self.element]}{hint}")
         if isinstance(made, int | float) and not isinstance(made, bool):
             low, high = self.low, self.high
             if math.isnan(made) or (low is not None and made < low) or (high is not None and made > high):
@@ -319,7 +319,7 @@ class Declared:
     def check_parameters(self, folder: str) -> None:
         """Refuse values that cannot work together, before anything starts; called when all are filled.
 
-        For authors: raise what says which parameter it is, and the mend. ``folder`` is the suite's.
+        For authors: raise what says which parameter it is, and the hint. ``folder`` is the suite's.
         """
 
     @classmethod

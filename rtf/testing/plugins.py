@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import rtf
 from rtf.testing.declared_safety import Source
 from rtf.testing.outcome import TestingError
-from rtf.testing.places import PLUGINS
+from rtf.testing.source_location import PLUGINS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -43,8 +43,8 @@ P = TypeVar("P", bound=object)
 KINDS = {"test": "icub_tests", "fixture": "fixtures", "report": "reports"}
 _GROUPS = {"test": "rtf.tests", "fixture": "rtf.fixtures", "report": "rtf.reporters"}
 
-#: The types a suite may name, and the language each means. ``dll`` is the ancestor's word for a compiled plug-in; here
-#: it is the Python plug-in that declares the name.
+#: The types a suite may name, and the language each means. ``dll`` is the C++ framework's word for a compiled plug-in;
+#: here it is the Python plug-in that declares the name.
 LANGUAGES = {
     "python": "python",
     "py": "python",
@@ -160,7 +160,7 @@ def _in_folder(kind: str, name: str, language: str | None, folder: Path, tried: 
                 found = "executable"
             if found is not None:
                 return PluginRef(kind, name, str(candidate.resolve()), found)
-            tried.append(f"{candidate}: neither .py nor .lua nor executable (chmod +x mends that)")
+            tried.append(f"{candidate}: neither .py nor .lua nor executable (chmod +x fixes that)")
         else:
             tried.append(str(candidate))
     if language in (None, "python", "lua"):
@@ -389,7 +389,7 @@ def load_test(ref: PluginRef) -> TestCase:
         return _from_entry_point(ref, TestCase)()
     from rtf.testing.languages import legacy_python
 
-    legacy_python.install()  # a script of the ancestor may import what the ancestor provided
+    legacy_python.install()  # a script of the C++ framework may import what the C++ framework provided
     module = load_module(ref)
     old = getattr(module, "TestCase", None)
     if isinstance(old, type) and not issubclass(old, TestCase):

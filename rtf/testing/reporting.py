@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    from rtf.testing.control import Control
+    from rtf.testing.run_control import Control
 
 
 @dataclass(frozen=True, slots=True)

@@ -134,7 +134,7 @@ class RunResult:
             return ExitCode.FIXTURE
         if any(not verdict.good for verdict in counts):
             return ExitCode.FAILURES
-        if any(suite.problems or self._teardown_trouble(suite) for suite in self.suites.values()):
+        if any(suite.problems or self._teardown_problem(suite) for suite in self.suites.values()):
             return ExitCode.FAILURES
         ran = sum(count for verdict, count in counts.items() if verdict.ran)
         return ExitCode.PASSED if ran or allow_empty else ExitCode.NOTHING_RAN
@@ -147,7 +147,7 @@ class RunResult:
         )
 
     @staticmethod
-    def _teardown_trouble(suite: SuiteResult) -> bool:
+    def _teardown_problem(suite: SuiteResult) -> bool:
         return any(incident.phase is Phase.TEARDOWN for incident in suite.incidents)
 
     def verdict(self, *, allow_empty: bool = False) -> Verdict:

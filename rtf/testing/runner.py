@@ -1,8 +1,9 @@
 """The runner: what runs next, and what a collapse, a time-out or an interrupt does to it.
 
-A run has lanes. Each lane is a thread with a nursery, a reactor and a supervisor of its own, and works through suites
-that share a fixture, one after the other; without ``-j`` there is one lane, in the main thread. A planned test always
-gets exactly one final :class:`~rtf.testing.events.TestEnded`, whatever happens to it, to its fixtures or to the run.
+A run has suite workers. Each suite worker is a thread with a fork server, a reactor and a supervisor of its own, and
+works through suites that share a fixture, one after the other; without ``-j`` there is one suite worker, in the main
+thread. A planned test always gets exactly one final :class:`~rtf.testing.events.TestEnded`, whatever happens to it, to
+its fixtures or to the run.
 """
 
 from __future__ import annotations
@@ -41,13 +42,13 @@ from rtf.testing.verdict import ExitCode, Verdict
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from rtf.testing.control import Control
     from rtf.testing.events import Asked
     from rtf.testing.isolation.launch import Launched
     from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.reporting import Broadcast
+    from rtf.testing.run_control import Control
 from rtf.testing.interrupts import Interrupts, alarm
-from rtf.testing.lane import Lane
+from rtf.testing.suite_worker import SuiteWorker
 
 #: Seconds a test may take where neither suite, plug-in nor command line says anything: everything ends.
 DEFAULT_LIMITS = Timeouts(setup=60.0, run=300.0, teardown=30.0)
@@ -60,8 +61,8 @@ class RunOptions:
 
     ``grace`` is how long a test that is asked to stop may take to begin its teardown before it is killed. ``control``
     is the door through which people stop the run. ``conduct`` says, instead of the order of the plan, what the run's
-    one lane does next. Without ``plan_ahead`` a test is told of when whoever conducts calls :meth:`Run.plan`, and not
-    before anything runs.
+    one suite worker does next. Without ``plan_ahead`` a test is told of when whoever conducts calls :meth:`Run.plan`,
+    and not before anything runs.
     """
 
     run_folder: Path
@@ -84,7 +85,7 @@ class RunOptions:
     seed: int | None = None
     command: tuple[str, ...] = ()
     handle_signals: bool = True
-    conduct: Callable[[Lane], None] | None = None
+    conduct: Callable[[SuiteWorker], None] | None = None
     plan_ahead: bool = True
     ask: Callable[[Asked, Callable[[str | None, str], None]], None] | None = None
     control: Control | None = None
@@ -127,7 +128,7 @@ class Run:
         try:
             with alarm(options.run_timeout, self._overdue):
                 self._begin(diagnostics)
-                self._run_lanes()
+                self._run_workers()
         except Exception as error:  # noqa: BLE001 - reported, and everything else still ends in order
             self._broke(error)
         finally:
@@ -259,15 +260,15 @@ class Run:
                 taken.append((signum, handler))
         return taken
 
-    # Lanes -------------------------------------------------------------------------------------------------------
+    # Suite workers ----------------------------------------------------------------------------------------------------
 
-    def _run_lanes(self) -> None:
+    def _run_workers(self) -> None:
         groups = groups_sharing_fixtures(self.suites)
         if self.options.jobs <= 1 or len(groups) <= 1 or self.options.conduct is not None:
-            self._run_lane(self.suites)
+            self._run_worker(self.suites)
             return
         waiting = deque(groups)
-        with ThreadPoolExecutor(max_workers=self.options.jobs, thread_name_prefix="rtf-lane") as pool:
+        with ThreadPoolExecutor(max_workers=self.options.jobs, thread_name_prefix="rtf-worker") as pool:
             for future in [pool.submit(self._run_groups, waiting) for _ in range(min(self.options.jobs, len(groups)))]:
                 while True:
                     try:
@@ -277,18 +278,18 @@ class Run:
                         continue
 
     def _run_groups(self, waiting: deque[list[PlannedSuite]]) -> None:
-        """Run one group after the other, a lane for each, as long as some are waiting; several threads do."""
+        """Run one group after the other, a suite worker for each, as long as some are waiting; several threads do."""
         while suites := _next_of(waiting):
-            if self.stop_reason():  # nothing is begun any more; a single nursery is enough to say so of all
+            if self.stop_reason():  # nothing is begun any more; a single fork server is enough to say so of all
                 while more := _next_of(waiting):
                     suites = [*suites, *more]
-            self._run_lane(suites)
+            self._run_worker(suites)
 
-    def _run_lane(self, suites: Sequence[PlannedSuite]) -> None:
+    def _run_worker(self, suites: Sequence[PlannedSuite]) -> None:
         try:
-            conduct = self.options.conduct or Lane.run
-            conduct(Lane(self, suites))
-        except Exception as error:  # noqa: BLE001 - reported; the other lanes go on
+            conduct = self.options.conduct or SuiteWorker.run
+            conduct(SuiteWorker(self, suites))
+        except Exception as error:  # noqa: BLE001 - reported; the other suite workers go on
             self._broke(error)
 
     # What holds for a test ---------------------------------------------------------------------------------------
@@ -310,7 +311,7 @@ class Run:
         return limits
 
     def take_launched(self) -> Launched | None:
-        """The nursery that was started before the run, for the first lane that asks."""
+        """The fork server that was started before the run, for the first suite worker that asks."""
         with contextlib.suppress(IndexError):
             return self._launched.pop()
         return None

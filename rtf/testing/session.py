@@ -6,7 +6,7 @@ A session lives in the test's own process. Any thread of the test may emit; only
 from __future__ import annotations
 
 import traceback
-from _thread import allocate_lock, get_ident  # not ``threading``, see the nursery's module text
+from _thread import allocate_lock, get_ident  # not ``threading``, see the fork server's module text
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from rtf import clock
 from rtf.testing.events import Answered, Asked, Event, SubResultEnded, from_record, to_record
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem, TestStopped
-from rtf.testing.places import OWN_FOLDER, raised_place
+from rtf.testing.source_location import OWN_FOLDER, raised_place
 from rtf.testing.verdict import UNDOING_PHASES, Phase, Severity, Verdict
 
 if TYPE_CHECKING:

@@ -81,7 +81,7 @@ UNDOING_PHASES = (Phase.TEARDOWN, Phase.CLEANUP)
 
 
 class FixtureState(StrEnum):
-    """Where one incarnation of a fixture is in its life."""
+    """Where one generation of a fixture is in its life."""
 
     STARTING = "starting"
     READY = "ready"

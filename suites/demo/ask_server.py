@@ -11,7 +11,7 @@ class AskServer(TestCase):
     """Talks to the server of the fixture."""
 
     def run(self):
-        """Ask the server how it is; its first incarnation dies of the question."""
+        """Ask the server how it is; its first generation dies of the question."""
         port = int((Path(os.environ["RTF_RUN_FOLDER"]) / "server.port").read_text())
         with socket.create_connection(("127.0.0.1", port), timeout=5) as connection:
             connection.sendall(b"how are you?\n")

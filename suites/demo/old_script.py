@@ -1,8 +1,8 @@
-# A test script for the ancestor's Python plug-in, as it was written then.
+# A test script for the C++ framework's Python plug-in, as it was written then.
 
 
 class TestCase:
-    def setup(self, param=""):  # noqa: ARG002 - the ancestor gives it
+    def setup(self, param=""):  # noqa: ARG002 - the C++ framework gives it
         robottestingframework.setName("old script")  # noqa: F821 - the framework puts it here
         robottestingframework.testReport("setting up with " + robottestingframework.getEnvironment())  # noqa: F821
         return True

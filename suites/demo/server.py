@@ -1,4 +1,4 @@
-"""The program of the demo's fixture: a server whose first incarnation crashes when it is asked anything."""
+"""The program of the demo's fixture: a server whose first generation crashes when it is asked anything."""
 
 import os
 import socketserver

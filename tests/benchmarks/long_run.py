@@ -58,7 +58,7 @@ def _run(tests: int, events: int) -> Iterator[Event]:
     failed = 0
     for index, suite in enumerate(suites):
         yield SuiteStarted(suite=suite, time=time)
-        yield FixtureChanged(fixture="server", suite=suite, incarnation=1, state=FixtureState.READY, time=time)
+        yield FixtureChanged(fixture="server", suite=suite, generation=1, state=FixtureState.READY, time=time)
         for number, (of, planned) in enumerate(plans):
             if of == suite:
                 bad = number % _FAILING == 0
@@ -69,7 +69,7 @@ def _run(tests: int, events: int) -> Iterator[Event]:
         if index % _INCIDENT == 0:
             cause = "the program died"
             yield FixtureIncident(
-                fixture="server", suite=suite, incarnation=1, phase=Phase.CHECK, cause=cause, time=time
+                fixture="server", suite=suite, generation=1, phase=Phase.CHECK, cause=cause, time=time
             )
         verdict = Verdict.FAILED if failed else Verdict.PASSED
         yield SuiteEnded(suite=suite, verdict=verdict, duration=1.0, time=time)

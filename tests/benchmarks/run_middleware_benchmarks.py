@@ -180,7 +180,7 @@ def priority(turns: int) -> None:
             stack.callback(subprocess.Popen([sys.executable, "-c", _BUSY], stdin=subprocess.PIPE).communicate)
         say(rows, turns, f"{2 * (os.cpu_count() or 1)} processes are busy")
         sched, packets = f"((policy {urgent.policy}) (priority {urgent.priority}))", f"((tos {urgent.tos}))"
-        wishes = Bottle.parse(f"[prop] set /here/rpc (sched {sched}) (qos {packets})")
+        settings = Bottle.parse(f"[prop] set /here/rpc (sched {sched}) (qos {packets})")
         before = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
         try:
             set_thread_priority(0, urgent.policy, urgent.priority)
@@ -188,9 +188,9 @@ def priority(turns: int) -> None:
             print(f"  {error}")
             return
         try:
-            answer = remote.administer(peer.network(), peer.at(places, "rpc", "tcp"), wishes)
+            answer = remote.administer(peer.network(), peer.at(places, "rpc", "tcp"), settings)
             rpc.outputs[0].apply(Qos(tos=urgent.tos))
-            print(f"  the other end says to {wishes}: {answer}")
+            print(f"  the other end says to {settings}: {answer}")
             say(rows, turns, "the same, both ends with priority")
         finally:
             set_thread_priority(0, *before)

@@ -101,7 +101,7 @@ def test_links_lead_to_the_same_place_for_ever(finished: Any, visit: Any):
 
 
 def test_the_fixture_is_shown_with_its_incident(finished: Any, visit: Any, shoot: Callable[..., None]):
-    """Both incarnations, what was the matter with the first, and its last words."""
+    """Both generations, what was the matter with the first, and its last words."""
     page = visit(f"{finished.address}#~fixtures", offline=True)
     view = page.get_by_role("region", name="Fixtures", exact=True)
     expect(view).to_contain_text("server")

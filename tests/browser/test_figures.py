@@ -241,7 +241,7 @@ def compared(ask: Any, older: dict[str, Any], newer: dict[str, Any]) -> Any:
     ],
 )
 def test_a_change_has_a_name(ask: Any, before: str, now: str, change: str):
-    """What works no more is told from what was mended, and both from what was never tried."""
+    """What works no more is told from what was fixed, and both from what was never tried."""
     (row,) = compared(ask, {"s/t": outcome(before)}, {"s/t": outcome(now)})["tests"]
     assert row["change"] == change
 

@@ -61,7 +61,7 @@ def assert_same_as_journal(page: Page, run: Any) -> None:
 
 
 def test_a_run_is_seen_as_it_happens(live_run: Callable[..., Any], visit: Any, shoot: Callable[..., None]):
-    """Crash, hang, the loss of the server and its next incarnation: each is there while the run goes on."""
+    """Crash, hang, the loss of the server and its next generation: each is there while the run goes on."""
     suite = """
       <timeout setup="10" teardown="5">60</timeout>
       <fixture name="server" backoff="0.05" check-period="0.05">
@@ -133,7 +133,7 @@ def test_a_cut_connection_is_taken_up_again(
         expect(page.get_by_role("alert").filter(has_text="cut")).to_be_visible()
         shoot(page, "live-cut")
         let_it_say(run, 5 * cut + 1, 5 * cut + 5)
-        cable.mend()
+        cable.hint()
         expect(page.get_by_text("live", exact=True)).to_be_visible()
         assert_same_as_journal(page, run)
     let(run, "enough")

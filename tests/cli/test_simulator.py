@@ -82,12 +82,12 @@ class TestStarting:
             ("dance", "unrecognized arguments: dance"),
         ],
     )
-    def test_what_is_wrong_is_told(self, words: str, mend: str, started: list[program.Settings], capsys: Captured):
-        """With the mend, and exit code 4; nothing is started."""
+    def test_what_is_wrong_is_told(self, words: str, hint: str, started: list[program.Settings], capsys: Captured):
+        """With the hint, and exit code 4; nothing is started."""
         with pytest.raises(SystemExit) as ended:
             simulator(words.split())
         assert ended.value.code == 4
-        assert mend in capsys.readouterr().err
+        assert hint in capsys.readouterr().err
         assert started == []
 
 
@@ -141,7 +141,7 @@ class TestTalking:
                 yield made
                 made.close()
 
-    def test_break_look_and_mend(self, service: SimulatorService, capsys: Captured):
+    def test_break_look_and_hint(self, service: SimulatorService, capsys: Captured):
         """A fault is put in, seen, and taken out."""
         words = "inject encoder_drift l_elbow rate=0.5 --delay 2 --duration 500ms --robot bot"
         assert simulator(words.split()) == 0
@@ -177,12 +177,12 @@ class TestTalking:
             ("clear all", "'all' is no whole number"),
         ],
     )
-    def test_what_is_wrong_is_told(self, words: str, mend: str, capsys: Captured):
+    def test_what_is_wrong_is_told(self, words: str, hint: str, capsys: Captured):
         """Before anybody is asked."""
         with pytest.raises(SystemExit) as ended:
             simulator(words.split())
         assert ended.value.code == 4
-        assert mend in capsys.readouterr().err
+        assert hint in capsys.readouterr().err
 
     def test_nobody_there(self, service: SimulatorService, capsys: Captured):
         """It is told who was asked."""

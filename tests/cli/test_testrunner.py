@@ -46,15 +46,15 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_every_flag_of_the_ancestor_is_known():
-    """Scripts that call the ancestor's runner keep working."""
+def test_every_flag_of_the_cpp_framework_is_known():
+    """Scripts that call the C++ framework's runner keep working."""
     known = {name for action in build_parser()._actions for name in action.option_strings}
-    ancestors = (
+    cpp_framework = (
         "-t --test --tests -s --suite --suites -r --recursive -p --param -e --environment --repetition -o --output "
         "--output-type --no-output --no-summary -w --web-reporter --web-port -d --detail -v --verbose --version -? "
         "--help"
     )
-    assert set(ancestors.split()) <= known
+    assert set(cpp_framework.split()) <= known
 
 
 def test_help_teaches_and_is_no_error(folder: Path):
@@ -116,7 +116,7 @@ def test_passing_and_failing_runs(folder: Path):
 
 
 def test_a_plugin_that_is_missing_is_a_failed_entry(folder: Path):
-    """The ancestor left it out and passed."""
+    """The C++ framework left it out and passed."""
     (folder / "x.xml").write_text('<suite name="x"><test>Nonesuch</test><test>fine.py</test></suite>')
     done = run_command(folder, "-s", "x.xml", "--junit", "out.xml")
     assert done.exit_code == ExitCode.FAILURES
@@ -143,7 +143,7 @@ def test_a_suite_that_cannot_be_read_whole_is_not_run(folder: Path):
 
 
 def test_one_test_with_parameters(folder: Path):
-    """``--test`` with ``--param``, ``--set`` and ``--repetition`` as the ancestor has them."""
+    """``--test`` with ``--param``, ``--set`` and ``--repetition`` as the C++ framework has them."""
     done = run_command(folder, "-t", "fine.py", "-p", "--level 3", "--repetition", "2", "-v")
     assert done.exit_code == ExitCode.PASSED
     assert done.stdout.count("level 3") >= 3
@@ -241,7 +241,7 @@ def test_a_dry_run_finds_what_is_wrong_and_runs_nothing(folder: Path):
 
 
 def test_the_result_file_is_where_it_was_asked_for(folder: Path):
-    """``-o`` and ``--output-type`` as in the ancestor; without them the file lies in the run's folder."""
+    """``-o`` and ``--output-type`` as in the C++ framework; without them the file lies in the run's folder."""
     done = run_command(folder, "-s", "fine.xml")
     assert "Number of passed test cases  : 1" in (done.folder / "result.txt").read_text()
     run_command(folder, "-s", "fine.xml", "-o", "mine.txt")
@@ -253,7 +253,7 @@ def test_the_result_file_is_where_it_was_asked_for(folder: Path):
     assert {path.name for path in folder.iterdir()} == before
 
 
-def test_classic_style_writes_the_ancestors_lines(folder: Path):
+def test_classic_style_writes_the_cpp_lines(folder: Path):
     """Log scrapers keep working."""
     done = run_command(folder, "-s", "both.xml", "--style", "classic", "-v")
     lines = done.stdout.splitlines()

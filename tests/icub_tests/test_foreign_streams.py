@@ -171,7 +171,7 @@ def test_no_two_pictures_of_a_real_camera_are_the_same(outcome, measured, camera
 
 
 def test_a_load_that_nobody_knows_is_not_passed(outcome, measured):
-    """Rate and noise say nothing of it; the sentence says the mend, and the mean is told."""
+    """Rate and noise say nothing of it; the sentence says the hint, and the mean is told."""
     assert outcome.verdict("unknown") is Verdict.INCONCLUSIVE
     assert "no load is known for /bot/left_hand/analog:o" in outcome.detail("unknown")
     assert "or give expected" in outcome.detail("unknown")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robot_outcomes import failed_parts
-from rtf.robot_testing.companions import lanes
+from rtf.robot_testing.companions import queues
 from rtf.simulator.axes import PARTS
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.verdict import Verdict
@@ -124,16 +124,16 @@ def test_wrong_parameters_are_errors_that_say_what_there_is(outcome):
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_every_joint_has_one_place_in_the_lanes(part):
+def test_every_joint_has_one_place_in_the_queues(part):
     """None is forgotten, none is moved twice."""
     names = [axis.name for axis in PARTS[part]]
-    members = [joint for lane in lanes(names, range(len(names))) for together_now in lane for joint in together_now]
+    members = [joint for queue in queues(names, range(len(names))) for together_now in queue for joint in together_now]
     assert sorted(members) == list(range(len(names)))
 
 
 def test_large_joints_move_one_at_a_time():
-    """Shoulder and elbow never share a round, nor are they in different lanes."""
+    """Shoulder and elbow never share a round, nor are they in different queues."""
     names = [axis.name for axis in PARTS["left_arm"]]
-    first = lanes(names, range(len(names)))[0]
+    first = queues(names, range(len(names)))[0]
     assert first[:4] == [[0], [1], [2], [3]]
-    assert lanes(["a", "b"], [1, 0]) == [[[1], [0]]]
+    assert queues(["a", "b"], [1, 0]) == [[[1], [0]]]

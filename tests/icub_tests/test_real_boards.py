@@ -113,7 +113,7 @@ def ran(tmp_path_factory):
     ],
 )
 def test_what_cannot_be_tested_is_not_begun(ran, test, verdict, words):
-    """The sentence says why, and the mend; no joint has been without its controller."""
+    """The sentence says why, and the hint; no joint has been without its controller."""
     outcome, told = ran
     assert outcome.verdict(test) is verdict, outcome.detail(test)
     assert words in outcome.detail(test)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-#: Wrong whatever the robot is: the file, the line of it that is meant (0: none), and the mend.
+#: Wrong whatever the robot is: the file, the line of it that is meant (0: none), and the hint.
 FILES = {
     "unknown_key": ("part head\nsped 20\n", 2, "did you mean 'speed'?"),
     "wrong_type": ("part head\nspeed fast\n", 2, "speed: element 0: fast is no "),
@@ -52,7 +52,7 @@ TESTS = {
     "no_rate": "PortsFrequency",
     "no_ports": "PortsFrequency",
 }
-#: Wrong for this robot, which has to be asked: the file, the value that is meant, and the mend.
+#: Wrong for this robot, which has to be asked: the file, the value that is meant, and the hint.
 ROBOT_FILES = {
     "no_such_part": ("part left_wing\n", "part", "/bot/left_wing cannot be worked with: "),
     "no_such_joint": ("part head\njoints (0 99)\n", "joints", "head has no joint 99; it has 0 to 2: joint0, "),
@@ -112,11 +112,11 @@ def head() -> Iterator[FakeBoard]:
 
 @pytest.mark.parametrize("kind", FILES)
 def test_what_is_wrong_on_any_robot_is_known_before_a_run(bench: Bench, kind: str):
-    """Suite, test, file and line are named, with the mend; the run says the same, and does not even set the test up."""
-    _, line, mend = FILES[kind]
+    """Suite, test, file and line are named, with the hint; the run says the same, and does not even set the test up."""
+    _, line, hint = FILES[kind]
     place = f"{bench.folder / kind}.ini:{line}" if line else f"{kind}.ini"
     for text in (bench.told(kind), bench.said(kind)):
-        assert mend in text
+        assert hint in text
         assert place in text
     assert f"suite.xml:{[*FILES].index(kind) + 2}:1: error: test {kind}: " in bench.validated.stderr
     assert bench.ran.verdict(kind) is Verdict.ERROR
@@ -125,9 +125,9 @@ def test_what_is_wrong_on_any_robot_is_known_before_a_run(bench: Bench, kind: st
 
 @pytest.mark.parametrize("kind", ROBOT_FILES)
 def test_what_is_wrong_for_this_robot_is_known_before_it_moves(bench: Bench, kind: str):
-    """The robot is asked in setup: the test never runs; its error names value and mend, and the record the place."""
-    _, key, mend = ROBOT_FILES[kind]
-    assert mend in bench.said(kind)
+    """The robot is asked in setup: the test never runs; its error names value and hint, and the record the place."""
+    _, key, hint = ROBOT_FILES[kind]
+    assert hint in bench.said(kind)
     assert bench.ran.verdict(kind) is Verdict.ERROR
     (resolved,) = bench.ran.of(ParametersResolved, test=f"s/{kind}")
     (row,) = [row for row in resolved.parameters if row["name"] == key]

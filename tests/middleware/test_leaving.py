@@ -156,7 +156,7 @@ class TestNotices:
 
     @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "udp", "local", "text_ack"])
     def test_made_and_ended(self, network: Network, noticed: list[str], said: list[str], carrier: str):
-        """Each end tells of its own, once; no trouble is reported."""
+        """Each end tells of its own, once; no problem is reported."""
         with Port("/writer", network=network) as writer, BufferedPort("/reader", network=network) as reader:
             writer.add_output("/reader", carrier)
             eventually(lambda: len(noticed) == 2, "it was not told of")
@@ -185,7 +185,7 @@ class TestNotices:
         assert noticed == []
 
     def test_connection_that_breaks(self, network: Network, noticed: list[str], said: list[str]):
-        """Is ended, and a trouble besides."""
+        """Is ended, and a problem besides."""
         with socket.create_server(("127.0.0.1", 0)) as listening, Port("/writer", network=network) as writer:
             network.names.register("/gone", carrier="tcp", host="127.0.0.1", port=listening.getsockname()[1])
             thread = threading.Thread(target=_welcome, args=(listening,))

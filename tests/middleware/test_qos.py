@@ -73,9 +73,9 @@ def scheduled(thread: int) -> tuple[int, int]:
     return os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority
 
 
-def wish(port: Port, name: str, wishes: str) -> str:
+def command(port: Port, name: str, settings: str) -> str:
     """Ask a port for something, as an administrator types it."""
-    return remote.administer(port.network, port.contact, Bottle.parse(f"prop set {name} {wishes}")).to_text()
+    return remote.administer(port.network, port.contact, Bottle.parse(f"prop set {name} {settings}")).to_text()
 
 
 class TestTables:
@@ -105,12 +105,12 @@ class TestTables:
         with pytest.raises(QosError, match="'MAX' is no packet priority; there are LOW, NORM, HIGH, CRIT"):
             Qos.of_level("MAX")
 
-    def test_wishes(self):
+    def test_settings(self):
         """What is sent is what is read; what is left alone is sent as -1, as YARP's library does."""
-        text = Bottle(Qos(tos=40).to_wishes()).to_text()
+        text = Bottle(Qos(tos=40).to_settings()).to_text()
         assert text == "(sched ((policy -1) (priority -1))) (qos ((tos 40)))"
         for one in (Qos(), Qos(40), Qos(0, 1, 30), Qos(policy=0, priority=0)):
-            assert Qos.from_wishes(Property.from_bottle(Bottle(one.to_wishes()))) == one
+            assert Qos.from_property(Property.from_bottle(Bottle(one.to_settings()))) == one
 
 
 class TestPackets:
@@ -118,7 +118,7 @@ class TestPackets:
 
     @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "udp", "mcast", "text_ack"])
     @pytest.mark.parametrize(
-        ("wishes", "wanted"),
+        ("settings", "wanted"),
         [
             ("(qos ((priority HIGH)))", 144),
             ("(qos ((priority [LOW])))", 40),
@@ -128,15 +128,15 @@ class TestPackets:
             ("(sched ((priority -1) (policy -1))) (qos ((tos 40)))", 40),
         ],
     )
-    def test_from_the_wire(self, writer: Port, reader: Port, carrier: str, wishes: str, wanted: int):
+    def test_from_the_wire(self, writer: Port, reader: Port, carrier: str, settings: str, wanted: int):
         """By level, class or number, for every carrier of packets; and it is told again."""
         before = {*reader.inputs}
         writer.add_output("/reader", carrier)
         eventually(lambda: {*reader.inputs} - before, "the writer has not come again")
-        assert wish(writer, "/reader", wishes) == "[ok]"
+        assert command(writer, "/reader", settings) == "[ok]"
         assert tos(writer.outputs[0]) == wanted
         assert remote.connection_qos(writer.network, writer.contact, Contact("/reader"))[0].tos == wanted
-        assert wish(writer, "/reader", "(qos ((priority NORM)))") == "[ok]"
+        assert command(writer, "/reader", "(qos ((priority NORM)))") == "[ok]"
         assert tos(writer.outputs[0]) == 0
 
     def test_from_code(self, writer: Port, reader: Port):
@@ -170,10 +170,10 @@ class TestPackets:
     def test_unknown_names(self, writer: Port, said: list[str], wrong: str):
         """Are refused, the reason is told where the port lives, and nothing changes."""
         writer.set_qos("/reader", Qos(tos=40))
-        assert wish(writer, "/reader", f"(qos ({wrong}))") == "[fail]"
+        assert command(writer, "/reader", f"(qos ({wrong}))") == "[fail]"
         assert tos(writer.outputs[0]) == 40
         assert len(said) == 1
-        assert said[0].startswith("a wish for the connection with /reader is refused: ")
+        assert said[0].startswith("a request for the connection with /reader is refused: ")
 
 
 class TestThreads:
@@ -182,12 +182,12 @@ class TestThreads:
     @pytest.mark.usefixtures("real_time")
     def test_of_an_input(self, writer: Port, reader: Port):
         """The thread that receives has them, and no other."""
-        assert wish(reader, "/writer", "(sched ((priority 30) (policy 1)))") == "[ok]"
+        assert command(reader, "/writer", "(sched ((priority 30) (policy 1)))") == "[ok]"
         assert scheduled(reader.inputs[0].thread) == (os.SCHED_FIFO, 30)
         assert scheduled(threading.get_native_id()) == (os.SCHED_OTHER, 0)
         there = remote.connection_qos(reader.network, Contact("/writer"), Contact("/reader"))[1]
         assert there == Qos(0, os.SCHED_FIFO, 30)
-        assert wish(reader, "/writer", "(sched ((priority 7) (policy 2)))") == "[ok]"
+        assert command(reader, "/writer", "(sched ((priority 7) (policy 2)))") == "[ok]"
         assert scheduled(reader.inputs[0].thread) == (os.SCHED_RR, 7)
 
     @pytest.mark.usefixtures("real_time")
@@ -200,18 +200,18 @@ class TestThreads:
             assert scheduled(port.outputs[0].thread) == (os.SCHED_FIFO, 5)
 
     def test_of_whoever_writes(self, writer: Port, said: list[str]):
-        """Is not the port's to change, and it says so; what is the usual anyway is no wish."""
+        """Is not the port's to change, and it says so; what is the usual anyway is no request."""
         with pytest.raises(QosError, match="the connection with /reader has no thread of its own"):
             writer.set_qos("/reader", Qos(policy=os.SCHED_FIFO, priority=5))
-        assert wish(writer, "/reader", "(sched ((priority 30) (policy 1)))") == "[fail]"
+        assert command(writer, "/reader", "(sched ((priority 30) (policy 1)))") == "[fail]"
         assert "no thread of its own" in said[-1]
-        assert wish(writer, "/reader", "(sched ((priority 0) (policy 0))) (qos ((tos 40)))") == "[ok]"
+        assert command(writer, "/reader", "(sched ((priority 0) (policy 0))) (qos ((tos 40)))") == "[ok]"
         assert tos(writer.outputs[0]) == 40
 
     @pytest.mark.parametrize("wrong", ["(policy 1)", "(policy 1) (priority 100)", "(policy 99)", "(priority 5)"])
     def test_what_there_is_not(self, writer: Port, reader: Port, wrong: str):
         """Real time without a priority, priorities out of range, unknown policies: refused, and nothing changes."""
-        assert wish(reader, "/writer", f"(sched ({wrong}))") == "[fail]"
+        assert command(reader, "/writer", f"(sched ({wrong}))") == "[fail]"
         assert scheduled(reader.inputs[0].thread) == (os.SCHED_OTHER, 0)
 
 
@@ -236,7 +236,7 @@ with BufferedPort("/reader", network=network) as reader, Port("/writer", network
     ask(reader, "[ver]")  # everything that this takes is loaded now
     if sys.argv[1] == "without rights" and os.geteuid() == 0:
         os.setresuid(65534, 65534, 65534)
-    answers = [ask(reader, "prop set " + wish) for wish in json.loads(sys.argv[2])]
+    answers = [ask(reader, "prop set " + request) for request in json.loads(sys.argv[2])]
     policies = set()
     for task in Path("/proc/self/task").iterdir():
         with contextlib.suppress(ProcessLookupError):  # it has just answered, and ended
@@ -247,10 +247,10 @@ print(json.dumps({"answers": answers, "policies": sorted(policies), "said": said
 """
 
 
-def in_a_process(rights: str, *wishes: str) -> dict[str, object]:
-    """What becomes of wishes in a process of its own."""
+def in_a_process(rights: str, *settings: str) -> dict[str, object]:
+    """What becomes of requests in a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-c", _CHILD, rights, json.dumps(wishes)],
+        [sys.executable, "-c", _CHILD, rights, json.dumps(settings)],
         capture_output=True,
         text=True,
         timeout=60,
@@ -262,7 +262,7 @@ def in_a_process(rights: str, *wishes: str) -> dict[str, object]:
 
 
 class TestProcess:
-    """A wish under the port's own name is for all threads of its process."""
+    """A request under the port's own name is for all threads of its process."""
 
     @pytest.mark.usefixtures("real_time")
     def test_all_threads(self):
@@ -274,8 +274,8 @@ class TestProcess:
 
     def test_without_rights(self):
         """Nothing is changed, the answer says that it failed, and the port's owner is told what is missing."""
-        wishes = ("/reader (process ((priority 30) (policy 1)))", "/writer (sched ((priority 30) (policy 1)))")
-        found = in_a_process("without rights", *wishes)
+        settings = ("/reader (process ((priority 30) (policy 1)))", "/writer (sched ((priority 30) (policy 1)))")
+        found = in_a_process("without rights", *settings)
         assert found["answers"] == ["[fail]", "[fail]"]
         assert found["policies"] == [[os.SCHED_OTHER, 0]]
         text = (
@@ -283,11 +283,11 @@ class TestProcess:
             "rtprio in /etc/security/limits.conf"
         )
         assert found["said"] == [
-            f"a wish for this process is refused: {text}",
-            f"a wish for the connection with /writer is refused: {text}",
+            f"a request for this process is refused: {text}",
+            f"a request for the connection with /writer is refused: {text}",
         ]
 
     def test_nothing_wanted(self):
         """The usual is always granted."""
-        wishes = ("/reader (process ((priority 0)))", "/reader (process ((priority 0) (policy 0)))", "/reader 5")
-        assert in_a_process("without rights", *wishes)["answers"] == ["[ok]"] * 3
+        settings = ("/reader (process ((priority 0)))", "/reader (process ((priority 0) (policy 0)))", "/reader 5")
+        assert in_a_process("without rights", *settings)["answers"] == ["[ok]"] * 3

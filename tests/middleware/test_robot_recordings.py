@@ -11,7 +11,7 @@ import pytest
 from replaying import VERSIONS, playing, receive, recordings, segments
 from rtf.bottle import Bottle, Dialect
 from rtf.bottle.binary import decode_from
-from rtf.cli.network.asking import Caller
+from rtf.cli.network.rpc import Caller
 from rtf.middleware import wire
 from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.names import Contact

@@ -171,13 +171,13 @@ def test_rates_are_kept_and_nothing_grows(server: NameServer):
             lambda: _ask(reader, "held")["threads"] < early["threads"], "inputs of writers that are gone are left"
         )
         streams, after = _ask(reader, "streams"), _ask(reader, "held")
-        troubles = json.loads(reader.communicate(timeout=20)[0])
+        problems = json.loads(reader.communicate(timeout=20)[0])
     finally:
         for process in processes:
             process.kill()
             process.communicate()
     assert [process.returncode for process in processes] == [0] * len(processes)
-    assert troubles == []
+    assert problems == []
     _has_not_grown(early, after, "the reader")
     for flow, report in zip(FLOWS, reports, strict=True):
         seen = streams[flow.target]

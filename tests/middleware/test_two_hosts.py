@@ -175,7 +175,7 @@ class Hosts:
         """Pull the far host's cable out of the switch."""
         ip("-n", self._spaces["switch"], "link", "set", "far", "down")
 
-    def mend(self) -> None:
+    def hint(self) -> None:
         """Plug it in again."""
         ip("-n", self._spaces["switch"], "link", "set", "far", "up")
 
@@ -222,7 +222,7 @@ def hosts(network_of_two: Hosts) -> Iterator[Hosts]:
     """The hosts with a sound cable, and without any ports afterwards."""
     yield network_of_two
     network_of_two.widen()
-    network_of_two.mend()
+    network_of_two.hint()
     for program in (network_of_two.near, network_of_two.far):
         assert program("[close(name) for name in [*ports]]") is not None
 
@@ -283,7 +283,7 @@ def test_bad_cable(hosts: Hosts):
 
 
 def test_cut_cable(hosts: Hosts):
-    """Who gives a time-out is not held up longer, others go on, and with the cable mended all is well again."""
+    """Who gives a time-out is not held up longer, others go on, and with the cable fixed all is well again."""
     near, far = hosts.near, hosts.far
     near("reader('/near')")
     far("reader('/far')")
@@ -308,7 +308,7 @@ def test_cut_cable(hosts: Hosts):
     eventually(near, f"len(got['/near']) > {before} + 20")
     assert 1000 not in far("got['/far']")
 
-    hosts.mend()
+    hosts.hint()
     eventually(far, "1000 in got['/far']")
     near("add('/client', '/server')")
     assert near("call('/client', 'again', 5)") == "again"
@@ -327,6 +327,6 @@ def test_closing_across_a_cut_cable(hosts: Hosts):
     hosts.cut()
     _, seconds = hosts.near("took(close, '/reader')")
     assert seconds < 2.5
-    hosts.mend()
+    hosts.hint()
     assert hosts.far("write('/writer', 0, 1, 10)") == 0
     assert hosts.far("len(ports['/writer'].outputs)") == 0

@@ -187,7 +187,7 @@ def test_what_is_no_stop_stops_nothing(waiting: LiveRun, body: bytes, status: in
 
 
 @pytest.mark.parametrize(
-    ("wish", "status"),
+    ("command", "status"),
     [
         ({}, 400),
         ({"test": "s/waiting", "question": "s/waiting#1"}, 400),
@@ -199,8 +199,8 @@ def test_what_is_no_stop_stops_nothing(waiting: LiveRun, body: bytes, status: in
         ({"test": "s/other", "question": "s/waiting#1", "answer": "yes"}, 409),
     ],
 )
-def test_what_is_no_answer_answers_nothing(waiting: LiveRun, wish: dict[str, object], status: int):
+def test_what_is_no_answer_answers_nothing(waiting: LiveRun, command: dict[str, object], status: int):
     """The question stays open, and the server says why."""
-    answer = waiting.page.control("answer", **wish)
+    answer = waiting.page.control("answer", **command)
     assert answer.status == status
     assert answer.json["error"]

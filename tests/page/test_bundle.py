@@ -1,4 +1,4 @@
-"""Modules joined into one: the same program, in the order of its imports, or an error that names line and mend."""
+"""Modules joined into one: the same program, in the order of its imports, or an error that names line and hint."""
 
 from __future__ import annotations
 

@@ -277,8 +277,8 @@ def test_the_first_answer_counts(folder: Path):
     run = LiveRun(folder, "-s", "waiting.xml", "--no-output", "-k", "waiting", "--web-keep")
     with run.page.follow() as stream, ThreadPoolExecutor(8) as pool:
         stream.until(event="asked")
-        wish = {"test": "s/waiting", "question": "s/waiting#1", "answer": "yes"}
-        said = [*pool.map(lambda _: run.page.control("answer", **wish), range(8))]
+        command = {"test": "s/waiting", "question": "s/waiting#1", "answer": "yes"}
+        said = [*pool.map(lambda _: run.page.control("answer", **command), range(8))]
         assert sorted(answer.status for answer in said) == [202] + [409] * 7
         assert {answer.json["error"] for answer in said if answer.status == 409} == {"it is answered already (web)"}
         assert stream.until(event="answered")["source"] == "web"

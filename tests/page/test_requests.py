@@ -39,7 +39,7 @@ def test_the_facts(waiting: LiveRun):
     }
 
 
-def test_status_has_the_ancestors_two_keys(waiting: LiveRun):
+def test_status_has_the_cpp_framework_two_keys(waiting: LiveRun):
     """Scripts that ask for it keep working."""
     assert waiting.page.get("/status").json == {"name": "waiting", "testStatus": [1, 0]}
 

@@ -1,4 +1,4 @@
-"""The short answer for scripts: the ancestor's two keys with the ancestor's numbers."""
+"""The short answer for scripts: the C++ framework's two keys with the C++ framework's numbers."""
 
 from __future__ import annotations
 

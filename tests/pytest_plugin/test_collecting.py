@@ -158,7 +158,7 @@ def test_tags_are_markers(lab):
     ],
 )
 def test_wrong_values_are_refused_before_anything_runs(lab, arguments, said):
-    """The message names the option, the value and the mend."""
+    """The message names the option, the value and the hint."""
     finished = lab.run(lab.suite(FINE), *arguments)
     assert finished.exit_code == pytest.ExitCode.USAGE_ERROR
     assert f"ERROR: {said}" in finished.out

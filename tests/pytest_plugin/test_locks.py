@@ -29,6 +29,6 @@ def exclude(one, other):
     ],
 )
 def test_two_fixtures_of_a_plug_in_are_two_only_with_params_that_differ(one, other, wait):
-    """As with lanes; a robot may be written in two ways."""
+    """As with suite workers; a robot may be written in two ways."""
     assert exclude(one, other) is wait
     assert exclude(other, one) is wait

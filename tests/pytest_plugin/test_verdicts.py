@@ -18,7 +18,7 @@ SUITE = """
 <test name="flaky" retries="1"> Flaky </test>
 <test name="bug"> Raises </test>
 <test name="known bug" expected="fail" reason="ticket 7"> Measures </test>
-<test name="mended" expected="fail" reason="ticket 8"> Fine </test>
+<test name="fixed" expected="fail" reason="ticket 8"> Fine </test>
 <test name="missing"> NoSuchTest </test>
 <test name="needs more" requires="program:no-such-program"> Fine </test>
 <test name="stands on arm" requires="test:arm"> Fine </test>
@@ -34,7 +34,7 @@ EXPECTED = {
     "flaky": (Verdict.FLAKY, "", ""),
     "bug": (Verdict.ERROR, "FAILED", " - error: KeyError: 'arm'"),
     "known bug": (Verdict.EXPECTED_FAILURE, "XFAIL", " - ticket 7: left: position = 12.5 deg"),
-    "mended": (Verdict.UNEXPECTED_PASS, "FAILED", " - unexpected pass: expected to fail: ticket 8"),
+    "repaired": (Verdict.UNEXPECTED_PASS, "FAILED", " - unexpected pass: expected to fail: ticket 8"),
     "missing": (Verdict.ERROR, "ERROR", " - error: no test plug-in 'NoSuchTest' …"),
     "stands on arm": (Verdict.BLOCKED, "ERROR", " - blocked: needs test s/arm, which came to: failed"),
 }

@@ -84,15 +84,15 @@ class Story:
         """A test that fails one check."""
         return self.test(test, Verdict.FAILED, failure(test, detail), detail=detail, reason="failure", **more)
 
-    def fixture(self, suite: str, name: str, state: FixtureState, incarnation: int = 1, detail: str = "") -> Story:
+    def fixture(self, suite: str, name: str, state: FixtureState, generation: int = 1, detail: str = "") -> Story:
         """A fixture goes over to a state."""
         return self.add(
-            FixtureChanged(fixture=name, suite=suite, state=state, incarnation=incarnation, detail=detail, pid=99),
+            FixtureChanged(fixture=name, suite=suite, state=state, generation=generation, detail=detail, pid=99),
         )
 
     def incident(self, suite: str, name: str, cause: str = "the program died", **more: Any) -> Story:
         """Something goes wrong with a fixture."""
-        more = {"phase": Phase.CHECK, "incarnation": 1, "signal": "SIGSEGV", "output": "last\nwords\n", **more}
+        more = {"phase": Phase.CHECK, "generation": 1, "signal": "SIGSEGV", "output": "last\nwords\n", **more}
         return self.add(FixtureIncident(fixture=name, suite=suite, cause=cause, **more))
 
     def end(self, suite: str, verdict: Verdict = Verdict.PASSED) -> Story:

@@ -106,13 +106,11 @@ def of_a_fixture(draw: st.DrawFn, suite: str):
     if kind == 0:
         phase, test = draw(st.sampled_from(Phase)), draw(TEXT)
         return e.FixtureIncident(
-            fixture=name, suite=suite, incarnation=1, phase=phase, cause=text, output=text, test=test, exit_status=1
+            fixture=name, suite=suite, generation=1, phase=phase, cause=text, output=text, test=test, exit_status=1
         )
     if kind == 1:
         state = draw(st.sampled_from(FixtureState))
-        return e.FixtureChanged(
-            fixture=name, suite=suite, incarnation=draw(st.integers(1, 3)), state=state, detail=text
-        )
+        return e.FixtureChanged(fixture=name, suite=suite, generation=draw(st.integers(1, 3)), state=state, detail=text)
     if kind == 2:
         severity = draw(st.sampled_from(Severity))
         return e.Message(
@@ -313,7 +311,7 @@ def test_a_megabyte_in_every_text_is_survived(tmp_path: Path, family: str):
         e.TestPlanned(test=test, suite="s1", name=LONG, plugin=LONG, param=LONG, file=LONG),
         e.SuiteStarted(suite="s1"),
         e.FixtureIncident(
-            fixture=LONG, suite="s1", incarnation=1, phase=Phase.CHECK, cause=LONG, output=LONG, traceback=LONG
+            fixture=LONG, suite="s1", generation=1, phase=Phase.CHECK, cause=LONG, output=LONG, traceback=LONG
         ),
         *again,
         e.SuiteEnded(suite="s1", verdict=Verdict.FAILED, duration=1.0),

@@ -194,8 +194,8 @@ def test_an_interrupt_says_what_once_more_would_do(console: Callable[..., Any], 
 def blocked_story(story: Story) -> Story:
     """A fixture that never comes up, and all that stood on it."""
     story.begin(("arm", 5), fixtures=("names",)).start("arm")
-    for incarnation in (1, 2, 3):
-        story.incident("arm", "names", "no answer", incarnation=incarnation, phase=Phase.SETUP, signal="", output="")
+    for generation in (1, 2, 3):
+        story.incident("arm", "names", "no answer", generation=generation, phase=Phase.SETUP, signal="", output="")
     story.fixture("arm", "names", FixtureState.FAILED, 3, detail="no answer (2 restarts used up)")
     for number in range(1, 6):
         detail = "fixture names is not usable: no answer (2 restarts used up)"

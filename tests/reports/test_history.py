@@ -128,7 +128,7 @@ def test_a_killed_run_is_not_in_it_until_it_is_resumed_or_taken_in(folder: Path)
     ],
 )
 def test_a_history_that_cannot_be_opened_is_an_error_before_the_run(folder: Path, target: str, told: str):
-    """With the mend; no test has run."""
+    """With the hint; no test has run."""
     done = run_command(folder, *RUN[:-1], f"history={target}")
     assert done.exit_code == ExitCode.USAGE
     assert done.stderr.startswith("testrunner: report history cannot be written: cannot use the history")
@@ -208,7 +208,7 @@ def test_no_room_for_what_waits_changes_no_verdict(story: Any, tmp_path: Path, m
 
 
 def test_the_reporter_leaves_nothing_open_during_the_run(tmp_path: Path):
-    """A file that is moved, pruned or copied meanwhile is nobody's trouble."""
+    """A file that is moved, pruned or copied meanwhile is nobody's problem."""
     path = tmp_path / "h.sqlite"
     reporter = load_reporter("history")(ReportOptions(path, tmp_path))
     reporter.open()

@@ -137,8 +137,8 @@ def test_everything_that_was_said_is_in_the_record(
     assert [message["value"] for message in attempt["messages"]] == ["NaN", 3.0]
     assert (attempt["measurements"][0]["value"], attempt["measurements"][0]["margin"]) == ("Infinity", "-Infinity")
     assert (second["verdict"], second["attempts"]) == ("not run", [])
-    assert [life["incarnation"] for life in fixture["incarnations"]] == [1, 2]
-    assert [state["state"] for state in fixture["incarnations"][1]["states"]] == ["starting", "stopped"]
+    assert [life["generation"] for life in fixture["generations"]] == [1, 2]
+    assert [state["state"] for state in fixture["generations"][1]["states"]] == ["starting", "stopped"]
     assert (fixture["incidents"][0]["exit_status"], fixture["incidents"][0]["test"]) == (139, "arm/t1")
     assert [output["text"] for output in fixture["output"]] == ["up\n"]
     assert [event["text"] for event in document["diagnostics"]] == ["odd"]

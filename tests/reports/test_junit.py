@@ -276,7 +276,7 @@ def test_a_failing_teardown_of_a_fixture_is_an_error(story: Story, reports: Repo
 
 
 def test_problems_of_a_suite_are_never_lost(story: Story, reports: Reports):
-    """The ancestor's file showed a green run for a fixture that could not be set up."""
+    """The C++ framework's file showed a green run for a fixture that could not be set up."""
     story.begin(("arm", 1)).start("arm").test("arm/t1")
     story.add(Message(severity=Severity.ERROR, title="teardown", detail="no answer", suite="arm"))
     root = read(reports("junit", story.end("arm", Verdict.FAILED).finish()))
@@ -292,7 +292,7 @@ def test_a_suite_without_tests_is_seen(story: Story, reports: Reports):
 @pytest.mark.parametrize(
     ("events", "exit_code", "name"),
     [
-        ([InternalError(text="lane broke")], 3, "run: internal error"),
+        ([InternalError(text="suite worker broke")], 3, "run: internal error"),
         ([Interrupted(source="SIGINT", stage=1)], 2, "run: interrupted"),
         ([Diagnosed(severity=Severity.ERROR, text="no such plug-in", file="a.xml", line=3)], 4, "load: a.xml"),
         ([], 5, "run"),

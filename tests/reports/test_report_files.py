@@ -62,9 +62,9 @@ def test_harmful_characters_are_written_out():
 
 
 def test_an_incident_is_told_in_one_sentence():
-    """Which fixture, which incarnation, in which phase, how it ended, and under which test."""
+    """Which fixture, which generation, in which phase, how it ended, and under which test."""
     event = FixtureIncident(
-        fixture="sim", suite="s", incarnation=2, phase=Phase.CHECK, cause="died", exit_status=3, test="s/t"
+        fixture="sim", suite="s", generation=2, phase=Phase.CHECK, cause="died", exit_status=3, test="s/t"
     )
     assert report_text.incident(event) == "sim #2 in check: died (exit status 3), during s/t"
 

@@ -1,4 +1,4 @@
-"""The ancestor's result file and console: exact lines."""
+"""The C++ framework's result file and console: exact lines."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ def simple(story: Story):
     return story.end("arm", Verdict.FAILED).finish()
 
 
-def test_the_file_has_the_ancestors_lines_and_summary(simple: Story, reports: Reports):
+def test_the_file_has_the_cpp_lines_and_summary(simple: Story, reports: Reports):
     """Whatever the verbosity."""
     assert LINES + SUMMARY.format("summary") == reports("text", simple, verbosity=-1).read_text()
 
 
 def test_detail_adds_the_place_and_an_empty_line(simple: Story, reports: Reports):
-    """As the ancestor's ``--detail`` does."""
+    """As the C++ framework's ``--detail`` does."""
     text = reports("text", simple, detail=True).read_text()
     assert "[INFO]  (t1) reports: moving\n/lab/a.py at 3.\n\nTest case t1 passed!\n" in text
 
@@ -63,7 +63,7 @@ def test_the_file_grows_while_the_run_goes_on(simple: Story, reports: Reports):
     reports.broadcast.close()
 
 
-def test_what_the_ancestor_had_no_word_for_is_said_with_its_tags(story: Story, reports: Reports):
+def test_what_the_cpp_framework_had_no_word_for_is_said_with_its_tags(story: Story, reports: Reports):
     """A script that looks for the tags and for ``passed!`` is not misled."""
     measured = Measured(test="arm/t1", name="reach", value=3.0, unit="deg", verdict=MeasurementVerdict.RECORDED)
     story.begin(("arm", 3)).start("arm").test("arm/t1", Verdict.MEASURED, measured)
@@ -82,7 +82,7 @@ def test_what_the_ancestor_had_no_word_for_is_said_with_its_tags(story: Story, r
 def test_the_console_shows_errors_and_failures_only(
     simple: Story, reports: Reports, capsys: pytest.CaptureFixture[str]
 ):
-    """As the ancestor's does without -v."""
+    """As the C++ framework's does without -v."""
     reports("classic", simple, target=None)
     assert "[FAIL]  (t2) checks: too far\n" + SUMMARY.format("results") == capsys.readouterr().out
 
@@ -95,12 +95,12 @@ def test_the_console_shows_all_with_v(simple: Story, reports: Reports, capsys: p
 
 
 def test_the_totals_can_be_left_out(simple: Story, reports: Reports, capsys: pytest.CaptureFixture[str]):
-    """As with the ancestor's ``--no-summary``."""
+    """As with the C++ framework's ``--no-summary``."""
     reports("classic", simple, target=None, extra={"summary": "no"})
     assert capsys.readouterr().out == "[FAIL]  (t2) checks: too far\n"
 
 
-def test_colours_are_the_ancestors_where_they_are_wanted(
+def test_colours_are_the_cpp_framework_where_they_are_wanted(
     simple: Story, reports: Reports, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     """Never in a pipe, unless somebody insists; NO_COLOR wins."""

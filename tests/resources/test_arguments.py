@@ -38,7 +38,7 @@ def test_splitting(text: str, words: list[str]):
 
 
 def test_the_number_of_words_is_not_limited():
-    """The ancestor cut silently at 128 words; nothing is cut here."""
+    """The C++ framework cut silently at 128 words; nothing is cut here."""
     assert len(split_arguments("a " * 1000)) == 1000
 
 

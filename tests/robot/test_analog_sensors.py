@@ -101,26 +101,26 @@ def test_older_readers_get_ten_categories(network: Network, device: ScriptedSens
         assert len(asker.call(call("getMetadata"))) == 10
 
 
-@pytest.mark.parametrize("trouble", [SensorStatus.ERROR, SensorStatus.TIMEOUT, OSError("no cable"), DeviceError("off")])
+@pytest.mark.parametrize("problem", [SensorStatus.ERROR, SensorStatus.TIMEOUT, OSError("no cable"), DeviceError("off")])
 def test_nothing_is_published_while_a_sensor_is_not_well(
     network: Network,
     said: list[str],
     server: AnalogSensorsServer,
     device: ScriptedSensors,
-    trouble: SensorStatus | Exception,
+    problem: SensorStatus | Exception,
 ):
-    """It is reported once, naming the ports and the trouble; when all is well again so are the messages."""
+    """It is reported once, naming the ports and the problem; when all is well again so are the messages."""
     with BufferedPort("/reader", SENSOR_MESSAGE, strict=True, network=network) as reader:
         connect(network, "/imu/measures:o", "/reader")
-        device.status = trouble if isinstance(trouble, SensorStatus) else SensorStatus.OK
-        device.failure = trouble if isinstance(trouble, Exception) else None
+        device.status = problem if isinstance(problem, SensorStatus) else SensorStatus.OK
+        device.failure = problem if isinstance(problem, Exception) else None
         for now in (1.0, 2.0, 3.0):
             publish(server, now)
         device.status, device.failure = SensorStatus.OK, None
         publish(server, 4.0)
         assert Stamp.parse(reader.receive(10).envelope) == Stamp(0, 4.0)
         assert reader.pending == 0
-    expected = trouble.name if isinstance(trouble, SensorStatus) else str(trouble)
+    expected = problem.name if isinstance(problem, SensorStatus) else str(problem)
     [sentence] = said
     assert sentence.startswith("/imu: nothing is published")
     assert expected in sentence

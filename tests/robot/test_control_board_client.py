@@ -257,7 +257,7 @@ def test_wrong_parameters_are_told(network: Network, parameters: str, sentence: 
 
 
 def test_quality_of_service_is_set_at_both_ends(network: Network):
-    """Of the state and of the commands: what is wished for here and there is what the sockets have."""
+    """Of the state and of the commands: what is requested for here and there is what the sockets have."""
     qos = "(local_qos (packet_priority LEVEL:HIGH)) (remote_qos (packet_priority DSCP:AF11))"
     with ScriptedBoard("/board", network) as board:
         client = RemoteControlBoard("board", network=network)

@@ -21,7 +21,7 @@ def texts() -> list[str]:
 
 
 def test_the_documentation_shows_this_one():
-    """``python -m rtf.robot.control_mode_picture docs/images/control-modes.svg`` mends it."""
+    """``python -m rtf.robot.control_mode_picture docs/images/control-modes.svg`` fixes it."""
     assert STORED.read_text(encoding="utf-8") == picture.draw()
 
 

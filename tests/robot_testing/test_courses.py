@@ -1,4 +1,4 @@
-"""Courses of joints: beats, lanes, and what becomes of a lane in which the guard stops a joint."""
+"""Courses of joints: beats, queues, and what becomes of a queue in which the guard stops a joint."""
 
 import pytest
 
@@ -70,7 +70,7 @@ def test_what_the_guard_stops_ends_a_single_course():
         finish(part, pause(part, 1.0), pace=0.1)
 
 
-def test_lanes_go_at_the_same_time_and_their_joints_in_turn():
+def test_queues_go_at_the_same_time_and_their_joints_in_turn():
     """An eye does not wait for the neck, but for the eye before it; the next joint begins when one has ended."""
     part = Scripted()
     lines, course = journal(part, beats=2)
@@ -80,8 +80,8 @@ def test_lanes_go_at_the_same_time_and_their_joints_in_turn():
     assert part.time == pytest.approx(0.6)
 
 
-def test_a_trip_concerns_the_lane_of_its_joint_only():
-    """The course that has its turn there hears of it, whichever joint of the lane it was; it may still clean up."""
+def test_a_trip_concerns_the_queue_of_its_joint_only():
+    """The course that has its turn there hears of it, whichever joint of the queue it was; it may still clean up."""
     part = Scripted({1: 3})
     lines, course = journal(part, beats=2)
     work(part, singly(NAMES, range(4)), course, pace=0.1)
@@ -108,7 +108,7 @@ def test_a_joint_that_is_stopped_again_is_left_without_power():
     assert [(when, joint) for when, joint, what in lines if "fast" in what] == [(0.1, 0)]
 
 
-def test_a_joint_of_no_lane_ends_a_course_all_the_same():
+def test_a_joint_of_no_queue_ends_a_course_all_the_same():
     """Nothing that the guard finds is lost."""
     part = Scripted({1: 3})
     lines, course = journal(part, beats=2)

@@ -182,7 +182,7 @@ class Chosen(Exception):
     ],
 )
 def test_a_step_that_would_throw_a_joint_is_refused(monkeypatch, name, height, most, simulated):
-    """On a part that is no simulated one, before anything moves; it is named which parameter it is, and the mend."""
+    """On a part that is no simulated one, before anything moves; it is named which parameter it is, and the hint."""
 
     def choose(part):
         raise Chosen

@@ -42,7 +42,7 @@ def test_what_the_tests_claim_holds(share: int, tmp_path: Path):
 
 @pytest.mark.timeout(200)
 def test_two_robots_are_tested_at_the_same_time(tmp_path: Path):
-    """Each in a lane of its own; a proof that is gone on with keeps to its cases, whatever is asked for then."""
+    """Each in a queue of its own; a proof that is gone on with keeps to its cases, whatever is asked for then."""
     proof = [sys.executable, "-m", "rtf.cli.tools", "proof"]
     words = ["-j", "2", "--test", "SensorsDuplicateReadings"]
     for more in (words, ["--resume", "-j", "1"]):

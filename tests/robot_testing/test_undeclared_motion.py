@@ -75,7 +75,7 @@ def bench() -> Iterator[Bench]:
 
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
 def test_no_command_is_sent(bench: Bench, command: Callable[[ListeningBoard], object]):
-    """Each is refused before it is sent, and the sentence says how that is mended."""
+    """Each is refused before it is sent, and the sentence says how that is fixed."""
     with pytest.raises(UndeclaredMotionError, match=r"declare safety = Safety\.MOTION"):
         command(bench.board)
 
@@ -136,7 +136,7 @@ class GoesRound(Base):
 
 
 def test_a_test_that_forgets_it_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """It is the test that is wrong, not the robot; and it says how that is mended."""
+    """It is the test that is wrong, not the robot; and it says how that is fixed."""
     monkeypatch.setenv(MARK, f"{os.getpid()}-{tmp_path.name}")
     for name in ("RTF_CLOCK", "YARP_CLOCK", "YARP_ROBOT_NAME"):
         monkeypatch.delenv(name, raising=False)

@@ -779,7 +779,7 @@ def test_the_order_in_which_they_begin_counts_and_not_their_numbers(bench: Bench
 
 
 def test_all_kinds_at_once(bench: Bench):
-    """Everything can be broken at the same time, and mended with one word."""
+    """Everything can be broken at the same time, and fixed with one word."""
     before = health(bench)
     for kind in SHOWS:
         bench.inject(kind)
@@ -820,14 +820,14 @@ def test_a_fault_strikes_its_joint_and_no_other(bench: Bench):
         ("loss", PORT, {"share": 1.5}, "from 0 to 1"),
     ],
 )
-def test_what_cannot_be_is_refused_with_the_mend(
-    bench: Bench, kind: str, target: str, values: dict[str, float], mend: str
+def test_what_cannot_be_is_refused_with_the_hint(
+    bench: Bench, kind: str, target: str, values: dict[str, float], hint: str
 ):
     """A name or a value that is wrong is told with what would be right, and nothing is broken."""
     before = health(bench)
     with pytest.raises(RefusedError) as refused:
         bench.faults.inject(kind, target, values)
-    assert mend in str(refused.value)
+    assert hint in str(refused.value)
     assert health(bench) == before
     assert bench.faults.active == ()
 

@@ -251,7 +251,7 @@ class TestBuilding:
         subprocess.run([sys.executable, "-c", textwrap.dedent(program)], check=True, timeout=60)
 
     @pytest.mark.parametrize(("module", "package"), [("mujoco", "mujoco-core"), ("icub_models", "icub-models")])
-    def test_missing_package_is_named_with_its_mend(self, module, package, monkeypatch):
+    def test_missing_package_is_named_with_its_hint(self, module, package, monkeypatch):
         """Whoever lacks an optional package is told what to install."""
         monkeypatch.setitem(sys.modules, module, None)
         engine.mujoco.cache_clear()

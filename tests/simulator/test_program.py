@@ -232,7 +232,7 @@ def test_it_can_be_the_name_server_itself(lab: Lab):
 
 
 def test_two_name_servers_at_a_place(lab: Lab):
-    """The mend is told."""
+    """The fix is told."""
     program = lab.start("nameserver=True")
     assert program.end() == 1
     assert "leave out --nameserver" in program.said
@@ -255,7 +255,7 @@ def test_a_file_that_cannot_be_written(lab: Lab):
 
 
 def test_cameras_where_no_picture_can_be_made(lab: Lab):
-    """What mends it is told; with ``auto`` the robot goes without."""
+    """What fixes it is told; with ``auto`` the robot goes without."""
     program = lab.start("cameras='yes'", BLIND)
     assert program.end() == 1
     assert "install the Debian packages" in program.said

@@ -235,7 +235,7 @@ def test_faults_come_and_go(bench: Bench):
     ],
 )
 def test_answers(bench: Bench, question: str, answer: str):
-    """What works is answered with what was asked for; what does not, with a sentence that names it and the mend."""
+    """What works is answered with what was asked for; what does not, with a sentence that names it and the hint."""
     assert bench.ask(question).startswith(answer)
 
 
@@ -305,7 +305,7 @@ def test_time_is_directed_as_at_the_clock(moving: Bench):
     eventually(lambda: moving.control.status().time > stands + 1.0, "time does not pass")
 
 
-def test_a_reset_mends_and_goes_home(bench: Bench):
+def test_a_reset_hints_and_goes_home(bench: Bench):
     """Faults are gone, joints at home; time goes on."""
     boards = bench.robot.simulation.boards
     home = boards.position.copy()

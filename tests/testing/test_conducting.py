@@ -17,11 +17,11 @@ SUITE = "<fixture name='up'> up.py </fixture><test name='a'> fine.py </test><tes
 
 
 def conducted(tmp_path, conduct, *, second="fine.py", **options):
-    """Run the suite with somebody who is given the run, the lane and the planned suite."""
+    """Run the suite with somebody who is given the run, the suite worker and the planned suite."""
     runs = []
 
-    def told(lane):
-        conduct(runs[0], lane, runs[0].suites[0])
+    def told(worker):
+        conduct(runs[0], worker, runs[0].suites[0])
 
     return run_suite(
         tmp_path,
@@ -37,11 +37,11 @@ def conducted(tmp_path, conduct, *, second="fine.py", **options):
 def test_tests_run_in_the_order_they_are_asked_for(tmp_path):
     """The order of the plan counts for nothing; the fixture is up for both, and down behind the suite."""
 
-    def backwards(_run, lane, planned):
-        with lane.at_work(), lane.suite(planned):
+    def backwards(_run, worker, planned):
+        with worker.at_work(), worker.suite(planned):
             for test in reversed(planned.tests):
-                assert lane.bring_up(test)
-                lane.run_test(test)
+                assert worker.bring_up(test)
+                worker.run_test(test)
 
     outcome = conducted(tmp_path, backwards)
     assert [event.test for event in outcome.of(TestEnded)] == ["s/b", "s/a"]
@@ -53,9 +53,9 @@ def test_tests_run_in_the_order_they_are_asked_for(tmp_path):
 def test_what_is_not_asked_for_is_not_run(tmp_path):
     """Every planned test has a last word, also one that nobody wanted in the end."""
 
-    def first_only(_run, lane, planned):
-        with lane.at_work(), lane.suite(planned):
-            lane.run_test(planned.tests[0])
+    def first_only(_run, worker, planned):
+        with worker.at_work(), worker.suite(planned):
+            worker.run_test(planned.tests[0])
 
     outcome = conducted(tmp_path, first_only)
     assert (outcome.verdict("a"), outcome.verdict("b")) == (Verdict.PASSED, Verdict.NOT_RUN)
@@ -64,13 +64,13 @@ def test_what_is_not_asked_for_is_not_run(tmp_path):
 def test_plan_may_be_told_as_it_comes(tmp_path):
     """Without planning ahead the record speaks of nothing but what was asked for."""
 
-    def first_only(run, lane, planned):
+    def first_only(run, worker, planned):
         from dataclasses import replace
 
-        with lane.at_work():
+        with worker.at_work():
             run.plan(replace(planned, tests=planned.tests[:1]))
-            with lane.suite(planned):
-                lane.run_test(planned.tests[0])
+            with worker.suite(planned):
+                worker.run_test(planned.tests[0])
 
     outcome = conducted(tmp_path, first_only, plan_ahead=False)
     assert [*outcome.results.tests] == ["s/a"]
@@ -81,17 +81,17 @@ def test_abort_stops_one_test_and_no_other(tmp_path):
     """The running test is stopped with the reason as its detail; when that is taken back the next one runs."""
     second = []
 
-    def abort(run, lane, planned):
+    def abort(run, worker, planned):
         hanging, fine = planned.tests[1], planned.tests[0]
-        with lane.at_work(), lane.suite(planned):
-            assert lane.bring_up(hanging)
-            timer = threading.Timer(0.2, lane.abort, ["it takes too long"])
+        with worker.at_work(), worker.suite(planned):
+            assert worker.bring_up(hanging)
+            timer = threading.Timer(0.2, worker.abort, ["it takes too long"])
             timer.start()
-            lane.run_test(hanging)
+            worker.run_test(hanging)
             timer.join()
-            second.append(lane.bring_up(fine))
-            lane.abort("")
-            lane.run_test(fine)
+            second.append(worker.bring_up(fine))
+            worker.abort("")
+            worker.run_test(fine)
 
     outcome = conducted(tmp_path, abort, second="hangs.py")
     assert second == [False]
@@ -102,15 +102,15 @@ def test_abort_stops_one_test_and_no_other(tmp_path):
 def test_waiting_ends_when_somebody_wakes_it(tmp_path):
     """Whoever waits is woken from another thread."""
 
-    def wait(_run, lane, _planned):
+    def wait(_run, worker, _planned):
         done = threading.Event()
 
         def finish():
             done.set()
-            lane.wake()
+            worker.wake()
 
-        with lane.at_work():
+        with worker.at_work():
             threading.Timer(0.05, finish).start()
-            lane.wait(done.is_set)
+            worker.wait(done.is_set)
 
     assert conducted(tmp_path, wait).verdict("a") is Verdict.NOT_RUN

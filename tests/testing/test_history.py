@@ -173,7 +173,7 @@ TEXT = st.text(st.characters(), max_size=6) | st.text(st.characters(categories=[
     st.lists(st.tuples(TEXT, TEXT, st.floats(), st.none() | st.floats(), st.sampled_from(MeasurementVerdict))),
 )
 def test_whatever_is_measured_comes_out_again(names: tuple[str, ...], values: list):
-    """Any text and any number: numbers to the last bit, those that are none by name, text with surrogates mended."""
+    """Any text and any number: numbers to the last bit, those that are none by name, text with surrogates fixed."""
     test, robot, station, run = names
     said = [
         Measured(test=test, name=name, subject=subject, value=value, low=low, verdict=verdict, unit=name)
@@ -298,7 +298,7 @@ def test_readers_do_not_wait_for_a_writer(path: Path):
 
 
 def test_a_file_that_stays_locked_is_told_of(path: Path, monkeypatch: pytest.MonkeyPatch):
-    """After some patience, with the mend."""
+    """After some patience, with the hint."""
     monkeypatch.setattr(database, "_PATIENCE", 0.05)
     put(path, stored(0))
     writer = sqlite3.connect(path, isolation_level=None)
@@ -330,7 +330,7 @@ def test_a_damaged_file_is_refused_and_left_alone(tmp_path: Path, content: bytes
 
 
 def test_damage_inside_is_told_of(path: Path):
-    """A page in the middle that is none: an error with the mend, no traceback of the database."""
+    """A page in the middle that is none: an error with the hint, no traceback of the database."""
     for index in range(50):
         put(path, stored(index), {f"s/{n}": Verdict.PASSED for n in range(50)})
     data = bytearray(path.read_bytes())

@@ -219,7 +219,7 @@ def test_values_that_are_no_numbers_are_there_without_one(path: Path):
         (["failed", "passed", "error"], True),
         (["passed", "flaky"], True),
         (["passed", "passed", "failed", "failed"], False),  # a defect that came
-        (["failed", "failed", "passed", "passed"], False),  # and one that was mended
+        (["failed", "failed", "passed", "passed"], False),  # and one that was fixed
         (["failed", "failed", "failed"], False),
         (["passed", "skipped", "passed"], False),
         (["passed", "interrupted", "passed"], False),

@@ -274,7 +274,7 @@ def test_three_interrupts_end_a_fixture_that_does_not_come_down(scene: Scene):
     assert outcome.events[-1].duration < 15
 
 
-def test_interrupts_reach_every_lane(tmp_path: Path):
+def test_interrupts_reach_every_worker(tmp_path: Path):
     """With -j each running test finishes and nothing else is started."""
     scene = Scene(tmp_path)
     files = {

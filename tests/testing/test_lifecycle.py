@@ -62,7 +62,7 @@ class Row:
 FAILURE, ERROR = Severity.FAILURE, Severity.ERROR
 RAISED = "asserts failure with exception"
 ROWS = {
-    # The ancestor's rows (rtf.md 3.1)
+    # The C++ framework's rows (rtf.md 3.1)
     "setup returns false": Row(
         Verdict.ERROR, setup="return False", done="setup teardown clean", messages=((ERROR, "setup() failed!", ""),)
     ),
@@ -546,7 +546,7 @@ def test_fixture_that_was_never_needed_is_never_set_up(tmp_path: Path):
     ],
 )
 def test_collapse_under_a_running_test(check: str, cause: str, tmp_path: Path):
-    """The test is stopped at once, is no failure, and runs again on the next incarnation; the incident is kept."""
+    """The test is stopped at once, is no failure, and runs again on the next generation; the incident is kept."""
     body = "time.sleep(60 if noted().count('run') == 1 else 0)"
     outcome = run_suite(
         tmp_path,

@@ -117,7 +117,7 @@ def test_keys_that_mean_nothing_any_more_may_be_listed():
 
 
 def test_every_problem_is_told_at_once():
-    """One run is enough to mend a file."""
+    """One run is enough to fix a file."""
     found = problems('--joints "(0 1)" --speed "(5 6 7)" --cycles 0 --mode tork --plot maybe')
     assert found == [
         "cycles: 0 is not at least 1 (param)",
@@ -129,7 +129,7 @@ def test_every_problem_is_told_at_once():
 
 
 def test_a_short_list_is_an_error_and_not_zeros():
-    """The ancestor reads zeros for what is missing, which has moved robots."""
+    """The C++ framework reads zeros for what is missing, which has moved robots."""
     assert problems('--part arm --speed "(20 20)"') == [
         "speed: has 2 values, must have 3 (as many as joints) (param)",
     ]
@@ -199,7 +199,7 @@ def test_nan_is_outside_every_range():
 
 
 def test_a_missing_file_lists_the_places(tmp_path: Path):
-    """The ancestor's message on a missing file is empty."""
+    """The C++ framework's message on a missing file is empty."""
     with pytest.raises(FileNotFoundError) as caught:
         Limits().resolve_parameters(param="--from nowhere.ini --part arm", folder=str(tmp_path))
     assert "nowhere.ini: not found" in str(caught.value)

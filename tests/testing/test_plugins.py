@@ -195,7 +195,7 @@ def test_an_unknown_type_lists_the_known_ones(folder: Path):
 
 
 def test_a_program_must_be_executable(folder: Path):
-    """A file that is neither script nor executable is named with what mends it."""
+    """A file that is neither script nor executable is named with what fixes it."""
     script = folder / "probe.sh"
     script.write_text("#!/bin/sh\n")
     with pytest.raises(PluginNotFoundError, match=r"chmod \+x"):

@@ -134,7 +134,7 @@ def test_run_that_was_resumed_twice(write: Writer):
 
 def test_incident_between_tests_is_never_lost(write: Writer):
     """What happened to the rig in an earlier part stays in the record."""
-    incident = FixtureIncident(fixture="rig", suite="s", incarnation=1, phase=Phase.CHECK, cause="x")
+    incident = FixtureIncident(fixture="rig", suite="s", generation=1, phase=Phase.CHECK, cause="x")
     path = write(*PLAN, *ran("s/a"), incident, *AGAIN, *ran("s/b"), OVER)
     assert len(folded(replay.as_one_run(path)).suites["s"].incidents) == 1
 

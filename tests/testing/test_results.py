@@ -73,8 +73,8 @@ def test_empty_run():
 
 BROKE = InternalError(text="x")
 STOPPED = Interrupted(source="x", stage=1)
-GONE = FixtureChanged(fixture="rig", suite="s", incarnation=1, state=FixtureState.FAILED)
-UNTIDY = FixtureIncident(fixture="rig", suite="s", incarnation=1, phase=Phase.TEARDOWN, cause="x")
+GONE = FixtureChanged(fixture="rig", suite="s", generation=1, state=FixtureState.FAILED)
+UNTIDY = FixtureIncident(fixture="rig", suite="s", generation=1, phase=Phase.TEARDOWN, cause="x")
 GRUMBLE = Message(severity=Severity.ERROR, title="x", suite="s", fixture="rig")
 
 
@@ -96,7 +96,7 @@ def test_what_comes_first_among_exit_codes(more: tuple[Event, ...], code: int):
 
 def test_fixture_that_came_back_is_usable():
     """Only the last state of a fixture counts."""
-    back = FixtureChanged(fixture="rig", suite="s", incarnation=2, state=FixtureState.READY)
+    back = FixtureChanged(fixture="rig", suite="s", generation=2, state=FixtureState.READY)
     assert results_of(Verdict.PASSED, more=(GONE, back)).exit_code() is ExitCode.PASSED
 
 
@@ -128,8 +128,8 @@ def test_events_of_what_was_never_planned_are_passed_over():
         TestRenamed(test="x", name="y"),
         Message(severity=Severity.ERROR, title="x", test="x"),
         Message(severity=Severity.ERROR, title="x", suite="x"),
-        FixtureChanged(fixture="x", suite="x", incarnation=1, state=FixtureState.FAILED),
-        FixtureIncident(fixture="x", suite="x", incarnation=1, phase=Phase.RUN, cause="x"),
+        FixtureChanged(fixture="x", suite="x", generation=1, state=FixtureState.FAILED),
+        FixtureIncident(fixture="x", suite="x", generation=1, phase=Phase.RUN, cause="x"),
         TestPlanned(test="x/y", suite="x", name="y"),
     ):
         results.apply(event)

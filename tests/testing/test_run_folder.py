@@ -23,7 +23,7 @@ def test_name_of_a_robot_does_not_lead_out_of_the_folder(tmp_path):
 
 
 def test_folder_that_cannot_be_made_is_an_error(tmp_path):
-    """Who asked for it says how to mend that."""
+    """Who asked for it says how to fix that."""
     (tmp_path / "file").touch()
     with pytest.raises(OSError, match="file"):
         make_run_folder(tmp_path / "file", "suite")

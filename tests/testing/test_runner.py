@@ -1,4 +1,4 @@
-"""The runner: lanes, shared fixtures, stopping early, isolation, exit codes, and what happens when it breaks itself."""
+"""The runner: suite workers, shared fixtures, stopping early, isolation, exit codes, and its own errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rtf.testing.events import (
     TestStarted,
 )
 from rtf.testing.interrupts import Interrupts
-from rtf.testing.isolation.children import Nursery, NurseryLostError
+from rtf.testing.isolation.worker_pool import ForkServerClient, ForkServerLostError
 from rtf.testing.plan import Planner, load_files
 from rtf.testing.reporting import Broadcast, Reporter, ReportOptions
 from rtf.testing.runner import Run, RunOptions
@@ -34,7 +34,7 @@ from rtf.testing.verdict import ExitCode, FixtureState, Verdict
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rtf.testing.isolation.children import Child
+    from rtf.testing.isolation.worker_pool import Child
     from rtf.testing.plugins import PluginRef
     from rtf.testing.results import RunResult
 
@@ -134,11 +134,11 @@ def spans(outcome: Outcome) -> dict[str, tuple[int, int]]:
     return {event.suite: (starts[event.suite], event.seq) for event in outcome.of(SuiteEnded)}
 
 
-# Lanes ---------------------------------------------------------------------------------------------------------------
+# Suite workers --------------------------------------------------------------------------------------------------------
 
 
 def test_suites_that_share_no_fixture_run_at_the_same_time(tmp_path: Path):
-    """Two suites that wait for each other come to an end with two lanes."""
+    """Two suites that wait for each other come to an end with two suite workers."""
     outcome = run_suites(
         tmp_path,
         {"a": "<test>a.py</test>", "b": "<test>b.py</test>"},
@@ -153,7 +153,7 @@ def test_suites_that_share_no_fixture_run_at_the_same_time(tmp_path: Path):
 
 
 def test_suites_that_share_a_fixture_never_overlap(tmp_path: Path):
-    """However many lanes there are, a rig is under one suite at a time; suites are grouped over several rigs, too."""
+    """However many suite workers there are, a rig is under one suite at a time, also where suites share several."""
     shared = '<fixture name="one">one.py</fixture>'
     outcome = run_suites(
         tmp_path,
@@ -242,8 +242,8 @@ def test_what_may_be_one_rig_is_taken_for_one(tmp_path: Path, first: str, second
     assert len(groups_sharing_fixtures(Planner().plan(loaded.suites))) == (2 if apart else 1)
 
 
-def test_results_of_many_lanes_are_complete_and_in_one_order(tmp_path: Path):
-    """Twelve suites in three lanes: every test ends once, numbers have no gap, each suite counts its own."""
+def test_results_of_many_workers_are_complete_and_in_one_order(tmp_path: Path):
+    """Twelve suites in three suite workers: every test ends once, numbers have no gap, each suite counts its own."""
     suites = {f"s{index}": "<test>t.py</test>" * 5 for index in range(12)}
     before = open_files()
     outcome = run_suites(tmp_path, suites, jobs=3, t__py=test_file("print('x')"))
@@ -252,14 +252,16 @@ def test_results_of_many_lanes_are_complete_and_in_one_order(tmp_path: Path):
     assert len({event.test for event in outcome.of(TestEnded)}) == 60
     assert [event.seq for event in outcome.events] == [*range(1, len(outcome.events) + 1)]
     assert all(event.counts == {"passed": 5} for event in outcome.of(SuiteEnded))
-    assert open_files() == before, "each lane gives its descriptors back"
+    assert open_files() == before, "each suite worker gives its descriptors back"
 
 
 def test_what_is_not_begun_any_more_costs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """After a stop each of the lanes starts processes once more at most, however many suites there are."""
-    started: list[Nursery] = []
-    start = Nursery.start
-    monkeypatch.setattr(Nursery, "start", lambda nursery: [started.append(nursery), start(nursery)])
+    """After a stop each of the suite workers starts processes once more at most, however many suites there are."""
+    started: list[ForkServerClient] = []
+    start = ForkServerClient.start
+    monkeypatch.setattr(
+        ForkServerClient, "start", lambda fork_server: [started.append(fork_server), start(fork_server)]
+    )
     suites = {f"s{index}": "<test>t.py</test>" for index in range(12)}
     outcome = run_suites(tmp_path, suites, jobs=2, fail_fast=True, t__py=test_file("self.check(False, 'no')"))
     assert outcome.exit_code == ExitCode.FAILURES
@@ -268,16 +270,18 @@ def test_what_is_not_begun_any_more_costs_nothing(tmp_path: Path, monkeypatch: p
     assert len(started) <= 4
 
 
-def test_lane_that_breaks_leaves_the_others_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_worker_that_breaks_leaves_the_others_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """An internal error is told, its suite is not run, the others are, and the exit code is 3."""
-    begin = Nursery.take
+    begin = ForkServerClient.take
 
-    def take(nursery: Nursery, plugin: PluginRef | None = None, fixtures: Mapping[str, int] | None = None) -> Child:
+    def take(
+        fork_server: ForkServerClient, plugin: PluginRef | None = None, fixtures: Mapping[str, int] | None = None
+    ) -> Child:
         if plugin is not None and plugin.path.endswith("bad.py"):
             raise ZeroDivisionError("lane")
-        return begin(nursery, plugin, fixtures)
+        return begin(fork_server, plugin, fixtures)
 
-    monkeypatch.setattr(Nursery, "take", take)
+    monkeypatch.setattr(ForkServerClient, "take", take)
     outcome = run_suites(
         tmp_path,
         {"a": "<test>bad.py</test><test>bad.py</test>", "b": "<test>t.py</test>"},
@@ -287,7 +291,7 @@ def test_lane_that_breaks_leaves_the_others_alone(tmp_path: Path, monkeypatch: p
     )
     assert outcome.exit_code == ExitCode.INTERNAL
     (told,) = outcome.of(InternalError)
-    assert told.text == "ZeroDivisionError: lane"
+    assert told.text == "ZeroDivisionError: suite worker"
     assert "in take" in told.traceback
     assert {test.id: test.verdict for test in outcome.results.tests.values()} == {
         "a/bad": Verdict.NOT_RUN,
@@ -567,18 +571,20 @@ def test_isolation_none_is_the_runners_own_process(tmp_path: Path):
 # When something of ours breaks ---------------------------------------------------------------------------------------
 
 
-def test_nursery_that_cannot_be_had_is_an_error_of_the_test(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_fork_server_that_cannot_be_had_is_an_error_of_the_test(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A loss is made good once; a test without a process is an error with a reason, and the others run."""
-    begin = Nursery.take
+    begin = ForkServerClient.take
     lost = []
 
-    def take(nursery: Nursery, plugin: PluginRef | None = None, fixtures: Mapping[str, int] | None = None) -> Child:
+    def take(
+        fork_server: ForkServerClient, plugin: PluginRef | None = None, fixtures: Mapping[str, int] | None = None
+    ) -> Child:
         lost.append(1)
         if len(lost) in (1, 2, 3):
-            raise NurseryLostError("no process is to be had")
-        return begin(nursery, plugin, fixtures)
+            raise ForkServerLostError("no process is to be had")
+        return begin(fork_server, plugin, fixtures)
 
-    monkeypatch.setattr(Nursery, "take", take)
+    monkeypatch.setattr(ForkServerClient, "take", take)
     for isolation in ("test", "suite"):
         lost.clear()
         (tmp_path / isolation).mkdir()

@@ -477,9 +477,9 @@ def test_hostile_test_has_its_verdict_and_the_next_one_passes(
 def test_test_that_kills_or_stops_what_it_was_forked_from(
     signum: str, whom: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """The nursery, or the template of the file, is replaced or roused: who suffers is an error, the others pass.
+    """The fork server, or the template of the file, is replaced or roused: who suffers is an error, the others pass.
 
-    Tests of a file that is used twice are forked from its template, so that they outlive a nursery that is stopped.
+    Tests of a file that is used twice are forked from its template, so that they outlive a fork server that is stopped.
     """
     monkeypatch.setattr(attempt, "_LEAVING", 0.5)
     monkeypatch.setattr(attempt, "_VANISH", 1.0)

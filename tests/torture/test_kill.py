@@ -1,4 +1,4 @@
-"""``kill -9`` at random instants: of the runner, the nursery, a test, a fixture's host, a fixture's program.
+"""``kill -9`` at random instants: of the runner, the fork server, a test, a fixture's host, a fixture's program.
 
 What must hold after each: every finished result is in the journal and intact, no process is left, ``--resume`` runs the
 rest and only the rest, reports can be made, and what was said of finished tests is never said otherwise.
@@ -131,7 +131,7 @@ def victims(command: Command) -> dict[str, int]:
             if PROGRAM in process.cmdline():
                 found["program"] = process.pid
             elif process.ppid() == command.process.pid:
-                found["nursery"] = process.pid
+                found["fork_server"] = process.pid
         except psutil.NoSuchProcess:
             continue
     return found
@@ -207,7 +207,7 @@ def test_killed_runner_loses_nothing_and_is_resumed(folder: Path, seed: int):
 
 
 @pytest.mark.parametrize("seed", range(ROUNDS))
-@pytest.mark.parametrize("victim", ["nursery", "test", "host", "program"])
+@pytest.mark.parametrize("victim", ["fork_server", "test", "host", "program"])
 def test_run_survives_the_death_of_any_other_process(folder: Path, victim: str, seed: int):
     """Whichever process below the runner is killed, every test gets its verdict and the run ends in order."""
     rng = random.Random(f"{victim} {seed}")

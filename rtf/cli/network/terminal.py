@@ -162,11 +162,11 @@ def say(text: str) -> None:
     print(text, flush=True)
 
 
-def complain(text: str, mend: str = "") -> None:
-    """Say what is wrong, marked as YARP marks it, and on a line of its own what would mend it."""
+def complain(text: str, hint: str = "") -> None:
+    """Say what is wrong, marked as YARP marks it, and on a line of its own what would fix it."""
     print(f"[ERROR] {text}", file=sys.stderr)
-    if mend:
-        print(f"        {mend}", file=sys.stderr)
+    if hint:
+        print(f"        {hint}", file=sys.stderr)
 
 
 def report(sentence: str) -> None:

@@ -135,7 +135,6 @@ class DatagramInput(InputLink):
         self._ending = threading.Lock()  # the number of a bell that is gone is soon somebody else's
 
     def receive(self) -> Message:
-        """See the base."""
         while True:
             self._poll.poll()
             if self._closed:
@@ -156,14 +155,12 @@ class DatagramInput(InputLink):
         """Nobody listens."""
 
     def close(self) -> None:
-        """See the base."""
         self._closed = True
         with self._ending:
             if self._bell >= 0:
                 os.eventfd_write(self._bell, 1)
 
     def release(self) -> None:
-        """See the base."""
         self.endpoint.close()
         with self._ending:
             bell, self._bell = self._bell, -1
@@ -184,7 +181,6 @@ class DatagramOutput(OutputLink):
         self._size = int(os.environ.get(f"YARP_{carrier.name.upper()}_SIZE") or os.environ.get("YARP_DGRAM_SIZE") or 0)
 
     def send(self, message: Outgoing) -> None:
-        """See the base."""
         command = wire.command(message.key, message.envelope)
         data = b"".join([wire.index_of_two(len(command), message.size), command, *message.blocks])
         try:
@@ -292,13 +288,11 @@ class McastOutput(DatagramOutput):
         group.members.append(self)
 
     def send(self, message: Outgoing) -> None:
-        """See the base."""
         members = self._group.members
         if members and members[0] is self:
             super().send(message)
 
     def close(self, *, politely: bool = True) -> None:
-        """See the base."""
         with contextlib.suppress(ValueError):
             self._group.members.remove(self)
         super().close(politely=politely)

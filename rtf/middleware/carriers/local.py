@@ -54,7 +54,6 @@ class LocalInput(InputLink):
         """There is nothing to answer here."""
 
     def close(self) -> None:
-        """See the base."""
         self._stream.close()
 
 
@@ -92,7 +91,6 @@ class LocalOutput(OutputLink):
         """Nobody is waited for here: the other port's owner works in this thread."""
 
     def close(self, *, politely: bool = True) -> None:  # noqa: ARG002 - the end of the stream says it
-        """See the base."""
         self._closed.set()
         self._stream.close()
 

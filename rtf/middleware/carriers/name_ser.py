@@ -54,12 +54,10 @@ class NameSerInput(InputLink):
         return line.removesuffix(b"\r")
 
     def answer(self, *reply: Buffer) -> None:
-        """See the base."""
         if reply:
             self._stream.send(*reply)
 
     def close(self) -> None:
-        """See the base."""
         self._stream.close()
 
 

@@ -35,14 +35,12 @@ class StreamInput(InputLink):
         self._acknowledged = carrier.acknowledged
 
     def answer(self, *reply: Buffer) -> None:
-        """See the base."""
         if self._acknowledged:
             self._stream.send(*reply, self.acknowledgement)
         elif reply:
             self._stream.send(*reply)
 
     def close(self) -> None:
-        """See the base."""
         self._stream.close()
 
 
@@ -79,11 +77,9 @@ class StreamOutput(OutputLink):
             return reply
 
     def limit_waiting(self, seconds: float | None) -> None:
-        """See the base."""
         self._stream.limit_waiting(seconds)
 
     def close(self, *, politely: bool = True) -> None:
-        """See the base."""
         if politely:
             with contextlib.suppress(MiddlewareError, OSError):  # it is gone already, which is what was wanted
                 self._stream.limit_waiting(_PATIENCE)

@@ -100,11 +100,9 @@ class TcpInput(StreamInput, GatheredLink):
             self._stream.send(*reply, _ACK)
 
     def fill(self) -> None:
-        """See the base."""
         self._stream.fill()
 
     def missing(self) -> int:
-        """See the base."""
         stream = self._stream
         start = stream.start
         have = stream.end - start
@@ -121,7 +119,6 @@ class TcpInput(StreamInput, GatheredLink):
         return max(0, front + wire.message_size(stream.view, start + _INDEX_SIZE, blocks) - have)
 
     def acknowledge(self, count: int) -> None:
-        """See the base."""
         if self._acknowledged and count:
             self._stream.send_at_once(_ACK * count)
 
@@ -133,7 +130,6 @@ class TcpOutput(StreamOutput):
         super().__init__(carrier, stream, _NO_REPLY)
 
     def send(self, message: Outgoing) -> None:
-        """See the base."""
         blocks = message.blocks
         self._due += self._acknowledged
         if len(blocks) == 1 and len(blocks[0]) <= JOINED:
@@ -156,7 +152,6 @@ class TcpOutput(StreamOutput):
                 self.send(message)
 
     def finish(self) -> None:
-        """See the base."""
         stream = self._stream
         while self._due:
             while stream.end - stream.start < _ACK_SIZE:
@@ -206,7 +201,6 @@ class Tcp(Carrier):
         return TcpInput(self, stream, sender, modifiers)
 
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
-        """See the base."""
         return self.call(stream, port.name)
 
     def call(self, stream: Stream, name: str) -> TcpOutput:

@@ -54,7 +54,6 @@ class TextOutput(StreamOutput):
     """The sending end."""
 
     def send(self, message: Outgoing) -> None:
-        """See the base."""
         command = f"{message.key} {message.envelope}" if message.envelope else message.key
         self.send_lines(command, message.text)
 
@@ -84,7 +83,6 @@ class TextOutput(StreamOutput):
         return lines
 
     def finish(self) -> None:
-        """See the base."""
         self.receive_lines()
 
     def _take_leave(self) -> None:
@@ -106,7 +104,6 @@ class Text(Carrier):
         return TextInput(self, stream, name, modifiers)
 
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
-        """See the base."""
         return self.call(stream, port.name)
 
     def call(self, stream: Stream, name: str) -> TextOutput:

@@ -48,7 +48,6 @@ class UnixInput(StreamInput):
         self._lent = 0
 
     def receive(self) -> Message:
-        """See the base."""
         stream = self._stream
         stream.skip(self._read)
         self._read = 0
@@ -91,12 +90,10 @@ class UnixOutput(StreamOutput):
         super().__init__(carrier, stream, _ACK if carrier.acknowledged else b"")
 
     def send(self, message: Outgoing) -> None:
-        """See the base."""
         self._due = self._acknowledged
         self._stream.send(wire.command(message.key, message.envelope), *message.blocks)
 
     def finish(self) -> None:
-        """See the base."""
         if self._due:
             if self._stream.take(len(_ACK)) != _ACK:
                 raise ProtocolError("something else than an acknowledgement came")

@@ -80,26 +80,21 @@ class RemoteNames(Names):
             self._ask(command("set", record.contact.name, key, *values), _LIBRARY)
 
     def unregister(self, name: str) -> None:
-        """See Names."""
         with self._keeper.forgetting(name):
             self._ask(command("unregister", name))
 
     def query(self, name: str) -> Contact | None:
-        """See Names."""
         return next(filter(None, map(read_registration, self._ask(command("query", name)))), None)
 
     def list(self, prefix: str = "") -> Sequence[Contact]:
-        """See Names."""
         lines = self._ask(command("list", prefix) if prefix else "list")
         return [*filter(None, map(read_registration, lines))]
 
     def set_property(self, name: str, key: str, values: Sequence[str]) -> None:
-        """See Names."""
         self._ask(command("bot", "set", name, key, *values), _LIBRARY)
         self._keeper.note(name, key, values)
 
     def get_property(self, name: str, key: str) -> Sequence[str]:
-        """See Names."""
         return [to_string(value) for value in Bottle.parse(self._ask(command("bot", "get", name, key), _LIBRARY)[0])]
 
     def announce(self, name: str, *, active: bool = True) -> None:
@@ -114,13 +109,11 @@ class RemoteNames(Names):
                 self._keeper.announced(name, heard=True)
 
     def command(self, line: str) -> Sequence[str]:
-        """See Names."""
         if "\n" in line or "\r" in line:
             raise AddressError(f"{line!r} is more than one command")
         return self._ask(line)
 
     def close(self) -> None:
-        """See Names."""
         self._keeper.close()
 
     # What the keeper does ----------------------------------------------------------------------------------------

@@ -28,34 +28,26 @@ class LocalNames(Names):
         self._commands = commands or Commands(self._table, Subscriptions(self._table), Contact(host=host))
 
     def register(self, name: str, *, carrier: str = "", host: str = "", port: int = 0, promise: str = "") -> Contact:
-        """See Names."""
         carrier = carrier or "tcp"
         return self._table.register(name, carrier, host or ("" if carrier == "mcast" else self._host), port, promise)
 
     def unregister(self, name: str) -> None:
-        """See Names."""
         self._table.unregister(name)
 
     def query(self, name: str) -> Contact | None:
-        """See Names."""
         return self._table.query(name)
 
     def list(self, prefix: str = "") -> Sequence[Contact]:
-        """See Names."""
         return self._table.list(prefix)
 
     def set_property(self, name: str, key: str, values: Sequence[str]) -> None:
-        """See Names."""
         self._table.set(name, key, values)
 
     def get_property(self, name: str, key: str) -> Sequence[str]:
-        """See Names."""
         return self._table.get(name, key) or ()
 
     def announce(self, name: str, *, active: bool = True) -> None:
-        """See Names."""
         self._commands.answer(Bottle(["announce", name, int(active)]), self._host)
 
     def command(self, line: str) -> Sequence[str]:
-        """See Names."""
         return self._commands.answer(Bottle.parse(line), self._host).to_text().splitlines()

@@ -143,7 +143,6 @@ class _ServerPort(Port):
         super()._called(connection)
 
     def dispatch(self, caller: Input, key: str, text: str, data: Buffer) -> Sequence[Buffer]:
-        """See Port."""
         if key not in ("d", "D"):
             return super().dispatch(caller, key, text, data)
         assert caller.link is not None
@@ -172,7 +171,6 @@ class _LinesCodec(TextCodec[str]):
     """Lines, which are the same bytes on every carrier."""
 
     def encode(self, value: str, dialect: Dialect) -> Sequence[Buffer]:  # noqa: ARG002 - text has no dialect
-        """See Codec."""
         return (value.encode("utf-8", "surrogateescape"),)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[str, int]:  # noqa: ARG002
@@ -202,7 +200,6 @@ class _OwnNetwork(Network):
         self._own = listening, contact
 
     def open_address(self, name: str, promise: str = "") -> tuple[socket.socket, Contact]:  # noqa: ARG002
-        """See Network."""
         return self._own
 
 

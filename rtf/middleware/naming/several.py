@@ -25,7 +25,6 @@ class SeveralNames(Names):
         self._all = tuple(all_names)
 
     def register(self, name: str, *, carrier: str = "", host: str = "", port: int = 0, promise: str = "") -> Contact:
-        """See Names."""
         first, *others = self._all
         contact = first.register(name, carrier=carrier, host=host, port=port, promise=promise)
         done = [first]
@@ -40,11 +39,9 @@ class SeveralNames(Names):
         return contact
 
     def unregister(self, name: str) -> None:
-        """See Names."""
         _each(self._all, lambda names: names.unregister(name))
 
     def query(self, name: str) -> Contact | None:
-        """See Names."""
         return self._first(lambda names: names.query(name))
 
     def list(self, prefix: str = "") -> Sequence[Contact]:
@@ -53,15 +50,12 @@ class SeveralNames(Names):
         return [found[name] for name in sorted(found)]
 
     def set_property(self, name: str, key: str, values: Sequence[str]) -> None:
-        """See Names."""
         _each(self._all, lambda names: names.set_property(name, key, values))
 
     def get_property(self, name: str, key: str) -> Sequence[str]:
-        """See Names."""
         return self._first(lambda names: names.get_property(name, key)) or ()
 
     def announce(self, name: str, *, active: bool = True) -> None:
-        """See Names."""
         _each(self._all, lambda names: names.announce(name, active=active))
 
     def command(self, line: str) -> Sequence[str]:
@@ -69,7 +63,6 @@ class SeveralNames(Names):
         return self._all[0].command(line)
 
     def close(self) -> None:
-        """See Names."""
         _each(self._all, lambda names: names.close())
 
     def _first(self, ask: Callable[[Names], T]) -> T | None:

@@ -44,7 +44,6 @@ class Memory(Store):
     """Keeps nothing: what a server knows ends with it."""
 
     def load(self, kind: str) -> Iterator[tuple[str, Any]]:  # noqa: ARG002
-        """See Store."""
         return iter(())
 
     def put(self, kind: str, key: str, value: object) -> None:
@@ -76,7 +75,6 @@ class Database(Store):
             raise self._error(error) from None
 
     def load(self, kind: str) -> Iterator[tuple[str, Any]]:
-        """See Store."""
         try:
             rows = self._connection.execute("SELECT key, value FROM names WHERE kind = ?", (kind,)).fetchall()
             yield from ((key, json.loads(value)) for key, value in rows)
@@ -84,15 +82,12 @@ class Database(Store):
             raise self._error(error) from None
 
     def put(self, kind: str, key: str, value: object) -> None:
-        """See Store."""
         self._change("REPLACE INTO names VALUES (?, ?, ?)", kind, key, json.dumps(value))
 
     def drop(self, kind: str, key: str) -> None:
-        """See Store."""
         self._change("DELETE FROM names WHERE kind = ? AND key = ?", kind, key)
 
     def close(self) -> None:
-        """See Store."""
         self._connection.close()
 
     def _change(self, statement: str, *values: str) -> None:

@@ -17,7 +17,7 @@ _VECTOR, _MATRIX = 1, 2
 
 
 def codec_of_array(array: NDArray[Any]) -> Codec[Any]:
-    """The codec of an array, by its dimensions and the type of its elements. Raises BottleTypeError with the mend."""
+    """The codec of an array, by its dimensions and the type of its elements. Raises BottleTypeError with the hint."""
     if array.ndim == _VECTOR:
         return vector_of(array.dtype)
     if array.ndim == _MATRIX and array.dtype.kind in "if":

@@ -84,7 +84,6 @@ class ImageCodec(TextCodec["Image"]):
         return (_HEADER.pack(*head), block.data.cast("B")) if size else (_HEADER.pack(*head),)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Image, int]:  # noqa: ARG002 - the same in both
-        """See Codec."""
         header, end = _read_header(data)
         return self._made(header, bytearray(memoryview(data)[_HEADER.size : end]), 0), end
 

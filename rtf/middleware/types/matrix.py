@@ -45,7 +45,6 @@ class MatrixCodec(TextCodec["Array"]):
         )
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Array, int]:
-        """See Codec."""
         array, end = self._view(data, dialect)
         return array.copy(), end
 

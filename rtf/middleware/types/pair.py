@@ -50,7 +50,6 @@ class PairCodec(TextCodec[Pair[A, B]]):
         return (b"".join((_HEAD, head, *body)),)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Pair[A, B], int]:
-        """See Codec."""
         first, second, rest = self._parts(data, dialect)
         try:
             value, end = self._second.decode_from(rest, dialect)

@@ -47,7 +47,6 @@ class RecordCodec(TextCodec["Record"]):
         return (b"".join(blocks),) if sum(map(len, blocks)) <= _COPIED else blocks
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Record, int]:
-        """See Codec."""
         bottle, end = decode_from(data, 0, dialect)
         return Record(*bottle), end
 

@@ -50,7 +50,6 @@ class SoundCodec(TextCodec["Sound"]):
         return blocks if value.samples.nbytes > SMALL else (b"".join(blocks),)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Sound, int]:
-        """See Codec."""
         sound, end = self._view(data, dialect)
         return Sound(sound.samples.copy(), sound.frequency), end
 

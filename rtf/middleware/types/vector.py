@@ -62,7 +62,6 @@ class VectorCodec(TextCodec["Array"]):
         return with_head(pair.pack(self._codes[dialect], array.size), array)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Array, int]:
-        """See Codec."""
         array, end = self.view_from(data, dialect)
         return array if array.flags.owndata else array.copy(), end
 

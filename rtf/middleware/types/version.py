@@ -27,7 +27,6 @@ class ProtocolVersionCodec(TextCodec["ProtocolVersion"]):
         return (_VERSION.pack(LIST, 1, value.protocol, value.major, value.minor, value.patch),)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[ProtocolVersion, int]:  # noqa: ARG002
-        """See Codec."""
         if len(data) < _VERSION.size:
             raise TruncatedBottleError(_VERSION.size)
         kind, count, *numbers = _VERSION.unpack_from(data)

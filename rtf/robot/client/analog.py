@@ -51,7 +51,6 @@ class AnalogClient(Device, IAnalogSensor):
             self._stream, self._asker, self._opened = stream, asker, opened.pop_all()
 
     def close(self) -> None:
-        """See Device."""
         self._stream = self._asker = None
         if self._opened is not None:
             self._opened.close()
@@ -63,7 +62,6 @@ class AnalogClient(Device, IAnalogSensor):
         return 0 if came is None else len(came.value)
 
     def read(self) -> SensorReading:
-        """See IAnalogSensor."""
         came = self._open_stream().fresh()
         return SensorReading(came.value, came.at if came.stamp is None else came.stamp.time)
 

@@ -65,14 +65,12 @@ class AnalogSensorsClient(Device, IMultipleAnalogSensors):
         return read_metadata(asker.ask(call("getMetadata")), server)
 
     def close(self) -> None:
-        """See Device."""
         self._stream = None
         if self._opened is not None:
             self._opened.close()
             self._opened = None
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
-        """See IMultipleAnalogSensors."""
         if self._infos is not None:
             return self._infos[category] if category < len(self._infos) else ()
         came = self._open_stream().came

@@ -54,7 +54,6 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
     # What is asked and told: one joint, a group and all of them each have a form of their own -----------------------
 
     def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
-        """See ForwardedBoard."""
         questions, lead = GETTING[method.__name__], _words(of) if of else ()
         question, elements = questions[Shape.ALL], self._elements(questions, axes, lead)
         if question.kind is kinds.FLOAT:
@@ -65,13 +64,11 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
             raise self._link.rpc.nonsense(question, lead, [*elements], str(error)) from None
 
     def forward_setting(self, method: Plural, values: Sequence[Any], axes: AxisSelection, *of: object) -> None:
-        """See ForwardedBoard."""
         questions = SETTING[method.__name__]
         write = questions[Shape.ONE].kind.write
         self._tell(questions, axes, _words(of), [element for value in values for element in write(value)])
 
     def forward_action(self, method: Plural, axes: AxisSelection) -> list[Any]:
-        """See ForwardedBoard."""
         questions = GETTING.get(method.__name__)
         if questions is None:
             self._tell(SETTING[method.__name__], axes)
@@ -84,7 +81,6 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         return [not numbers or rpc.read(questions[Shape.GROUP], len(numbers), _listed(numbers))]
 
     def forward_single(self, method: Callable[..., R], axis: int, *arguments: object, of: tuple[object, ...] = ()) -> R:
-        """See ForwardedBoard."""
         name, rpc = method.__name__, self._link.rpc
         if name in GETTING:
             return rpc.read(GETTING[name][Shape.SINGLE], *_words(of), axis)  # type: ignore[no-any-return]
@@ -93,7 +89,6 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         return tell(question, *_words(of), axis, *self._written(question, arguments))  # type: ignore[return-value]
 
     def forward_whole(self, method: Callable[..., R]) -> R:
-        """See ForwardedBoard."""
         name, rpc = method.__name__, self._link.rpc
         if name in GETTING:
             return rpc.read(GETTING[name][Shape.NONE])  # type: ignore[no-any-return]
@@ -161,11 +156,9 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
     # What is asked in another way -----------------------------------------------------------------------------------
 
     def motor_encoder_count(self) -> int:
-        """See IMotorEncoders."""
         return self.forward_whole(IMotorEncoders.motor_encoder_count)
 
     def motor_count(self) -> int:
-        """See IMotor."""
         return self.forward_whole(IMotor.motor_count)
 
     def pwm(self, motor: int) -> float:
@@ -218,7 +211,6 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
             return False
 
     def variable(self, key: str) -> Bottle:
-        """See IRemoteVariables."""
         question, rpc = GETTING["variable"][Shape.NAMED], self._link.rpc
         data = rpc.get(question, key)
         if len(data) == 1 and isinstance(data[0], Bottle):
@@ -226,11 +218,9 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         raise rpc.nonsense(question, (key,), data, "a list is needed")
 
     def set_variable(self, key: str, value: Bottle) -> None:
-        """See IRemoteVariables."""
         self._link.rpc.tell(SETTING["set_variable"][Shape.NAMED], key, *value)
 
     def variables(self) -> tuple[str, ...]:
-        """See IRemoteVariables."""
         return self.forward_whole(IRemoteVariables.variables)
 
 

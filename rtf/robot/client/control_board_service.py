@@ -46,7 +46,6 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
     # What is asked and told -----------------------------------------------------------------------------------------
 
     def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
-        """See ForwardedBoard."""
         name, rpc, numbers = method.__name__, self._link.rpc, self.chosen(axes)
         if len(numbers) == 1:
             return [rpc.call(_message(method, Style.ONE), *of, numbers[0])]
@@ -57,7 +56,6 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
         return [every[number] for number in numbers]
 
     def forward_setting(self, method: Plural, values: Sequence[Any], axes: AxisSelection, *of: object) -> None:
-        """See ForwardedBoard."""
         name, rpc, numbers = method.__name__, self._link.rpc, self.chosen(axes)
         if self._are_all(numbers) and len(numbers) > 1:
             rpc.call(_message(method, Style.ALL), *of, values)
@@ -68,7 +66,6 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
                 rpc.call(_message(method, Style.ONE), *of, number, value)
 
     def forward_action(self, method: Plural, axes: AxisSelection) -> list[Any]:
-        """See ForwardedBoard."""
         rpc, numbers = self._link.rpc, self.chosen(axes)
         if self._are_all(numbers):
             return [rpc.call(_message(method, Style.ALL))]
@@ -77,7 +74,6 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
         return [rpc.call(_message(method, Style.ONE), number) for number in numbers]
 
     def forward_single(self, method: Callable[..., R], axis: int, *arguments: object, of: tuple[object, ...] = ()) -> R:
-        """See ForwardedBoard."""
         rpc = self._link.rpc
         if method.__name__ == "park_joint":
             return rpc.call_slowly(_PARK_JOINT, axis, True)  # type: ignore[no-any-return]  # wait until it is done
@@ -85,7 +81,6 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
         return ask(_message(method, Style.CALL), *of, axis, *arguments)  # type: ignore[no-any-return]
 
     def forward_whole(self, method: Callable[..., R]) -> R:
-        """See ForwardedBoard."""
         rpc = self._link.rpc
         ask = rpc.call_slowly if method.__name__ in SLOW else rpc.call
         return ask(_message(method, Style.CALL))  # type: ignore[no-any-return]
@@ -120,7 +115,6 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
         self._link.rpc.call(BY_NAME["calibrateAxisWithParamsRPC"], *self.chosen(joint), kind, *numbers[:3])
 
     def calibration_done(self, joint: int) -> bool:
-        """See IControlCalibration."""
         try:
             self._link.rpc.call(BY_NAME["calibrationDoneRPC"], *self.chosen(joint))
         except RefusedError:
@@ -136,16 +130,13 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
         self._link.rpc.call(BY_NAME["setPidsRPC"], kind, [*pids])
 
     def variable(self, key: str) -> Bottle:
-        """See IRemoteVariables."""
         value: Bottle = self._link.rpc.call(BY_NAME["getRemoteVariableRPC"], key)
         return value
 
     def set_variable(self, key: str, value: Bottle) -> None:
-        """See IRemoteVariables."""
         self._link.rpc.call(BY_NAME["setRemoteVariableRPC"], key, value)
 
     def variables(self) -> tuple[str, ...]:
-        """See IRemoteVariables."""
         keys: list[Bottle] = self._link.rpc.call(BY_NAME["getRemoteVariablesListRPC"])
         return tuple(as_string(item) for key in keys for item in key)
 

@@ -63,7 +63,6 @@ class FrameGrabberClient(Device, IFrameGrabber, IFrameGrabberControls):
             self._stream, self._asker, self._opened = stream, asker, opened.pop_all()
 
     def close(self) -> None:
-        """See Device."""
         self._stream = self._asker = None
         if self._opened is not None:
             self._opened.close()
@@ -72,11 +71,9 @@ class FrameGrabberClient(Device, IFrameGrabber, IFrameGrabberControls):
     # The image -------------------------------------------------------------------------------------------------------
 
     def width(self) -> int:
-        """See IFrameGrabber."""
         return self._side("w")
 
     def height(self) -> int:
-        """See IFrameGrabber."""
         return self._side("h")
 
     def _side(self, word: str) -> int:
@@ -103,48 +100,39 @@ class FrameGrabberClient(Device, IFrameGrabber, IFrameGrabberControls):
             raise NoAnswerError(f"{self.name}: the server's answer holds no image: {error}") from error
 
     def field_of_view(self) -> tuple[float, float]:
-        """See IFrameGrabber."""
         horizontal, vertical = self._numbers(2, OPTICS, GET, Vocab("fov"))
         return horizontal, vertical
 
     # Controls --------------------------------------------------------------------------------------------------------
 
     def camera_description(self) -> tuple[int, str]:
-        """See IFrameGrabberControls."""
         values = self._ask(CONTROLS, GET, Vocab("camd"))
         if len(values) != 2 or not isinstance(values[0], int) or not isinstance(values[1], str):  # noqa: PLR2004 - bus, text
             raise NoAnswerError(f"{self.name}: the server describes the camera so: {values.to_text()[:60]}")
         return values[0], values[1]
 
     def has_feature(self, feature: CameraFeature) -> bool:
-        """See IFrameGrabberControls."""
         return self._integer(CONTROLS, HAS, FEATURE, int(feature)) != 0
 
     def feature(self, feature: CameraFeature) -> tuple[float, ...]:
-        """See IFrameGrabberControls."""
         if feature is CameraFeature.WHITE_BALANCE:
             return self._numbers(2, CONTROLS, GET, Vocab("fea2"), int(feature))
         return self._numbers(1, CONTROLS, GET, FEATURE, int(feature))
 
     def set_feature(self, feature: CameraFeature, *values: float) -> None:
-        """See IFrameGrabberControls."""
         word = FEATURE if len(values) == 1 else Vocab("fea2")
         self._set(word, int(feature), *map(float, values))
 
     def is_active(self, feature: CameraFeature) -> bool:
-        """See IFrameGrabberControls."""
         return self._integer(CONTROLS, GET, Vocab("actv"), int(feature)) != 0
 
     def set_active(self, feature: CameraFeature, *, active: bool) -> None:
-        """See IFrameGrabberControls."""
         self._set(Vocab("actv"), int(feature), int(active))
 
     def is_automatic(self, feature: CameraFeature) -> bool:
-        """See IFrameGrabberControls."""
         return self._integer(CONTROLS, GET, Vocab("mode"), int(feature)) == AUTOMATIC
 
     def set_automatic(self, feature: CameraFeature, *, automatic: bool) -> None:
-        """See IFrameGrabberControls."""
         self._set(Vocab("mode"), int(feature), AUTOMATIC if automatic else MANUAL)
 
     # Asking ----------------------------------------------------------------------------------------------------------

@@ -48,14 +48,12 @@ class InertialClient(Device, IMultipleAnalogSensors):
             self._stream, self._opened = stream, opened.pop_all()
 
     def close(self) -> None:
-        """See Device."""
         self._stream = None
         if self._opened is not None:
             self._opened.close()
             self._opened = None
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
-        """See IMultipleAnalogSensors."""
         return (SensorInfo(""),) if category in ORDER else ()
 
     def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:

@@ -62,7 +62,6 @@ class AskedCodec(BottleCodec):
     """
 
     def encode(self, value: Bottle | Property | Asked, dialect: Dialect) -> Sequence[Buffer]:
-        """See Codec."""
         if not isinstance(value, tuple):
             return super().encode(value, dialect)
         question, arguments = value
@@ -79,7 +78,6 @@ class AskedCodec(BottleCodec):
         return (b"".join(parts),)
 
     def to_text(self, value: Bottle | Property | Asked) -> str:
-        """See Codec."""
         return super().to_text(plain(value) if isinstance(value, tuple) else value)
 
 

@@ -33,7 +33,6 @@ class RemoteControlBoardRemapper(RemappedBoard, Device):
     _opened: ExitStack | None = None
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         names = read_axis_names(configuration)
         remotes = parameters.names(configuration, "remoteControlBoards")
         if not remotes:

@@ -69,7 +69,6 @@ class BoardStub(Device, Generic[Rpc]):
             self._opened.state.wait_for_first()
 
     def close(self) -> None:
-        """See Device."""
         opened, self._opened = self._opened, None
         if opened is not None:
             opened.close()
@@ -129,15 +128,12 @@ class BoardStub(Device, Generic[Rpc]):
         return joints, motors
 
     def encoders(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
         return self._link.state.read(Field.JOINT_POSITIONS, joints)
 
     def encoder_speeds(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
         return self._link.state.read(Field.JOINT_VELOCITIES, joints)
 
     def encoder_accelerations(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
         return self._link.state.read(Field.JOINT_ACCELERATIONS, joints)
 
     def encoder_times(self, joints: AxisSelection = None) -> FloatArray:
@@ -145,19 +141,15 @@ class BoardStub(Device, Generic[Rpc]):
         return self._link.state.times(joints)
 
     def motor_encoders(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
         return self._link.state.read(Field.MOTOR_POSITIONS, motors)
 
     def motor_encoder_speeds(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
         return self._link.state.read(Field.MOTOR_VELOCITIES, motors)
 
     def motor_encoder_accelerations(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
         return self._link.state.read(Field.MOTOR_ACCELERATIONS, motors)
 
     def torques(self, joints: AxisSelection = None) -> FloatArray:
-        """See ITorqueControl."""
         return self._link.state.read(Field.TORQUES, joints)
 
     def currents(self, motors: AxisSelection = None) -> FloatArray:
@@ -188,15 +180,12 @@ class BoardStub(Device, Generic[Rpc]):
         self._stream("velocity_move", velocities, joints)
 
     def set_positions(self, positions: Values, joints: AxisSelection = None) -> None:
-        """See IPositionDirect."""
         self._stream("set_positions", positions, joints)
 
     def set_reference_torques(self, torques: Values, joints: AxisSelection = None) -> None:
-        """See ITorqueControl."""
         self._stream("set_reference_torques", torques, joints)
 
     def set_reference_currents(self, currents: Values, motors: AxisSelection = None) -> None:
-        """See ICurrentControl."""
         self._stream("set_reference_currents", currents, motors)
 
     def set_reference_duty_cycles(self, duties: Values, motors: AxisSelection = None) -> None:

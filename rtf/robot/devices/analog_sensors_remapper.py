@@ -39,7 +39,6 @@ class AnalogSensorsRemapper(Device, IMultipleAnalogSensors):
     """
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         self._wanted = {
             category: parameters.names(configuration, f"{tag}Names") for category, tag in CATEGORY_TAGS.items()
         }
@@ -67,11 +66,9 @@ class AnalogSensorsRemapper(Device, IMultipleAnalogSensors):
         return places[0][1:]
 
     def detach(self) -> None:
-        """See Device."""
         self._sensors = {}
 
     def close(self) -> None:
-        """See Device."""
         self.detach()
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
@@ -79,12 +76,10 @@ class AnalogSensorsRemapper(Device, IMultipleAnalogSensors):
         return [device.sensors(category)[index] for device, index in self._sensors.get(category, ())]
 
     def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:
-        """See IMultipleAnalogSensors."""
         device, inner = self._sensor(category, index)
         return device.sensor_status(category, inner)
 
     def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
-        """See IMultipleAnalogSensors."""
         device, inner = self._sensor(category, index)
         return device.read_sensor(category, inner)
 

@@ -38,39 +38,30 @@ class Calibrated(Device, IRemoteCalibrator):
         self._calibrator = calibrator
 
     def has_calibrator(self) -> bool:
-        """See IRemoteCalibrator."""
         return self._calibrator is not None
 
     def calibrate_joint(self, joint: int) -> None:
-        """See IRemoteCalibrator."""
         self._calibrator_of_joints().calibrate_joint(self, joint)
 
     def calibrate_part(self) -> None:
-        """See IRemoteCalibrator."""
         self._its_calibrator().calibrate(self)
 
     def home_joint(self, joint: int) -> None:
-        """See IRemoteCalibrator."""
         self._calibrator_of_joints().home_joint(self, joint)
 
     def home_part(self) -> None:
-        """See IRemoteCalibrator."""
         self._its_calibrator().home(self)
 
     def park_joint(self, joint: int) -> None:
-        """See IRemoteCalibrator."""
         self._calibrator_of_joints().park_joint(self, joint)
 
     def park_part(self) -> None:
-        """See IRemoteCalibrator."""
         self._its_calibrator().park(self)
 
     def quit_calibrate(self) -> None:
-        """See IRemoteCalibrator."""
         self._its_calibrator().abort()
 
     def quit_park(self) -> None:
-        """See IRemoteCalibrator."""
         self._its_calibrator().abort()
 
     def _its_calibrator(self) -> Calibrator:

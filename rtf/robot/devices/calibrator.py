@@ -44,7 +44,6 @@ class BoardCalibrator(JointCalibrator):
         self._movement: Movement | None = None
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         self._settings = CalibratorSettings.read(configuration)
 
     def close(self) -> None:
@@ -54,12 +53,10 @@ class BoardCalibrator(JointCalibrator):
     # All joints --------------------------------------------------------------------------------------------------
 
     def calibrate(self, target: Device) -> None:
-        """See Calibrator."""
         with self._moving(target, "the calibration") as (movement, settings):
             self._calibrate(target, movement, settings, settings.order)
 
     def home(self, target: Device) -> None:
-        """See Calibrator."""
         with self._moving(target, "the homing") as (movement, settings):
             self._rest(movement, settings, settings.rested, settings.home)
 
@@ -71,17 +68,14 @@ class BoardCalibrator(JointCalibrator):
     # One joint ---------------------------------------------------------------------------------------------------
 
     def calibrate_joint(self, target: Device, joint: int) -> None:
-        """See JointCalibrator."""
         with self._moving(target, "the calibration", joint) as (movement, settings):
             self._calibrate(target, movement, settings, [[joint]])
 
     def home_joint(self, target: Device, joint: int) -> None:
-        """See JointCalibrator."""
         with self._moving(target, "the homing", joint) as (movement, settings):
             self._rest(movement, settings, [joint], settings.home)
 
     def park_joint(self, target: Device, joint: int) -> None:
-        """See JointCalibrator."""
         with self._moving(target, "the parking", joint) as (movement, settings):
             self._rest(movement, settings, [joint], settings.park, power_off=settings.power_off)
 

@@ -82,7 +82,6 @@ class FakeBoard(
     # Device ------------------------------------------------------------------------------------------------------
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         general = group_of(configuration, "GENERAL")
         joints = count(general, "Joints", 1, MAX_JOINTS)
         names = _listed(general, "AxisName", joints) or [f"joint{joint}" for joint in range(joints)]
@@ -124,21 +123,17 @@ class FakeBoard(
     # Axes --------------------------------------------------------------------------------------------------------
 
     def axes(self) -> int:
-        """See IAxisInfo."""
         return self._axes.count
 
     def axis_name(self, joint: int) -> str:
-        """See IAxisInfo."""
         return self._names[self._one(joint)]
 
     def joint_type(self, joint: int) -> JointType:
-        """See IAxisInfo."""
         return self._types[self._one(joint)]
 
     # State -------------------------------------------------------------------------------------------------------
 
     def fill_state(self, state: ExtendedState) -> float:
-        """See IStateSource."""
         with self._lock:
             axes = self._now()
             gearbox = self._settings["gearbox_ratio"]
@@ -161,26 +156,22 @@ class FakeBoard(
     # Modes -------------------------------------------------------------------------------------------------------
 
     def control_modes(self, joints: AxisSelection = None) -> tuple[ControlMode, ...]:
-        """See IControlMode."""
         with self._lock:
             return tuple(self._axes.modes[joint] for joint in self._chosen(joints))
 
     def set_control_modes(self, modes: ControlMode | Sequence[ControlMode], joints: AxisSelection = None) -> None:
-        """See IControlMode."""
         with self._lock:
             chosen = self._chosen(joints)
             for joint, mode in zip(chosen, modes_for(len(chosen), modes), strict=True):
                 self._request(joint, mode)
 
     def interaction_modes(self, joints: AxisSelection = None) -> tuple[InteractionMode, ...]:
-        """See IInteractionMode."""
         with self._lock:
             return tuple(self._interaction[joint] for joint in self._chosen(joints))
 
     def set_interaction_modes(
         self, modes: InteractionMode | Sequence[InteractionMode], joints: AxisSelection = None
     ) -> None:
-        """See IInteractionMode."""
         with self._lock:
             chosen = self._chosen(joints)
             for joint, mode in zip(chosen, modes_for(len(chosen), modes), strict=True):
@@ -189,19 +180,16 @@ class FakeBoard(
                 self._interaction[joint] = mode
 
     def last_joint_fault(self, joint: int) -> tuple[int, str]:
-        """See IJointFault."""
         with self._lock:
             return self._faults.get(self._one(joint), (0, ""))
 
     # Limits, calibration, variables ------------------------------------------------------------------------------
 
     def limits(self, joint: int) -> tuple[float, float]:
-        """See IControlLimits."""
         chosen = self._one(joint)
         return float(self._axes.minima[chosen]), float(self._axes.maxima[chosen])
 
     def set_limits(self, joint: int, minimum: float, maximum: float) -> None:
-        """See IControlLimits."""
         chosen = self._one(joint)
         least, greatest = values_for(2, (minimum, maximum))
         if least > greatest:
@@ -209,12 +197,10 @@ class FakeBoard(
         self._axes.minima[chosen], self._axes.maxima[chosen] = least, greatest
 
     def velocity_limits(self, joint: int) -> tuple[float, float]:
-        """See IControlLimits."""
         least, greatest = self._speed_limits[self._one(joint)]
         return float(least), float(greatest)
 
     def set_velocity_limits(self, joint: int, minimum: float, maximum: float) -> None:
-        """See IControlLimits."""
         chosen = self._one(joint)
         least, greatest = values_for(2, (minimum, maximum))
         if not 0 <= least <= greatest:
@@ -227,27 +213,22 @@ class FakeBoard(
         self._calibrated[self._one(joint)] = True
 
     def set_calibration_parameters(self, joint: int, parameters: CalibrationParameters) -> None:
-        """See IControlCalibration."""
         self._calibration[self._one(joint)] = parameters
 
     def calibration_done(self, joint: int) -> bool:
-        """See IControlCalibration."""
         return self._calibrated[self._one(joint)]
 
     def variable(self, key: str) -> Bottle:
-        """See IRemoteVariables."""
         found = self._variables.get(key)
         if found is None:
             raise RefusedError(f"{self.name} has no variable {key!r}; there are {', '.join(self._variables) or 'none'}")
         return found[:]
 
     def set_variable(self, key: str, value: Bottle) -> None:
-        """See IRemoteVariables."""
         self.variable(key)
         self._variables[key] = value
 
     def variables(self) -> tuple[str, ...]:
-        """See IRemoteVariables."""
         if not self._variables:
             raise NotSupportedError(f"{self.name} has no variables; its group VARIABLES may give it some")
         return tuple(self._variables)

@@ -39,27 +39,22 @@ class FakeMoves(FakeParts, IEncoders, IPositionControl, IVelocityControl, IPosit
         self._speed_limits = np.zeros((0, 2))
 
     def encoders(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
         with self._lock:
             return self._now().positions[self._chosen(joints)]
 
     def encoder_speeds(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
         with self._lock:
             return self._now().speeds[self._chosen(joints)]
 
     def encoder_accelerations(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
         with self._lock:
             return self._now().accelerations[self._chosen(joints)]
 
     def encoder_times(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
         with self._lock:
             return np.full(len(self._chosen(joints)), self._now().time)
 
     def set_encoders(self, values: Values, joints: AxisSelection = None) -> None:
-        """See IEncoders."""
         chosen, positions = self._given(values, joints)
         if (np.abs(positions) > FARTHEST).any():
             raise RefusedError(f"no joint is at {positions.tolist()} deg; at most it is at {FARTHEST:g}")
@@ -67,32 +62,27 @@ class FakeMoves(FakeParts, IEncoders, IPositionControl, IVelocityControl, IPosit
             self._now().declare(chosen, positions)
 
     def reset_encoders(self, joints: AxisSelection = None) -> None:
-        """See IEncoders."""
         chosen = self._chosen(joints)
         self.set_encoders(np.zeros(len(chosen)), chosen)
 
     # Moves -------------------------------------------------------------------------------------------------------
 
     def position_move(self, targets: Values, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
         chosen, positions = self._given(targets, joints)
         with self._lock:
             self._now().move(chosen, positions)
 
     def relative_move(self, distances: Values, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
         chosen, ways = self._given(distances, joints)
         with self._lock:
             axes = self._now()
             axes.move(chosen, axes.targets[chosen] + ways)
 
     def motion_done(self, joints: AxisSelection = None) -> bool:
-        """See IPositionControl."""
         with self._lock:
             return not self._now().moving[self._chosen(joints)].any()
 
     def target_positions(self, joints: AxisSelection = None) -> FloatArray:
-        """See IPositionControl."""
         with self._lock:
             return self._axes.targets[self._chosen(joints)]
 
@@ -102,21 +92,17 @@ class FakeMoves(FakeParts, IEncoders, IPositionControl, IVelocityControl, IPosit
         self._axes.reference_speeds[chosen] = np.abs(values)
 
     def reference_speeds(self, joints: AxisSelection = None) -> FloatArray:
-        """See IPositionControl."""
         return self._axes.reference_speeds[self._chosen(joints)]
 
     def set_reference_accelerations(self, accelerations: Values, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
         chosen, values = self._given(accelerations, joints)
         with self._lock:
             self._now().reference_accelerations[chosen] = np.abs(values)
 
     def reference_accelerations(self, joints: AxisSelection = None) -> FloatArray:
-        """See IPositionControl."""
         return self._axes.reference_accelerations[self._chosen(joints)]
 
     def stop(self, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
         with self._lock:
             self._now().stop(self._chosen(joints))
 
@@ -128,18 +114,15 @@ class FakeMoves(FakeParts, IEncoders, IPositionControl, IVelocityControl, IPosit
             self._now().run(chosen, np.clip(speeds, -greatest, greatest))
 
     def target_velocities(self, joints: AxisSelection = None) -> FloatArray:
-        """See IVelocityControl."""
         with self._lock:
             return self._axes.target_speeds[self._chosen(joints)]
 
     def set_positions(self, positions: Values, joints: AxisSelection = None) -> None:
-        """See IPositionDirect."""
         chosen, values = self._given(positions, joints)
         with self._lock:
             self._now().follow(chosen, values)
 
     def reference_positions(self, joints: AxisSelection = None) -> FloatArray:
-        """See IPositionDirect."""
         with self._lock:
             return self._axes.direct[self._chosen(joints)]
 
@@ -154,42 +137,34 @@ class FakeForces(FakeParts, ITorqueControl, IImpedanceControl, IPWMControl):
         self._impedance_offsets = np.zeros(0)
 
     def torques(self, joints: AxisSelection = None) -> FloatArray:
-        """See ITorqueControl."""
         with self._lock:
             return self._axes.measured(ControlMode.TORQUE)[self._chosen(joints)]
 
     def torque_range(self, joint: int) -> tuple[float, float]:
-        """See ITorqueControl."""
         self._one(joint)
         return TORQUE_RANGE
 
     def set_reference_torques(self, torques: Values, joints: AxisSelection = None) -> None:
-        """See ITorqueControl."""
         chosen, values = self._given(torques, joints)
         with self._lock:
             self._now().refer(ControlMode.TORQUE, chosen, np.clip(values, *TORQUE_RANGE))
 
     def reference_torques(self, joints: AxisSelection = None) -> FloatArray:
-        """See ITorqueControl."""
         with self._lock:
             return self._axes.references[ControlMode.TORQUE][self._chosen(joints)]
 
     def motor_torque_parameters(self, joint: int) -> MotorTorqueParameters:
-        """See ITorqueControl."""
         return self._motor_torques[self._one(joint)]
 
     def set_motor_torque_parameters(self, joint: int, parameters: MotorTorqueParameters) -> None:
-        """See ITorqueControl."""
         values_for(len(parameters), parameters)
         self._motor_torques[self._one(joint)] = parameters
 
     def impedance(self, joint: int) -> tuple[float, float]:
-        """See IImpedanceControl."""
         stiffness, damping = self._impedances[self._one(joint)]
         return float(stiffness), float(damping)
 
     def set_impedance(self, joint: int, stiffness: float, damping: float) -> None:
-        """See IImpedanceControl."""
         least_stiffness, greatest_stiffness, least_damping, greatest_damping = IMPEDANCE_LIMITS
         if not least_stiffness <= stiffness <= greatest_stiffness or not least_damping <= damping <= greatest_damping:
             raise RefusedError(
@@ -199,32 +174,26 @@ class FakeForces(FakeParts, ITorqueControl, IImpedanceControl, IPWMControl):
         self._impedances[self._one(joint)] = stiffness, damping
 
     def impedance_offset(self, joint: int) -> float:
-        """See IImpedanceControl."""
         return float(self._impedance_offsets[self._one(joint)])
 
     def set_impedance_offset(self, joint: int, offset: float) -> None:
-        """See IImpedanceControl."""
         chosen, value = self._given(offset, joint)
         self._impedance_offsets[chosen] = value
 
     def impedance_limits(self, joint: int) -> tuple[float, float, float, float]:
-        """See IImpedanceControl."""
         self._one(joint)
         return IMPEDANCE_LIMITS
 
     def set_reference_duty_cycles(self, duties: Values, motors: AxisSelection = None) -> None:
-        """See IPWMControl."""
         chosen, values = self._given(duties, motors)
         with self._lock:
             greatest = self._settings["pwm_limit"][chosen]
             self._now().refer(ControlMode.PWM, chosen, np.clip(values, -greatest, greatest))
 
     def reference_duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
-        """See IPWMControl."""
         with self._lock:
             return self._axes.references[ControlMode.PWM][self._chosen(motors)]
 
     def duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
-        """See IPWMControl."""
         with self._lock:
             return self._axes.measured(ControlMode.PWM)[self._chosen(motors)]

@@ -78,27 +78,21 @@ class FakeMotors(FakeParts, IMotor, IMotorEncoders, IAmplifierControl, ICurrentC
     """One motor a joint, behind a gearbox."""
 
     def motor_count(self) -> int:
-        """See IMotor."""
         return self._axes.count
 
     def temperatures(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotor."""
         return np.full(len(self._chosen(motors)), _TEMPERATURE)
 
     def temperature_limit(self, motor: int) -> float:
-        """See IMotor."""
         return self._setting("temperature_limit", motor)
 
     def set_temperature_limit(self, motor: int, limit: float) -> None:
-        """See IMotor."""
         self._change("temperature_limit", motor, limit)
 
     def gearbox_ratio(self, motor: int) -> float:
-        """See IMotor."""
         return self._setting("gearbox_ratio", motor)
 
     def set_gearbox_ratio(self, motor: int, ratio: float) -> None:
-        """See IMotor."""
         if ratio == 0:
             raise RefusedError(f"motor {motor}: no gearbox has a ratio of 0")
         self._change("gearbox_ratio", motor, ratio)
@@ -106,42 +100,34 @@ class FakeMotors(FakeParts, IMotor, IMotorEncoders, IAmplifierControl, ICurrentC
     # Encoders ----------------------------------------------------------------------------------------------------
 
     def motor_encoder_count(self) -> int:
-        """See IMotorEncoders."""
         return self._axes.count
 
     def motor_encoders(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
         with self._lock:
             turned = self._now().positions * self._settings["gearbox_ratio"] + self._settings["motor_zero"]
         return turned[self._chosen(motors)]
 
     def motor_encoder_speeds(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
         with self._lock:
             return (self._now().speeds * self._settings["gearbox_ratio"])[self._chosen(motors)]
 
     def motor_encoder_accelerations(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
         with self._lock:
             return (self._now().accelerations * self._settings["gearbox_ratio"])[self._chosen(motors)]
 
     def set_motor_encoders(self, values: Values, motors: AxisSelection = None) -> None:
-        """See IMotorEncoders."""
         chosen, wanted = self._given(values, motors)
         with self._lock:
             self._settings["motor_zero"][chosen] += wanted - self.motor_encoders(chosen)
 
     def reset_motor_encoders(self, motors: AxisSelection = None) -> None:
-        """See IMotorEncoders."""
         chosen = self._chosen(motors)
         self.set_motor_encoders(np.zeros(len(chosen)), chosen)
 
     def counts_per_revolution(self, motor: int) -> float:
-        """See IMotorEncoders."""
         return self._setting("counts_per_revolution", motor)
 
     def set_counts_per_revolution(self, motor: int, counts: float) -> None:
-        """See IMotorEncoders."""
         self._change("counts_per_revolution", motor, counts)
 
     # Amplifiers --------------------------------------------------------------------------------------------------
@@ -168,13 +154,11 @@ class FakeMotors(FakeParts, IMotor, IMotorEncoders, IAmplifierControl, ICurrentC
                 self._request(chosen, ControlMode.POSITION)
 
     def disable_amplifier(self, joint: int) -> None:
-        """See IAmplifierControl."""
         (chosen,) = self._chosen(joint)
         with self._lock:
             self._request(chosen, ControlMode.IDLE)
 
     def amplifier_status(self, joints: AxisSelection = None) -> tuple[int, ...]:
-        """See IAmplifierControl."""
         with self._lock:
             return tuple(self._faults.get(joint, (0, ""))[0] for joint in self._chosen(joints))
 
@@ -184,65 +168,52 @@ class FakeMotors(FakeParts, IMotor, IMotorEncoders, IAmplifierControl, ICurrentC
             return self._axes.measured(ControlMode.CURRENT)[self._chosen(motors)]
 
     def max_current(self, joint: int) -> float:
-        """See IAmplifierControl."""
         return self._setting("max_current", joint)
 
     def set_max_current(self, joint: int, current: float) -> None:
-        """See IAmplifierControl."""
         self._change("max_current", joint, current)
         if current <= 0:
             with self._lock:
                 self._fail(joint, f"over-current: more than the {current:g} A that are allowed")
 
     def nominal_current(self, motor: int) -> float:
-        """See IAmplifierControl."""
         return self._setting("nominal_current", motor)
 
     def set_nominal_current(self, motor: int, current: float) -> None:
-        """See IAmplifierControl."""
         self._change("nominal_current", motor, current)
 
     def peak_current(self, motor: int) -> float:
-        """See IAmplifierControl."""
         return self._setting("peak_current", motor)
 
     def set_peak_current(self, motor: int, current: float) -> None:
-        """See IAmplifierControl."""
         self._change("peak_current", motor, current)
 
     def pwm(self, motor: int) -> float:
-        """See IAmplifierControl."""
         with self._lock:
             return float(self._axes.measured(ControlMode.PWM)[self._one(motor)])
 
     def pwm_limit(self, motor: int) -> float:
-        """See IAmplifierControl."""
         return self._setting("pwm_limit", motor)
 
     def set_pwm_limit(self, motor: int, limit: float) -> None:
-        """See IAmplifierControl."""
         self._change("pwm_limit", motor, limit)
 
     def supply_voltage(self, motor: int) -> float:
-        """See IAmplifierControl."""
         return self._setting("supply_voltage", motor)
 
     # Currents ----------------------------------------------------------------------------------------------------
 
     def current_range(self, motor: int) -> tuple[float, float]:
-        """See ICurrentControl."""
         greatest = self.max_current(motor)
         return -greatest, greatest
 
     def set_reference_currents(self, currents: Values, motors: AxisSelection = None) -> None:
-        """See ICurrentControl."""
         chosen, values = self._given(currents, motors)
         with self._lock:
             greatest = self._settings["max_current"][chosen]
             self._now().refer(ControlMode.CURRENT, chosen, np.clip(values, -greatest, greatest))
 
     def reference_currents(self, motors: AxisSelection = None) -> FloatArray:
-        """See ICurrentControl."""
         with self._lock:
             return self._axes.references[ControlMode.CURRENT][self._chosen(motors)]
 
@@ -265,20 +236,16 @@ class FakePids(FakeParts, IPidControl):
             self._error_limits[kind] = np.zeros(count)
 
     def pid_count(self) -> int:
-        """See IPidControl."""
         return self._axes.count
 
     def pid(self, kind: PidType, joint: int) -> Pid:
-        """See IPidControl."""
         return self._pids[kind][self._one(joint)]
 
     def set_pid(self, kind: PidType, joint: int, pid: Pid) -> None:
-        """See IPidControl."""
         values_for(len(pid), pid)
         self._pids[kind][self._one(joint)] = pid
 
     def pid_references(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """See IPidControl."""
         return self._pid_references[kind][self._chosen(joints)]
 
     def set_pid_references(self, kind: PidType, values: Values, joints: AxisSelection = None) -> None:
@@ -287,39 +254,30 @@ class FakePids(FakeParts, IPidControl):
         self._pid_references[kind][chosen] = references
 
     def pid_errors(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """See IPidControl."""
         return np.zeros_like(self.pid_references(kind, joints))
 
     def pid_outputs(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """See IPidControl."""
         return np.zeros_like(self.pid_references(kind, joints))
 
     def pid_error_limits(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """See IPidControl."""
         return self._error_limits[kind][self._chosen(joints)]
 
     def set_pid_error_limits(self, kind: PidType, values: Values, joints: AxisSelection = None) -> None:
-        """See IPidControl."""
         chosen, limits = self._given(values, joints)
         self._error_limits[kind][chosen] = limits
 
     def set_pid_offset(self, kind: PidType, joint: int, offset: float) -> None:
-        """See IPidControl."""
         (value,) = values_for(1, offset)
         self.set_pid(kind, joint, self.pid(kind, joint)._replace(offset=float(value)))
 
     def reset_pid(self, kind: PidType, joint: int) -> None:
-        """See IPidControl."""
         self._pid_references[kind][self._one(joint)] = 0.0
 
     def enable_pid(self, kind: PidType, joint: int) -> None:
-        """See IPidControl."""
         self._enabled[kind][self._one(joint)] = True
 
     def disable_pid(self, kind: PidType, joint: int) -> None:
-        """See IPidControl."""
         self._enabled[kind][self._one(joint)] = False
 
     def pid_enabled(self, kind: PidType, joint: int) -> bool:
-        """See IPidControl."""
         return self._enabled[kind][self._one(joint)]

@@ -41,7 +41,6 @@ class FakeFrameGrabber(Device, IFrameGrabber, IFrameGrabberControls):
     """
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         self._width = parameters.count(configuration, "width", 320, _MAX_SIDE)
         self._height = parameters.count(configuration, "height", 240, _MAX_SIDE)
         self.period = parameters.positive(configuration, "period", 0.033)
@@ -58,15 +57,12 @@ class FakeFrameGrabber(Device, IFrameGrabber, IFrameGrabberControls):
         """See Device."""
 
     def width(self) -> int:
-        """See IFrameGrabber."""
         return self._width
 
     def height(self) -> int:
-        """See IFrameGrabber."""
         return self._height
 
     def image(self) -> tuple[Image, float]:
-        """See IFrameGrabber."""
         number = int(clock.current().now() / self.period)
         pixels = self._background.copy()
         pixels[number % self._height, :, _BLUE] = 255
@@ -75,42 +71,33 @@ class FakeFrameGrabber(Device, IFrameGrabber, IFrameGrabberControls):
         return Image(pixels, "rgb"), number * self.period
 
     def field_of_view(self) -> tuple[float, float]:
-        """See IFrameGrabber."""
         return self._field_of_view
 
     def camera_description(self) -> tuple[int, str]:
-        """See IFrameGrabberControls."""
         return 0, "a camera that draws its images itself"
 
     def has_feature(self, feature: CameraFeature) -> bool:
-        """See IFrameGrabberControls."""
         return feature in self._values
 
     def feature(self, feature: CameraFeature) -> tuple[float, ...]:
-        """See IFrameGrabberControls."""
         return self._values[self._known(feature)]
 
     def set_feature(self, feature: CameraFeature, *values: float) -> None:
-        """See IFrameGrabberControls."""
         needed = len(self._values[self._known(feature)])
         if len(values) != needed or not all(0.0 <= value <= 1.0 for value in values):
             raise RefusedError(f"{self.name}: {feature.name} takes {needed} from 0 to 1, not {values}")
         self._values[feature] = tuple(map(float, values))
 
     def is_active(self, feature: CameraFeature) -> bool:
-        """See IFrameGrabberControls."""
         return self._active[self._known(feature)]
 
     def set_active(self, feature: CameraFeature, *, active: bool) -> None:
-        """See IFrameGrabberControls."""
         self._active[self._known(feature)] = active
 
     def is_automatic(self, feature: CameraFeature) -> bool:
-        """See IFrameGrabberControls."""
         return self._automatic[self._known(feature)]
 
     def set_automatic(self, feature: CameraFeature, *, automatic: bool) -> None:
-        """See IFrameGrabberControls."""
         self._automatic[self._known(feature)] = automatic
 
     def _known(self, feature: CameraFeature) -> CameraFeature:

@@ -44,7 +44,6 @@ class FakeImu(Device, IMultipleAnalogSensors):
     """
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         self.period = parameters.positive(configuration, "period", 10.0) * 1e-3
         self._constant = parameters.flag(configuration, "constantValue")
         names = [[*parameters.names(configuration, key)] or [key] for key in ("sensorName", "frameName")]
@@ -55,7 +54,6 @@ class FakeImu(Device, IMultipleAnalogSensors):
         """See Device."""
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
-        """See IMultipleAnalogSensors."""
         return (self._info,) if category <= SensorCategory.ORIENTATION else ()
 
     def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:
@@ -64,7 +62,6 @@ class FakeImu(Device, IMultipleAnalogSensors):
         return self.state
 
     def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
-        """See IMultipleAnalogSensors."""
         self._check(category, index)
         if self.state is not SensorStatus.OK:
             raise RefusedError(f"{self.name} is not well: {self.state.name}")
@@ -91,18 +88,15 @@ class FakeAnalogSensor(Device, IAnalogSensor):
     """
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         self._offsets = np.zeros(parameters.count(configuration, "channels", 6, _MAX_CHANNELS))
 
     def close(self) -> None:
         """See Device."""
 
     def channels(self) -> int:
-        """See IAnalogSensor."""
         return self._offsets.size
 
     def read(self) -> SensorReading:
-        """See IAnalogSensor."""
         now = clock.current().now()
         return SensorReading(self._raw(now) - self._offsets, now)
 
@@ -110,7 +104,6 @@ class FakeAnalogSensor(Device, IAnalogSensor):
         return np.arange(self._offsets.size, dtype=float) + now % 60
 
     def calibrate(self, channel: int | None = None, value: float | None = None) -> None:
-        """See IAnalogSensor."""
         offsets = self._raw(clock.current().now()) - (value or 0.0)
         if channel is None:
             self._offsets = offsets
@@ -130,18 +123,14 @@ class FakeBattery(Device, IBattery):
         """See Device."""
 
     def voltage(self) -> float:
-        """See IBattery."""
         return 40.0
 
     def current(self) -> float:
-        """See IBattery."""
         return 2.0
 
     def charge(self) -> float:
-        """See IBattery."""
         hour = 3600.0
         return 100.0 * (1.0 - clock.current().now() % hour / hour)
 
     def temperature(self) -> float:
-        """See IBattery."""
         return 25.0

@@ -68,7 +68,6 @@ class RemappedBoard(ForwardedBoard, IRemoteVariables):
     # Passing on ---------------------------------------------------------------------------------------------------
 
     def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
-        """See ForwardedBoard."""
         chosen = self.chosen(axes)
         found: list[Any] = [None] * len(chosen)
         for share in self._shares(chosen):
@@ -82,16 +81,13 @@ class RemappedBoard(ForwardedBoard, IRemoteVariables):
         return found
 
     def forward_setting(self, method: Plural, values: Sequence[Any], axes: AxisSelection, *of: object) -> None:
-        """See ForwardedBoard."""
         for share in self._shares(self.chosen(axes)):
             _bound(share.board, method)(*of, [values[place] for place in share.places], share.joints)
 
     def forward_action(self, method: Plural, axes: AxisSelection) -> list[Any]:
-        """See ForwardedBoard."""
         return [_bound(share.board, method)(share.joints) for share in self._shares(self.chosen(axes))]
 
     def forward_single(self, method: Callable[..., R], axis: int, *arguments: object, of: tuple[object, ...] = ()) -> R:
-        """See ForwardedBoard."""
         place = self.places[axis]
         return _bound(place.board, method)(*of, place.joint, *arguments)
 
@@ -133,7 +129,6 @@ class RemappedBoard(ForwardedBoard, IRemoteVariables):
         raise NotSupportedError(f"{self.name} does not set {key!r} to {value}; set it at the board that it belongs to")
 
     def variables(self) -> tuple[str, ...]:
-        """See IRemoteVariables."""
         known = self._keys()
         if not known:
             raise NotSupportedError(f"{self.name}: none of {self._board_names()} has variables")
@@ -253,7 +248,6 @@ class ControlBoardRemapper(RemappedBoard, Device):
     _ranges: tuple[Range, ...] = ()
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         if configuration.check("axesNames") or not configuration.check("networks"):
             self._names, self._ranges = read_axis_names(configuration), ()
         else:
@@ -269,10 +263,8 @@ class ControlBoardRemapper(RemappedBoard, Device):
             self.places = place_ranges(self._ranges, devices, self.name)
 
     def detach(self) -> None:
-        """See Device."""
         self.places = ()
 
     def close(self) -> None:
-        """See Device."""
         self.detach()
         self._names, self._ranges = (), ()

@@ -56,7 +56,7 @@ def load(path: Path, tags: Tags, problems: ProblemLog, *, allow_deprecated: bool
         folder = path.parent.resolve()
         real = path.resolve()
     except (OSError, RuntimeError, ValueError) as error:
-        raise RobotFileError.of(Location(str(path)), f"cannot be found: {error}", "mend the path") from None
+        raise RobotFileError.of(Location(str(path)), f"cannot be found: {error}", "fix the path") from None
     loader = _Loader(folder, tags, problems, allow_deprecated=allow_deprecated)
     return loader.load(path, (real,), Location(str(path)))
 
@@ -93,7 +93,7 @@ class _Loader:
             data = _bytes_of(real)
         except (OSError, ValueError) as error:
             why = getattr(error, "strerror", None) or error
-            raise RobotFileError.of(asked, f"{str(path)[:500]} cannot be read: {why}", "mend the path") from None
+            raise RobotFileError.of(asked, f"{str(path)[:500]} cannot be read: {why}", "fix the path") from None
         self._bytes += len(data)
         if self._bytes > MAX_BYTES:
             raise RobotFileError.of(asked, f"the files of the robot are larger than {MAX_BYTES >> 20} MiB")
@@ -117,7 +117,7 @@ class _Loader:
         except RobotFileError as error:
             for problem in error.problems:
                 if problem not in self._problems.errors:
-                    self._problems.error(problem.location, problem.sentence, problem.mend)
+                    self._problems.error(problem.location, problem.sentence, problem.hint)
             return []
 
     def _follow(self, node: Element, path: Path, trail: tuple[Path, ...]) -> Element:

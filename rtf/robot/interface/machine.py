@@ -3,7 +3,7 @@
 ::
 
     startup ──────► run ──────► interrupt1 ──────► shutdown ──► the devices are closed
-       │    all is well   a wish    │  a further wish: interrupt2, then interrupt3,
+       │    all is well   a request    │  a further request: interrupt2, then interrupt3,
        └── something failed ────────┘  without waiting for what moves
 
 Whatever a device does is done in threads: one that throws or hangs is named, and the rest is parked, detached and
@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 
 from rtf.clock import Deadline
 from rtf.robot.interface.actions import job_of
+from rtf.robot.interface.device_table import DeviceTable
 from rtf.robot.interface.model import INTERRUPTS, ActionKind, Phase
-from rtf.robot.interface.rack import Rack
-from rtf.robot.interface.tasks import Patience, Task, Wishes, sentence_of
+from rtf.robot.interface.tasks import Patience, StopRequests, Task, sentence_of
 from rtf.robot.interface.telling import Tell, Weight, say_nothing, seconds
 
 if TYPE_CHECKING:
@@ -84,43 +84,43 @@ class RobotInterface:
         self._patience = patience or Patience()
         self._tell = tell
         self._autoclose = autoclose
-        self._wishes = Wishes()
+        self._stop_requests = StopRequests()
         self._heeded = 0
         self._was_ready = False
         self._moves: list[_Going] = []
         self._alone: list[Task] = []
         self._failures: list[str] = []
-        self._rack = Rack(robot, network, self._patience, self._wishes, tell)
+        self._device_table = DeviceTable(robot, network, self._patience, self._stop_requests, tell)
 
     @property
     def ready(self) -> bool:
         """Whether all actions of the startup were done, and nobody has asked for the end."""
-        return self.phase is Phase.RUN and not self._wishes.count
+        return self.phase is Phase.RUN and not self._stop_requests.count
 
     def interrupt(self) -> None:
         """Ask for the end as a signal does: the first time in order, the second and third time with less patience."""
-        self._wishes.add()
+        self._stop_requests.add()
 
     def quit(self) -> None:
         """Ask for the end, unless somebody has."""
-        self._wishes.add(first_only=True)
+        self._stop_requests.add(first_only=True)
 
     def run(self) -> Outcome:
         """Go through all phases; returns when the devices are closed."""
         try:
             self._enter(Phase.STARTUP)
-            if self._rack.open_all():
+            if self._device_table.open_all():
                 self._perform(Phase.STARTUP)
                 self._be_ready()
                 self._end()
-            elif self._rack.failures:
+            elif self._device_table.failures:
                 self._tell(Weight.ERROR, "not all devices are open, so nothing is done with those that are")
         finally:
             self._close()
         # What was told to stop and not waited for may be about to end.
-        self._wishes.wait(lambda: all(task.done for task in self._alone), Deadline.after(self._patience.abort))
-        hanging = [*self._rack.hanging, *(task.name for task in self._alone if not task.done)]
-        return Outcome(self._was_ready, (*self._rack.failures, *self._failures), tuple(hanging))
+        self._stop_requests.wait(lambda: all(task.done for task in self._alone), Deadline.after(self._patience.abort))
+        hanging = [*self._device_table.hanging, *(task.name for task in self._alone if not task.done)]
+        return Outcome(self._was_ready, (*self._device_table.failures, *self._failures), tuple(hanging))
 
     # Phases ------------------------------------------------------------------------------------------------------
 
@@ -131,19 +131,19 @@ class RobotInterface:
         self.phase = phase
 
     def _be_ready(self) -> None:
-        """Wait for a wish for the end; but not if something has failed, or there is one."""
-        if self._failures or self._wishes.count:
+        """Wait for a request for the end; but not if something has failed, or there is one."""
+        if self._failures or self._stop_requests.count:
             return
         self._was_ready = True
         self._enter(Phase.RUN)
         self._tell(Weight.INFO, f"{self.robot.name} is ready")
         if self._autoclose:
             self.quit()
-        self._wishes.wait(lambda: self._wishes.count > 0, Deadline())
+        self._stop_requests.wait(lambda: self._stop_requests.count > 0, Deadline())
 
     def _end(self) -> None:
         self.quit()
-        self._heed_wishes()
+        self._heed_stop_requests()
         self._perform(Phase.SHUTDOWN)
         self._enter(Phase.SHUTDOWN)
 
@@ -152,12 +152,12 @@ class RobotInterface:
         self._abort([one for one in self._moves if not one.task.done], self._patience.grace)
         for one in self._moves:
             self._judge(one)
-        self._rack.close_all()
+        self._device_table.close_all()
         self._enter(Phase.UNKNOWN)
 
-    def _heed_wishes(self) -> None:
+    def _heed_stop_requests(self) -> None:
         """Do what the interrupts say that have been asked for since."""
-        while self._heeded < min(self._wishes.count, len(INTERRUPTS)):
+        while self._heeded < min(self._stop_requests.count, len(INTERRUPTS)):
             self._heeded += 1
             self._perform(INTERRUPTS[self._heeded - 1])
 
@@ -171,17 +171,17 @@ class RobotInterface:
             self._enter(phase, level)
             self._perform_level(phase, actions)
             if phase is Phase.SHUTDOWN:
-                self._heed_wishes()
+                self._heed_stop_requests()
 
     def _has_to_leave(self, phase: Phase) -> bool:
         if phase is Phase.STARTUP:
-            return self._wishes.count > 0
-        return phase in INTERRUPTS and self._wishes.count > INTERRUPTS.index(phase) + 1
+            return self._stop_requests.count > 0
+        return phase in INTERRUPTS and self._stop_requests.count > INTERRUPTS.index(phase) + 1
 
     # Actions -----------------------------------------------------------------------------------------------------
 
     def _perform_level(self, phase: Phase, actions: Sequence[Action]) -> None:
-        heard = self._wishes.count
+        heard = self._stop_requests.count
         moving: list[_Going] = []
         for action in actions:
             if self._has_to_leave(phase):
@@ -192,7 +192,7 @@ class RobotInterface:
             if action.kind.moves:
                 moving.append(one)
             else:
-                self._rack.wait_for(one.task, one.deadline.remaining())
+                self._device_table.wait_for(one.task, one.deadline.remaining())
                 self._judge(one)
         if phase in INTERRUPTS[1:]:
             return  # nobody waits any more; what moves is stopped before the devices are closed
@@ -206,11 +206,11 @@ class RobotInterface:
         deadline = Deadline.after(action.timeout or usual)
         what = str(action)
         try:
-            job: Job = job_of(self.robot, action, self._rack.devices)
+            job: Job = job_of(self.robot, action, self._device_table.devices)
             if action.kind.moves or action.kind is ActionKind.ABORT:
                 task = self._start_alone(what, job.run)
             else:
-                task = self._rack.submit(action.device, what, job.run)
+                task = self._device_table.submit(action.device, what, job.run)
         except Exception as error:  # noqa: BLE001 - whatever is wrong with one action, the others are still done
             self._fail(action, f"failed: {sentence_of(error)}")
             return None
@@ -221,19 +221,19 @@ class RobotInterface:
 
     def _start_alone(self, what: str, job: Callable[[], object]) -> Task:
         """Do something in a thread of its own: what moves the robot, and what stops that."""
-        self._alone.append(Task(what, job, self._wishes).start())
+        self._alone.append(Task(what, job, self._stop_requests).start())
         return self._alone[-1]
 
     def _wait_for_moves(self, moving: Sequence[_Going], heard: int) -> None:
         """Wait until all have ended. Whoever is out of time, and all when the end is asked for, are told to stop."""
 
         def settled() -> bool:
-            return self._wishes.count > heard or all(one.over for one in moving)
+            return self._stop_requests.count > heard or all(one.over for one in moving)
 
         while not settled():
             pending = [one.deadline for one in moving if not one.over]
-            self._wishes.wait(settled, min(pending, key=lambda deadline: deadline.at, default=Deadline.after(0)))
-        patient = self._wishes.count <= 1 or self._wishes.count == heard
+            self._stop_requests.wait(settled, min(pending, key=lambda deadline: deadline.at, default=Deadline.after(0)))
+        patient = self._stop_requests.count <= 1 or self._stop_requests.count == heard
         self._abort([one for one in moving if not one.task.done], self._patience.grace if patient else 0.0)
 
     def _abort(self, moving: Sequence[_Going], grace: float) -> None:
@@ -247,14 +247,14 @@ class RobotInterface:
             if one.calibrator is not None
         ]
         patience = Deadline.after(self._patience.abort)
-        self._wishes.wait(lambda: all(task.done for _, task in stops), patience)
+        self._stop_requests.wait(lambda: all(task.done for _, task in stops), patience)
         for action, task in stops:
             if task.error is not None or not task.done:
                 why = sentence_of(task.error) if task.error is not None else "it hangs in abort"
                 self._fail(action, f"could not be stopped: {why}; see to the robot")
             else:
                 self._tell(Weight.WARNING, f"{action} was told to stop")
-        self._wishes.wait(lambda: all(one.task.done for one in moving), Deadline.after(grace if stops else 0.0))
+        self._stop_requests.wait(lambda: all(one.task.done for one in moving), Deadline.after(grace if stops else 0.0))
 
     # Telling -----------------------------------------------------------------------------------------------------
 

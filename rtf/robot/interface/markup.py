@@ -58,10 +58,10 @@ def scan(data: bytes, file: str) -> Document:
     """Read the bytes of a file. Raises RobotFileError, with the place, for what is no XML or beyond the limits."""
     if len(data) > MAX_BYTES:
         _refuse(Location(file), f"the file is larger than {MAX_BYTES >> 20} MiB", "take files apart with xi:include")
-    return _Builder(_mended(data), file).run()
+    return _Builder(_repaired(data), file).run()
 
 
-def _mended(data: bytes) -> bytes:
+def _repaired(data: bytes) -> bytes:
     """Blanks for the dashes in comments, which a strict parser rejects; all else, and all places, stay as they are."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data
@@ -72,8 +72,8 @@ def _mended(data: bytes) -> bytes:
     return _COMMENT.sub(blank, data.decode("latin-1")).encode("latin-1")
 
 
-def _refuse(location: Location, sentence: str, mend: str = "") -> NoReturn:
-    raise RobotFileError.of(location, sentence, mend)
+def _refuse(location: Location, sentence: str, hint: str = "") -> NoReturn:
+    raise RobotFileError.of(location, sentence, hint)
 
 
 class _Builder:
@@ -101,7 +101,7 @@ class _Builder:
             self._parser.Parse(self._data, True)
         except expat.ExpatError as error:
             place = Location(self._file, error.lineno, error.offset + 1)
-            _refuse(place, f"this is not well-formed XML: {expat.ErrorString(error.code)}", "mend what stands here")
+            _refuse(place, f"this is not well-formed XML: {expat.ErrorString(error.code)}", "fix what stands here")
         except RobotFileError:
             raise
         except (ValueError, LookupError) as error:

@@ -25,7 +25,7 @@ class Phase(StrEnum):
     SHUTDOWN = "shutdown"
 
 
-#: What is done on the first, second and third wish for the end.
+#: What is done on the first, second and third request for the end.
 INTERRUPTS = (Phase.INTERRUPT1, Phase.INTERRUPT2, Phase.INTERRUPT3)
 #: The phases that have actions, in the order in which they come.
 ACTING = (Phase.STARTUP, *INTERRUPTS, Phase.SHUTDOWN)

@@ -136,7 +136,7 @@ class ParameterReader:
         except BottleError as error:
             reason = str(error)
         name = element.attributes.get("name", "")
-        self.problems.error(element.location, f"the value of {name!r} cannot be read: {reason}", "mend the value")
+        self.problems.error(element.location, f"the value of {name!r} cannot be read: {reason}", "fix the value")
         return ()
 
     # What every element has to be asked --------------------------------------------------------------------------
@@ -172,8 +172,8 @@ class ParameterReader:
     def unexpected(self, child: Element, element: Element, known: Iterable[str]) -> None:
         """Refuse an element."""
         may = ", ".join(f"<{tag}>" for tag in sorted(known))
-        mend = f"what can stand here is {may}" if may else "only text can stand here"
-        self.problems.error(child.location, f"<{child.tag[:40]}> has no place in <{element.tag}>", mend)
+        hint = f"what can stand here is {may}" if may else "only text can stand here"
+        self.problems.error(child.location, f"<{child.tag[:40]}> has no place in <{element.tag}>", hint)
 
 
 def to_property(settings: Sequence[Setting | Group], problems: ProblemLog, whose: str) -> Property:

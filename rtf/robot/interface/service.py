@@ -1,4 +1,4 @@
-"""The port of a robot interface: what it is at, whether it is ready, and the wish that it ends."""
+"""The port of a robot interface: what it is at, whether it is ready, and the request that it ends."""
 
 from __future__ import annotations
 

@@ -97,8 +97,8 @@ def _device(robot: Robot, action: Action, key: str) -> str:
     if robot.device(name) is None:
         known = [device.name for device in robot.devices if device.name != action.device]
         near = difflib.get_close_matches(name, known, 1)
-        mend = f"is it {near[0]!r}?" if near else f"known are {', '.join(known[:20]) or 'none'}"
-        raise TargetError(f"there is no device {name[:100]!r}; {mend}", _place(action, key))
+        hint = f"is it {near[0]!r}?" if near else f"known are {', '.join(known[:20]) or 'none'}"
+        raise TargetError(f"there is no device {name[:100]!r}; {hint}", _place(action, key))
     return name
 
 

@@ -33,8 +33,8 @@ class Patience:
     hurry: float = 2.0
 
 
-class Wishes:
-    """How often the end was asked for. Everybody waits here, so that such a wish is heard at once. Any thread."""
+class StopRequests:
+    """How often the end was asked for. Everybody waits here, so that such a request is heard at once. Any thread."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -67,14 +67,14 @@ class Wishes:
 class Task:
     """One thing that a device is asked to do: its name, whether it is done, how long it took, what it raised."""
 
-    def __init__(self, name: str, job: Callable[[], object], wishes: Wishes) -> None:
+    def __init__(self, name: str, job: Callable[[], object], stop_requests: StopRequests) -> None:
         self.name = name
         self.error: BaseException | None = None
         self.done = False
         self.began = clock.monotonic()
         self.duration = 0.0
         self._job = job
-        self._wishes = wishes
+        self._stop_requests = stop_requests
 
     def run(self) -> None:
         """Do it, in this thread."""
@@ -84,7 +84,7 @@ class Task:
             self.error = error
         self.duration = clock.monotonic() - self.began
         self.done = True
-        self._wishes.notify()
+        self._stop_requests.notify()
 
     def start(self) -> Task:
         """Do it in a thread of its own."""

@@ -68,11 +68,9 @@ class AnalogServer(StreamServer["FloatArray"]):
         self.open_ports([share.name for share in self._shares], VECTOR, f"{name}/rpc:i", self._answer)
 
     def measure(self, now: float) -> tuple[FloatArray, float]:
-        """See the base."""
         return self._device.read().values, now
 
     def send(self, value: FloatArray, envelope: str) -> None:
-        """See the base."""
         if self._whole:  # as nearly always
             self._ports[0].write(value, envelope=envelope)
             return
@@ -122,7 +120,6 @@ class AnalogDevice(PublishingDevice):
     default_period = 20.0
 
     def configure(self, configuration: Property) -> None:
-        """See the base."""
         self._ports = [
             self._port(configuration, word, self.port_name) for word in parameters.names(configuration, "ports")
         ]

@@ -44,7 +44,6 @@ class AnalogSensorsServer(StreamServer[Measurements]):
         self.open_ports([f"{name}/measures:o"], SENSOR_MESSAGE, f"{name}/rpc:o", service.answer)
 
     def measure(self, now: float) -> tuple[Measurements, float]:
-        """See the base."""
         return self._source.read_all()[: self._categories], now
 
     def _metadata(self) -> tuple[object, ...]:
@@ -57,6 +56,5 @@ class AnalogSensorsDevice(PublishingDevice):
     unit = 1e-3
 
     def serve(self, device: Device) -> AnalogSensorsServer:
-        """See the base."""
         sensors = device.view(IMultipleAnalogSensors)  # type: ignore[type-abstract]  # it is only looked for
         return AnalogSensorsServer(sensors, self.port_name, network=self.network, period=self.period)

@@ -96,7 +96,6 @@ class ControlBoardDevice(Device):
         self._thread: PeriodicThread | None = None
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         self._prefix = port_name(configuration, "name")
         self._period = positive(configuration, "period", DEFAULT_PERIOD / self._unit) * self._unit
         self._service = flag(configuration, "service") if configuration.check("service") else None
@@ -124,7 +123,6 @@ class ControlBoardDevice(Device):
         )
 
     def detach(self) -> None:
-        """See Device."""
         if self._thread is not None:
             self._thread.stop()
         if self._server is not None:
@@ -132,7 +130,6 @@ class ControlBoardDevice(Device):
         self._thread = self._server = None
 
     def close(self) -> None:
-        """See Device."""
         self.detach()
 
 
@@ -151,7 +148,6 @@ class ControlBoardWrapperDevice(ControlBoardDevice):
         self._own: Device | None = None
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
         super().open(configuration)
         self._configuration = configuration
         subdevice = configuration.find("subdevice")
@@ -190,7 +186,6 @@ class ControlBoardWrapperDevice(ControlBoardDevice):
             self._own = None
 
     def close(self) -> None:
-        """See Device."""
         super().close()
         if self._own is not None:
             self._own.close()

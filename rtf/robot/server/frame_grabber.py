@@ -52,7 +52,6 @@ class FrameGrabberServer(StreamServer[Image]):
         self.open_ports([name], IMAGE, f"{name}/rpc", responder.answer)
 
     def measure(self, now: float) -> tuple[Image, float] | None:  # noqa: ARG002 - the camera knows when it was taken
-        """See the base."""
         image, taken = self._device.image()
         if taken == self._taken:
             return None
@@ -71,7 +70,6 @@ class FrameGrabberDevice(PublishingDevice):
     default_period = 0.033
 
     def configure(self, configuration: Property) -> None:
-        """See the base."""
         capability = as_string(configuration.get("capabilities", "COLOR"))
         if capability not in _CAPABILITIES:
             raise parameters.wrong(configuration, "capabilities", f"it is COLOR or RAW, not {capability!r}")
@@ -79,7 +77,6 @@ class FrameGrabberDevice(PublishingDevice):
         self._strict = parameters.flag(configuration, "no_drop")
 
     def serve(self, device: Device) -> FrameGrabberServer:
-        """See the base."""
         camera = device.view(IFrameGrabber)  # type: ignore[type-abstract]  # it is only looked for
         try:
             controls = device.view(IFrameGrabberControls)  # type: ignore[type-abstract]  # likewise

@@ -59,7 +59,6 @@ class InertialServer(StreamServer["FloatArray"]):
         self.open_ports([name], VECTOR)
 
     def measure(self, now: float) -> tuple[FloatArray, float]:
-        """See the base."""
         values = np.zeros(_NUMBERS)
         if self._source is not None:
             found = self._source.read_all()
@@ -80,10 +79,8 @@ class InertialDevice(PublishingDevice):
     default_period = 0.005
 
     def configure(self, configuration: Property) -> None:
-        """See the base."""
         self._strict = parameters.flag(configuration, "strict")
 
     def serve(self, device: Device) -> InertialServer:
-        """See the base."""
         sensors = device.view(IMultipleAnalogSensors)  # type: ignore[type-abstract]  # it is only looked for
         return InertialServer(sensors, self.port_name, network=self.network, period=self.period, strict=self._strict)

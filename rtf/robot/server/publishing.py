@@ -85,6 +85,5 @@ class PublishingDevice(Device):
             self.server = None
 
     def close(self) -> None:
-        """See Device."""
         self.detach()
         self._configuration = None

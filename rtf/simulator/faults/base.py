@@ -111,7 +111,7 @@ class Fault(ABC):
 
     @abstractmethod
     def end(self) -> None:
-        """Mend it."""
+        """Fix it."""
 
 
 class AxisFault(Fault):
@@ -121,7 +121,6 @@ class AxisFault(Fault):
     axis: int
 
     def aim(self) -> None:
-        """See Fault."""
         if self.target not in INDEX:
             raise RefusedError(
                 f"{self.kind}: the robot has no joint {self.target!r}; its joints are {', '.join(INDEX)}"
@@ -140,6 +139,5 @@ class RobotFault(Fault):
     target_kind = Target.ROBOT
 
     def aim(self) -> None:
-        """See Fault."""
         if self.target:
             raise RefusedError(f"{self.kind} strikes the whole robot; {self.target!r} is not needed")

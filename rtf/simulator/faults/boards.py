@@ -22,12 +22,10 @@ class MissedCommand(AxisFault):
     every: float
 
     def begin(self) -> None:
-        """See Fault."""
         self._count = 0
         self.boards.command_faults.append(self._lost)
 
     def end(self) -> None:
-        """See Fault."""
         self.boards.command_faults.remove(self._lost)
 
     def _lost(self, what: str, axis: int, now: float) -> bool:
@@ -47,11 +45,9 @@ class CommandOfAnyMode(AxisFault):
     shows = "A joint moves by a command that its mode does not take, so whoever has lost it still drives it."
 
     def begin(self) -> None:
-        """See Fault."""
         self.boards.obeying_faults.append(self._obeys)
 
     def end(self) -> None:
-        """See Fault."""
         self.boards.obeying_faults.remove(self._obeys)
 
     def _obeys(self, axis: int) -> bool:
@@ -64,11 +60,9 @@ class _ModeFault(AxisFault):
     layer = Layer.BOARD
 
     def begin(self) -> None:
-        """See Fault."""
         self.boards.mode_faults.append(self._of_axis)
 
     def end(self) -> None:
-        """See Fault."""
         self.boards.mode_faults.remove(self._of_axis)
 
     def _of_axis(self, axis: int, state: ControlMode, wanted: int) -> ControlMode | None:
@@ -87,7 +81,6 @@ class FaultLeft(_ModeFault):
     shows = "A joint in fault obeys at once: dangerous, for nobody has looked at it."
 
     def decide(self, state: ControlMode, wanted: int) -> ControlMode | None:
-        """See the base."""
         if state is ControlMode.HARDWARE_FAULT and wanted in REQUESTS and wanted != ControlMode.FORCE_IDLE:
             return ControlMode(wanted)
         return None
@@ -101,7 +94,6 @@ class ModeIgnored(_ModeFault):
     shows = "The mode that is read back is not the one that was asked for."
 
     def decide(self, state: ControlMode, wanted: int) -> ControlMode | None:
-        """See the base."""
         del wanted
         return state
 
@@ -114,7 +106,6 @@ class WrongMode(_ModeFault):
     shows = "Torque is asked for, position is read back."
 
     def decide(self, state: ControlMode, wanted: int) -> ControlMode | None:
-        """See the base."""
         allowed = state is not ControlMode.HARDWARE_FAULT
         return ControlMode.POSITION if wanted == ControlMode.TORQUE and allowed else None
 
@@ -135,13 +126,11 @@ class _WrongNumber(AxisFault):
         raise NotImplementedError
 
     def begin(self) -> None:
-        """See Fault."""
         self._healthy = float(self.numbers[self.axis])
         self.numbers[self.axis] = self.wrong(self._healthy)
         self.boards.refresh(self.axis)
 
     def end(self) -> None:
-        """See Fault."""
         self.numbers[self.axis] = self._healthy
         self.boards.refresh(self.axis)
 
@@ -157,11 +146,9 @@ class WrongGearRatio(_WrongNumber):
 
     @property
     def numbers(self) -> FloatArray:
-        """See the base."""
         return self.boards.configured_gearbox
 
     def wrong(self, healthy: float) -> float:
-        """See the base."""
         return healthy * self.factor
 
 
@@ -176,11 +163,9 @@ class WrongUpperLimit(_WrongNumber):
 
     @property
     def numbers(self) -> FloatArray:
-        """See the base."""
         return self.boards.maximum
 
     def wrong(self, healthy: float) -> float:
-        """See the base."""
         return healthy + self.by
 
 
@@ -193,7 +178,6 @@ class WrongLowerLimit(WrongUpperLimit):
 
     @property
     def numbers(self) -> FloatArray:
-        """See the base."""
         return self.boards.minimum
 
 
@@ -209,11 +193,9 @@ class LimitsIgnored(_WrongNumber):
 
     @property
     def numbers(self) -> FloatArray:
-        """See the base."""
         return self.boards.limit_slack
 
     def wrong(self, healthy: float) -> float:
-        """See the base."""
         return healthy + self.by
 
 
@@ -229,12 +211,10 @@ class WrongCoupling(AxisFault):
     factor: float
 
     def begin(self) -> None:
-        """See Fault."""
         self._healthy = self.boards.configured_couplings[self.axis].copy()
         self.boards.configured_couplings[self.axis] *= self.factor
 
     def end(self) -> None:
-        """See Fault."""
         self.boards.configured_couplings[self.axis] = self._healthy
 
 
@@ -251,13 +231,11 @@ class WrongGains(AxisFault):
     _healthy: Pid
 
     def begin(self) -> None:
-        """See Fault."""
         self._healthy = pid = self.boards.pids[self.axis]
         by = self.factor
         self.boards.set_pid(self.axis, pid._replace(kp=pid.kp * by, kd=pid.kd * by, ki=pid.ki * by))
 
     def end(self) -> None:
-        """See Fault."""
         self.boards.set_pid(self.axis, self._healthy)
 
 

@@ -28,11 +28,9 @@ class _EncoderFault(AxisFault):
         return self.boards.encoder_faults
 
     def begin(self) -> None:
-        """See Fault."""
         self.among.append(self.show)
 
     def end(self) -> None:
-        """See Fault."""
         self.among.remove(self.show)
 
     @abstractmethod
@@ -45,7 +43,6 @@ class _MotorEncoderFault(_EncoderFault):
 
     @property
     def among(self) -> list[Callable[[FloatArray, FloatArray, float], None]]:
-        """See the base."""
         return self.boards.motor_encoder_faults
 
 
@@ -54,7 +51,6 @@ class _Drift(_EncoderFault):
     rate: float
 
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
-        """See the base."""
         position[self.axis] += self.rate * (now - self.began)
         velocity[self.axis] += self.rate
 
@@ -80,7 +76,6 @@ class _Bias(_EncoderFault):
     bias: float
 
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
-        """See the base."""
         del velocity, now
         position[self.axis] += self.bias
 
@@ -107,7 +102,6 @@ class _Scale(_EncoderFault):
     factor: float
 
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
-        """See the base."""
         del now
         position[self.axis] *= self.factor
         velocity[self.axis] *= self.factor
@@ -131,7 +125,6 @@ class MotorEncoderScale(_MotorEncoderFault, _Scale):
 
 class _Sign(_EncoderFault):
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
-        """See the base."""
         del now
         position[self.axis] = -position[self.axis]
         velocity[self.axis] = -velocity[self.axis]
@@ -157,7 +150,6 @@ class _Frozen(_EncoderFault):
     _held: float | None = None
 
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
-        """See the base."""
         del now
         if self._held is None:
             self._held = float(position[self.axis])
@@ -191,7 +183,6 @@ class EncoderNoise(_EncoderFault):
     deviation: float
 
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
-        """See the base."""
         del velocity, now
         position[self.axis] += self.simulation.random.normal(0.0, self.deviation)
 
@@ -206,7 +197,6 @@ class Backlash(_MotorEncoderFault):
     play: float
 
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
-        """See the base."""
         del velocity, now
         towards = 1.0 if self.boards.output[self.axis] > 0 else -1.0
         column = self.boards.joint_to_motor[:, self.axis] * self.boards.gearbox
@@ -219,11 +209,9 @@ class _TorqueFault(AxisFault):
     layer = Layer.SENSOR
 
     def begin(self) -> None:
-        """See Fault."""
         self.boards.torque_faults.append(self.show)
 
     def end(self) -> None:
-        """See Fault."""
         self.boards.torque_faults.remove(self.show)
 
     @abstractmethod
@@ -241,7 +229,6 @@ class TorqueBias(_TorqueFault):
     bias: float
 
     def show(self, torques: FloatArray, now: float) -> None:
-        """See the base."""
         del now
         torques[self.axis] += self.bias
 
@@ -256,7 +243,6 @@ class TorqueScale(_TorqueFault):
     factor: float
 
     def show(self, torques: FloatArray, now: float) -> None:
-        """See the base."""
         del now
         torques[self.axis] *= self.factor
 

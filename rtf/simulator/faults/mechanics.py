@@ -18,13 +18,11 @@ class _Friction(AxisFault):
     torque: float
 
     def begin(self) -> None:
-        """See Fault."""
         self._healthy = {dof: float(self._losses[dof]) for dof in self._dofs}
         for dof in self._dofs:
             self._losses[dof] += self.torque
 
     def end(self) -> None:
-        """See Fault."""
         for dof, loss in self._healthy.items():
             self._losses[dof] = loss
 
@@ -69,13 +67,11 @@ class Push(AxisFault):
     torque: float
 
     def begin(self) -> None:
-        """See Fault."""
         dofs = self.simulation.robot.dofs[self.axis]
         self._before = self.simulation.data.qfrc_applied[dofs].copy()
         self.simulation.data.qfrc_applied[dofs] += self.torque / len(dofs)
 
     def end(self) -> None:
-        """See Fault."""
         self.simulation.data.qfrc_applied[self.simulation.robot.dofs[self.axis]] = self._before
 
 
@@ -85,11 +81,9 @@ class _MotorFault(AxisFault):
     layer = Layer.MOTOR
 
     def begin(self) -> None:
-        """See Fault."""
         self.boards.motor_faults.append(self.drive)
 
     def end(self) -> None:
-        """See Fault."""
         self.boards.motor_faults.remove(self.drive)
 
     def drive(self, output: FloatArray, now: float) -> None:
@@ -105,7 +99,6 @@ class MotorDead(_MotorFault):
     shows = "The joint falls, or stays, whatever the output is."
 
     def drive(self, output: FloatArray, now: float) -> None:
-        """See the base."""
         del now
         output[self.axis] = 0.0
 
@@ -120,7 +113,6 @@ class MotorWeak(_MotorFault):
     share: float
 
     def drive(self, output: FloatArray, now: float) -> None:
-        """See the base."""
         del now
         output[self.axis] *= self.share
 
@@ -133,7 +125,6 @@ class MotorSign(_MotorFault):
     shows = "The joint runs away from its target into a limit."
 
     def drive(self, output: FloatArray, now: float) -> None:
-        """See the base."""
         del now
         output[self.axis] = -output[self.axis]
 
@@ -149,11 +140,9 @@ class MotorOvercurrent(AxisFault):
     current: float
 
     def begin(self) -> None:
-        """See Fault."""
         self.boards.current_faults.append(self._draw)
 
     def end(self) -> None:
-        """See Fault."""
         self.boards.current_faults.remove(self._draw)
 
     def _draw(self, currents: FloatArray, now: float) -> None:

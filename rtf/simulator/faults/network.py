@@ -19,7 +19,6 @@ class _PortFault(Fault):
     outlet: SimulatedOutlet
 
     def aim(self) -> None:
-        """See Fault."""
         known = self.robot.outlets.by_name
         if self.target not in known:
             raise RefusedError(
@@ -28,11 +27,9 @@ class _PortFault(Fault):
         self.outlet = known[self.target]
 
     def begin(self) -> None:
-        """See Fault."""
         self.outlet.disturbances.append(self.disturb)
 
     def end(self) -> None:
-        """See Fault."""
         self.outlet.disturbances.remove(self.disturb)
 
     def disturb(self, delays: list[float], now: float) -> list[float]:
@@ -50,7 +47,6 @@ class Latency(_PortFault):
     delay: float
 
     def disturb(self, delays: list[float], now: float) -> list[float]:
-        """See the base."""
         del now
         return [delay + self.delay for delay in delays]
 
@@ -65,7 +61,6 @@ class Jitter(_PortFault):
     most: float
 
     def disturb(self, delays: list[float], now: float) -> list[float]:
-        """See the base."""
         del now
         return [delay + float(self.simulation.random.uniform(0.0, self.most)) for delay in delays]
 
@@ -80,7 +75,6 @@ class Loss(_PortFault):
     share: float
 
     def disturb(self, delays: list[float], now: float) -> list[float]:
-        """See the base."""
         del now
         return [delay for delay in delays if self.simulation.random.random() >= self.share]
 
@@ -95,7 +89,6 @@ class Duplicate(_PortFault):
     share: float
 
     def disturb(self, delays: list[float], now: float) -> list[float]:
-        """See the base."""
         del now
         twice = self.simulation.random.random() < self.share
         return [delay for delay in delays for _ in range(2 if twice else 1)]
@@ -112,7 +105,6 @@ class WrongRate(_PortFault):
     _count = 0
 
     def disturb(self, delays: list[float], now: float) -> list[float]:
-        """See the base."""
         del now
         self._count += 1
         return delays if self._count % max(1, round(self.every)) == 0 else []
@@ -125,7 +117,6 @@ class _ProcessFault(RobotFault):
     signal: ClassVar[Signals]
 
     def begin(self) -> None:
-        """See Fault."""
         os.kill(os.getpid(), self.signal)
 
     def end(self) -> None:

@@ -24,11 +24,9 @@ class _SensorFault(Fault):
     sensor: SimulatedForceTorque | SimulatedImu
 
     def begin(self) -> None:
-        """See Fault."""
         self.sensor.faults.append(self.show)
 
     def end(self) -> None:
-        """See Fault."""
         self.sensor.faults.remove(self.show)
 
     def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
@@ -40,7 +38,6 @@ class _ForceTorqueFault(_SensorFault):
     target_kind = Target.FORCE_TORQUE
 
     def aim(self) -> None:
-        """See Fault."""
         known = self.robot.force_torques
         if self.target not in known:
             raise RefusedError(
@@ -63,7 +60,6 @@ class ForceTorqueBias(_ForceTorqueFault):
     torque: float
 
     def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
-        """See the base."""
         del name, category, now
         values[:3] += self.force
         values[3:] += self.torque
@@ -78,7 +74,6 @@ class ForceTorqueFrozen(_ForceTorqueFault):
     _held: FloatArray | None = None
 
     def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
-        """See the base."""
         del name, category, now
         if self._held is None:
             self._held = values.copy()
@@ -95,7 +90,6 @@ class ForceTorqueNoise(_ForceTorqueFault):
     deviation: float
 
     def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
-        """See the base."""
         del name, category, now
         values[:3] += self.simulation.random.normal(0.0, self.deviation, 3)
 
@@ -104,7 +98,6 @@ class _ImuFault(_SensorFault):
     target_kind = Target.IMU
 
     def aim(self) -> None:
-        """See Fault."""
         if self.target not in ("", "imu"):
             raise RefusedError(f"{self.kind}: the robot has one inertial unit, imu, and no {self.target!r}")
         self.sensor = self.robot.imu
@@ -120,7 +113,6 @@ class ImuRotated(_ImuFault):
     angle: float
 
     def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
-        """See the base."""
         del name, now
         if category is SensorCategory.ORIENTATION:
             values[:] = _rpy(_rotation(*np.radians(values)) @ _rotation(0.0, 0.0, math.radians(self.angle)))
@@ -136,12 +128,10 @@ class ImuFrozen(_ImuFault):
     shows = "No noise; the orientation stays while the head moves."
 
     def begin(self) -> None:
-        """See Fault."""
         self._held: dict[SensorCategory, FloatArray] = {}
         super().begin()
 
     def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
-        """See the base."""
         del name, now
         values[:] = self._held.setdefault(category, values.copy())
 
@@ -152,7 +142,6 @@ class _CameraFault(Fault):
     camera: SimulatedCamera
 
     def aim(self) -> None:
-        """See Fault."""
         known = self.robot.cameras
         if self.target not in known:
             there = ", ".join(known) or "none, for it was started without cameras"
@@ -160,11 +149,9 @@ class _CameraFault(Fault):
         self.camera = known[self.target]
 
     def begin(self) -> None:
-        """See Fault."""
         self.camera.faults.append(self.show)
 
     def end(self) -> None:
-        """See Fault."""
         self.camera.faults.remove(self.show)
 
     def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
@@ -181,7 +168,6 @@ class CameraFrozen(_CameraFault):
     _held: NDArray[np.uint8] | None = None
 
     def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
-        """See the base."""
         del now
         if self._held is None:
             self._held = pixels
@@ -196,7 +182,6 @@ class CameraBlack(_CameraFault):
     shows = "All pixels are the same."
 
     def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
-        """See the base."""
         del now
         return np.zeros_like(pixels)
 
@@ -209,7 +194,6 @@ class CameraSize(_CameraFault):
     shows = "Half as wide and half as high as its configuration."
 
     def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
-        """See the base."""
         del now
         return np.ascontiguousarray(pixels[::2, ::2])
 

@@ -40,7 +40,6 @@ class PartBase(Device):
         """See Device."""
 
     def axes(self) -> int:
-        """See IAxisInfo."""
         return self.size
 
     def _places(self, joints: AxisSelection, what: str = "joint") -> NDArray[np.intp]:

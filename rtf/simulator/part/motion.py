@@ -49,11 +49,9 @@ class PartMotion(
     # IPositionControl
 
     def position_move(self, targets: Values, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
         self._command("position", targets, joints, TRAJECTORY_MODES, self.boards.move)
 
     def relative_move(self, distances: Values, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
         boards = self.boards
         self._command(
             "position",
@@ -64,14 +62,12 @@ class PartMotion(
         )
 
     def motion_done(self, joints: AxisSelection = None) -> bool:
-        """See IPositionControl."""
         done, now = self.boards.references.done, self.boards.tick
         if type(joints) is int:  # as it is asked again and again
             return bool(done(self._axis(joints), now))
         return bool(done(self._places(joints), now).all())
 
     def target_positions(self, joints: AxisSelection = None) -> FloatArray:
-        """See IPositionControl."""
         return self._read(self.boards.targets, joints)
 
     def set_reference_speeds(self, speeds: Values, joints: AxisSelection = None) -> None:
@@ -84,11 +80,9 @@ class PartMotion(
             self.boards.speeds[axes] = np.minimum(given, self.boards.max_velocity[axes])
 
     def reference_speeds(self, joints: AxisSelection = None) -> FloatArray:
-        """See IPositionControl."""
         return self._read(self.boards.speeds, joints)
 
     def set_reference_accelerations(self, accelerations: Values, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
         axes = self._places(joints)
         given = values_for(len(axes), accelerations)
         if (given < 0).any():
@@ -97,11 +91,9 @@ class PartMotion(
             self.boards.accelerations[axes] = given
 
     def reference_accelerations(self, joints: AxisSelection = None) -> FloatArray:
-        """See IPositionControl."""
         return self._read(self.boards.accelerations, joints)
 
     def stop(self, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
         axes = self._places(joints)
         with self.gate:
             taken = self.boards.accept("stop", axes.tolist(), _MOVING)
@@ -111,7 +103,6 @@ class PartMotion(
     # IVelocityControl
 
     def velocity_move(self, velocities: Values, joints: AxisSelection = None) -> None:
-        """See IVelocityControl."""
         boards = self.boards
         self._command(
             "velocity",
@@ -122,36 +113,29 @@ class PartMotion(
         )
 
     def target_velocities(self, joints: AxisSelection = None) -> FloatArray:
-        """See IVelocityControl."""
         return self._read(self.boards.velocities, joints)
 
     # IPositionDirect
 
     def set_positions(self, positions: Values, joints: AxisSelection = None) -> None:
-        """See IPositionDirect."""
         self._command("direct", positions, joints, _DIRECT, self.boards.follow)
 
     def reference_positions(self, joints: AxisSelection = None) -> FloatArray:
-        """See IPositionDirect."""
         return self._read(self.boards.direct, joints)
 
     # ITorqueControl
 
     def torques(self, joints: AxisSelection = None) -> FloatArray:
-        """See ITorqueControl."""
         return self._read(self.boards.measured_torques(), joints)
 
     def torque_range(self, joint: int) -> tuple[float, float]:
-        """See ITorqueControl."""
         most = float(FULL * self.boards.newton_metres[self._axis(joint)])
         return -most, most
 
     def set_reference_torques(self, torques: Values, joints: AxisSelection = None) -> None:
-        """See ITorqueControl."""
         self._command("torque", torques, joints, _TORQUE, self.boards.exert)
 
     def reference_torques(self, joints: AxisSelection = None) -> FloatArray:
-        """See ITorqueControl."""
         return self._read(self.boards.torques, joints)
 
     def motor_torque_parameters(self, joint: int) -> MotorTorqueParameters:
@@ -169,12 +153,10 @@ class PartMotion(
     # IImpedanceControl
 
     def impedance(self, joint: int) -> tuple[float, float]:
-        """See IImpedanceControl."""
         axis = self._axis(joint)
         return float(self.boards.stiffness[axis]), float(self.boards.damping[axis])
 
     def set_impedance(self, joint: int, stiffness: float, damping: float) -> None:
-        """See IImpedanceControl."""
         axis = self._axis(joint)
         least_k, most_k, least_d, most_d = self.impedance_limits(joint)
         if not (least_k <= stiffness <= most_k and least_d <= damping <= most_d):
@@ -187,18 +169,15 @@ class PartMotion(
             self.boards.refresh(axis)
 
     def impedance_offset(self, joint: int) -> float:
-        """See IImpedanceControl."""
         return float(self.boards.impedance_offset[self._axis(joint)])
 
     def set_impedance_offset(self, joint: int, offset: float) -> None:
-        """See IImpedanceControl."""
         axis = self._axis(joint)
         with self.gate:
             self.boards.impedance_offset[axis] = offset
             self.boards.refresh(axis)
 
     def impedance_limits(self, joint: int) -> tuple[float, float, float, float]:
-        """See IImpedanceControl."""
         axis = self._axis(joint)
         return 0.0, float(_STIFFEST * self.boards.default_stiffness[axis]), 0.0, float(
             _STIFFEST * self.boards.default_damping[axis]
@@ -207,32 +186,25 @@ class PartMotion(
     # ICurrentControl
 
     def currents(self, motors: AxisSelection = None) -> FloatArray:
-        """See ICurrentControl."""
         return self._read(self.boards.motor_currents(), motors, "motor")
 
     def current_range(self, motor: int) -> tuple[float, float]:
-        """See ICurrentControl."""
         peak = float(self.boards.peak_current[self._axis(motor, "motor")])
         return -peak, peak
 
     def set_reference_currents(self, currents: Values, motors: AxisSelection = None) -> None:
-        """See ICurrentControl."""
         self._command("current", currents, motors, _CURRENT, self.boards.drive_currents)
 
     def reference_currents(self, motors: AxisSelection = None) -> FloatArray:
-        """See ICurrentControl."""
         return self._read(self.boards.currents, motors, "motor")
 
     # IPWMControl
 
     def set_reference_duty_cycles(self, duties: Values, motors: AxisSelection = None) -> None:
-        """See IPWMControl."""
         self._command("duty", duties, motors, _PWM, self.boards.drive)
 
     def reference_duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
-        """See IPWMControl."""
         return self._read(self.boards.duties, motors, "motor")
 
     def duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
-        """See IPWMControl."""
         return self._read(self.boards.motor_duties(), motors, "motor")

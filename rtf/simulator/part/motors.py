@@ -25,15 +25,12 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
     # IEncoders
 
     def encoders(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
         return self._read(self.boards.position, joints)
 
     def encoder_speeds(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
         return self._read(self.boards.velocity, joints)
 
     def encoder_accelerations(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders."""
         return self._read(self.boards.accelerations_now(), joints)
 
     def encoder_times(self, joints: AxisSelection = None) -> FloatArray:
@@ -41,69 +38,55 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
         return np.full(len(self._places(joints)), self.boards.now)
 
     def set_encoders(self, values: Values, joints: AxisSelection = None) -> None:
-        """See IEncoders."""
         axes = self._places(joints)
         given = values_for(len(axes), values)
         with self.gate:
             self.boards.shift_encoders(axes, given)
 
     def reset_encoders(self, joints: AxisSelection = None) -> None:
-        """See IEncoders."""
         self.set_encoders(np.zeros(len(self._places(joints))), joints)
 
     # IMotorEncoders
 
     def motor_encoder_count(self) -> int:
-        """See IMotorEncoders."""
         return self.size
 
     def motor_encoders(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
         return self._read(self.boards.motor_motion()[0], motors, "motor")
 
     def motor_encoder_speeds(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
         return self._read(self.boards.motor_motion()[1], motors, "motor")
 
     def motor_encoder_accelerations(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotorEncoders."""
         return self._read(self.boards.motor_accelerations(), motors, "motor")
 
     def set_motor_encoders(self, values: Values, motors: AxisSelection = None) -> None:
-        """See IMotorEncoders."""
         axes = self._places(motors, "motor")
         given = values_for(len(axes), values)
         with self.gate:
             self.boards.shift_motor_encoders(axes, given)
 
     def reset_motor_encoders(self, motors: AxisSelection = None) -> None:
-        """See IMotorEncoders."""
         self.set_motor_encoders(np.zeros(len(self._places(motors, "motor"))), motors)
 
     def counts_per_revolution(self, motor: int) -> float:
-        """See IMotorEncoders."""
         return float(self.boards.rotor_resolution[self._axis(motor, "motor")])
 
     def set_counts_per_revolution(self, motor: int, counts: float) -> None:
-        """See IMotorEncoders."""
         self._write(_positive(counts, "the resolution"), motor, self.boards.rotor_resolution, "motor")
 
     # IMotor
 
     def motor_count(self) -> int:
-        """See IMotor."""
         return self.size
 
     def temperatures(self, motors: AxisSelection = None) -> FloatArray:
-        """See IMotor."""
         return self._read(self.boards.temperature, motors, "motor")
 
     def temperature_limit(self, motor: int) -> float:
-        """See IMotor."""
         return float(self.boards.temperature_limit[self._axis(motor, "motor")])
 
     def set_temperature_limit(self, motor: int, limit: float) -> None:
-        """See IMotor."""
         self._write(limit, motor, self.boards.temperature_limit, "motor")
 
     def gearbox_ratio(self, motor: int) -> float:
@@ -111,7 +94,6 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
         return float(self.boards.configured_gearbox[self._axis(motor, "motor")])
 
     def set_gearbox_ratio(self, motor: int, ratio: float) -> None:
-        """See IMotor."""
         self._write(ratio, motor, self.boards.configured_gearbox, "motor")
 
     # IAmplifierControl
@@ -124,7 +106,6 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
                 self.boards.request_mode(axis, ControlMode.POSITION)
 
     def disable_amplifier(self, joint: int) -> None:
-        """See IAmplifierControl."""
         with self.gate:
             self.boards.request_mode(self._axis(joint), ControlMode.IDLE)
 
@@ -134,44 +115,34 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
         return tuple(_FAULTY if mode == ControlMode.HARDWARE_FAULT else 0 for mode in modes.tolist())
 
     def currents(self, motors: AxisSelection = None) -> FloatArray:
-        """See IAmplifierControl."""
         return self._read(self.boards.motor_currents(), motors, "motor")
 
     def max_current(self, joint: int) -> float:
-        """See IAmplifierControl."""
         return float(self.boards.max_current[self._axis(joint)])
 
     def set_max_current(self, joint: int, current: float) -> None:
-        """See IAmplifierControl."""
         with self.gate:
             self.boards.set_max_current(self._axis(joint), float(values_for(1, current)[0]))
 
     def nominal_current(self, motor: int) -> float:
-        """See IAmplifierControl."""
         return float(self.boards.nominal_current[self._axis(motor, "motor")])
 
     def set_nominal_current(self, motor: int, current: float) -> None:
-        """See IAmplifierControl."""
         self._write(current, motor, self.boards.nominal_current, "motor")
 
     def peak_current(self, motor: int) -> float:
-        """See IAmplifierControl."""
         return float(self.boards.peak_current[self._axis(motor, "motor")])
 
     def set_peak_current(self, motor: int, current: float) -> None:
-        """See IAmplifierControl."""
         self._write(current, motor, self.boards.peak_current, "motor")
 
     def pwm(self, motor: int) -> float:
-        """See IAmplifierControl."""
         return float(self.boards.motor_duties()[self._axis(motor, "motor")])
 
     def pwm_limit(self, motor: int) -> float:
-        """See IAmplifierControl."""
         return float(self.boards.duty_limit[self._axis(motor, "motor")])
 
     def set_pwm_limit(self, motor: int, limit: float) -> None:
-        """See IAmplifierControl."""
         if not 0 <= limit <= 100:  # noqa: PLR2004 - per cent
             raise RefusedError(
                 f"{self.part} motor {motor}: a duty cycle limit is from 0 to 100 per cent, not {limit:g}"
@@ -182,7 +153,6 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
             self.boards.refresh(axis)
 
     def supply_voltage(self, motor: int) -> float:
-        """See IAmplifierControl."""
         self._axis(motor, "motor")
         return SUPPLY
 

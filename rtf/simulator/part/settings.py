@@ -53,7 +53,6 @@ class PartSettings(
     # IAxisInfo
 
     def axis_name(self, joint: int) -> str:
-        """See IAxisInfo."""
         return str(AXES[self._axis(joint)].name)
 
     def joint_type(self, joint: int) -> JointType:
@@ -64,21 +63,17 @@ class PartSettings(
     # IControlMode, IInteractionMode, IJointFault
 
     def control_modes(self, joints: AxisSelection = None) -> tuple[ControlMode, ...]:
-        """See IControlMode."""
         return tuple(ControlMode(mode) for mode in self.boards.mode[self._places(joints)].tolist())
 
     def set_control_modes(self, modes: ControlMode | Sequence[ControlMode], joints: AxisSelection = None) -> None:
-        """See IControlMode."""
         self._request(modes, joints, self.boards.request_mode)
 
     def interaction_modes(self, joints: AxisSelection = None) -> tuple[InteractionMode, ...]:
-        """See IInteractionMode."""
         return tuple(InteractionMode(mode) for mode in self.boards.interaction[self._places(joints)].tolist())
 
     def set_interaction_modes(
         self, modes: InteractionMode | Sequence[InteractionMode], joints: AxisSelection = None
     ) -> None:
-        """See IInteractionMode."""
         self._request(modes, joints, self.boards.request_interaction)
 
     def _request(self, modes: M | Sequence[M], joints: AxisSelection, request: Callable[[int, int], None]) -> None:
@@ -96,27 +91,22 @@ class PartSettings(
             raise refused[0]
 
     def last_joint_fault(self, joint: int) -> tuple[int, str]:
-        """See IJointFault."""
         return self.boards.faults[self._axis(joint)]
 
     # IControlLimits
 
     def limits(self, joint: int) -> tuple[float, float]:
-        """See IControlLimits."""
         axis = self._axis(joint)
         return float(self.boards.minimum[axis]), float(self.boards.maximum[axis])
 
     def set_limits(self, joint: int, minimum: float, maximum: float) -> None:
-        """See IControlLimits."""
         self._set_range(joint, minimum, maximum, self.boards.minimum, self.boards.maximum)
 
     def velocity_limits(self, joint: int) -> tuple[float, float]:
-        """See IControlLimits."""
         axis = self._axis(joint)
         return float(self.boards.min_velocity[axis]), float(self.boards.max_velocity[axis])
 
     def set_velocity_limits(self, joint: int, minimum: float, maximum: float) -> None:
-        """See IControlLimits."""
         self._set_range(joint, minimum, maximum, self.boards.min_velocity, self.boards.max_velocity)
 
     def _set_range(self, joint: int, low: float, high: float, lows: FloatArray, highs: FloatArray) -> None:
@@ -131,16 +121,13 @@ class PartSettings(
     # IPidControl
 
     def pid_count(self) -> int:
-        """See IPidControl."""
         return self.size
 
     def pid(self, kind: PidType, joint: int) -> Pid:
-        """See IPidControl."""
         axis = self._axis(joint)
         return self.boards.pids[axis] if kind is PidType.POSITION else self.boards.other_pids.get((kind, axis), Pid())
 
     def set_pid(self, kind: PidType, joint: int, pid: Pid) -> None:
-        """See IPidControl."""
         axis = self._axis(joint)
         values_for(len(pid), pid)
         with self.gate:
@@ -150,7 +137,6 @@ class PartSettings(
                 self.boards.other_pids[kind, axis] = pid  # kept; only the position controller is simulated
 
     def pid_references(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """See IPidControl."""
         axes = self._places(joints)
         if kind is PidType.POSITION:
             return self.boards.references.at(self.boards.tick, axes)[0]
@@ -165,7 +151,6 @@ class PartSettings(
         self._command("direct", values, joints, _DIRECT, self.boards.follow)
 
     def pid_errors(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """See IPidControl."""
         axes = self._places(joints)
         measured = {
             PidType.POSITION: lambda: self.boards.position,
@@ -182,14 +167,12 @@ class PartSettings(
         return self._read(self.boards.output, joints)
 
     def pid_error_limits(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """See IPidControl."""
         if kind is PidType.POSITION:
             return self._read(self.boards.pid_error_limits, joints)
         told = self.boards.other_error_limits
         return np.array([told.get((kind, axis), 0.0) for axis in self._places(joints).tolist()])
 
     def set_pid_error_limits(self, kind: PidType, values: Values, joints: AxisSelection = None) -> None:
-        """See IPidControl."""
         if kind is PidType.POSITION:
             self._write(values, joints, self.boards.pid_error_limits)
             return
@@ -200,22 +183,18 @@ class PartSettings(
                 self.boards.other_error_limits[kind, axis] = value
 
     def set_pid_offset(self, kind: PidType, joint: int, offset: float) -> None:
-        """See IPidControl."""
         self.set_pid(kind, joint, self.pid(kind, joint)._replace(offset=offset))
 
     def reset_pid(self, kind: PidType, joint: int) -> None:
-        """See IPidControl."""
         axis = self._axis(joint)
         if kind is PidType.POSITION:
             with self.gate:
                 self.boards.law.set_integral(axis, 0.0)
 
     def enable_pid(self, kind: PidType, joint: int) -> None:
-        """See IPidControl."""
         self._switch(kind, joint, on=True)
 
     def disable_pid(self, kind: PidType, joint: int) -> None:
-        """See IPidControl."""
         self._switch(kind, joint, on=False)
 
     def _switch(self, kind: PidType, joint: int, *, on: bool) -> None:
@@ -228,7 +207,6 @@ class PartSettings(
                 self.boards.other_enabled[kind, axis] = on
 
     def pid_enabled(self, kind: PidType, joint: int) -> bool:
-        """See IPidControl."""
         axis = self._axis(joint)
         if kind is PidType.POSITION:
             return bool(self.boards.pid_enabled[axis])
@@ -237,11 +215,9 @@ class PartSettings(
     # IRemoteVariables
 
     def variables(self) -> tuple[str, ...]:
-        """See IRemoteVariables."""
         return ("kinematic_mj", "torqueControlEnabled", "temperatureLimit")
 
     def variable(self, key: str) -> Bottle:
-        """See IRemoteVariables."""
         if key == "kinematic_mj":
             return Bottle(
                 [Bottle([value for row in block.tolist() for value in row]) for block in self._coupling_blocks()]
@@ -267,17 +243,14 @@ class PartSettings(
     # IControlCalibration
 
     def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
-        """See IControlCalibration."""
         self.set_calibration_parameters(joint, parameters)
         axis = self._axis(joint)
         with self.gate:
             self.boards.calibrate(axis)
 
     def set_calibration_parameters(self, joint: int, parameters: CalibrationParameters) -> None:
-        """See IControlCalibration."""
         with self.gate:
             self.boards.calibration[self._axis(joint)] = parameters
 
     def calibration_done(self, joint: int) -> bool:
-        """See IControlCalibration."""
         return bool(self.boards.calibrated[self._axis(joint)])

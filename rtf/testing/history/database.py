@@ -69,7 +69,7 @@ def default_place() -> Path:
 class History:
     """An open history. ``create`` makes file and folder where there are none; otherwise that is an error.
 
-    To be used by one thread at a time. Every method raises HistoryError, which names the file and the mend.
+    To be used by one thread at a time. Every method raises HistoryError, which names the file and the hint.
     """
 
     def __init__(self, path: Path, *, create: bool = False) -> None:
@@ -217,13 +217,13 @@ class History:
 
     @contextmanager
     def _telling(self) -> Iterator[None]:
-        """Say of what goes wrong with the file which one it is, and what mends it."""
+        """Say of what goes wrong with the file which one it is, and what fixes it."""
         try:
             yield
         except ForeignFileError as error:
             raise HistoryError(f"cannot use the history {self.path}: {error}") from None
         except sqlite3.Error as error:
-            raise HistoryError(f"cannot use the history {self.path}: {error}; {_mend(error)}") from error
+            raise HistoryError(f"cannot use the history {self.path}: {error}; {_hint(error)}") from error
         except HistoryError:
             raise
         except OSError as error:
@@ -231,7 +231,7 @@ class History:
 
 
 _ELSEWHERE = "name a file that can be written with --history FILE"
-_MENDS = {
+_HINTS = {
     "SQLITE_BUSY": "another program holds it; try again when that is done",
     "SQLITE_NOTADB": "move it away; 'testrunner history --import RUN...' makes it anew from archived runs",
     "SQLITE_CORRUPT": "move it away; 'testrunner history --import RUN...' makes it anew from archived runs",
@@ -240,9 +240,9 @@ _MENDS = {
 }
 
 
-def _mend(error: sqlite3.Error) -> str:
+def _hint(error: sqlite3.Error) -> str:
     name: str = getattr(error, "sqlite_errorname", "")
-    return next((mend for start, mend in _MENDS.items() if name.startswith(start)), _ELSEWHERE)
+    return next((hint for start, hint in _HINTS.items() if name.startswith(start)), _ELSEWHERE)
 
 
 def _connect(path: Path, *, create: bool) -> sqlite3.Connection:

@@ -161,7 +161,7 @@ def _test(verdicts: list[str | None]) -> dict[str, Any]:
 
 
 def _alternates(judged: list[bool]) -> bool:
-    """Whether it went from one to the other and back: a defect that came, or was mended, changes it once."""
+    """Whether it went from one to the other and back: a defect that came, or was fixed, changes it once."""
     return sum(before is not after for before, after in itertools.pairwise(judged)) > 1
 
 

@@ -1,1 +1,1 @@
-"""The process is the isolation: the nursery, the process of a test, what it says, and its end."""
+"""The process is the isolation: the fork server, the process of a test, what it says, and its end."""

@@ -35,15 +35,15 @@ from rtf.testing.events import (
 )
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.capture import Capture
-from rtf.testing.isolation.children import NurseryLostError
-from rtf.testing.isolation.nursery_protocol import NUDGE_PERIOD, NUDGE_SIGNAL, STOP_SIGNAL
+from rtf.testing.isolation.fork_server_protocol import NUDGE_PERIOD, NUDGE_SIGNAL, STOP_SIGNAL
+from rtf.testing.isolation.worker_pool import ForkServerLostError
 from rtf.testing.verdict import UNDOING_PHASES, MeasurementVerdict, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.testing.isolation.children import Child, Nursery
     from rtf.testing.isolation.job import Job
+    from rtf.testing.isolation.worker_pool import Child, ForkServerClient
 
 #: How long a test may take to react to being asked to stop, and a killed one to vanish.
 GRACE = 2.0
@@ -135,7 +135,7 @@ class Attempt:
         self,
         job: Job,
         limits: Limits,
-        nursery: Nursery,
+        fork_server: ForkServerClient,
         emit: Callable[[Event], None],
         *,
         tick: Callable[[], Stop | None],
@@ -146,7 +146,7 @@ class Attempt:
     ) -> None:
         self._job = job
         self._limits = limits
-        self._nursery = nursery
+        self._fork_server = fork_server
         self._emit = emit
         self._tick = tick
         self._next_tick = next_tick
@@ -179,9 +179,9 @@ class Attempt:
         """Carry it out in a fresh process, or in the one that ``take`` gives, and say what it came to."""
         for again in (True, False):
             try:
-                self._child = take() if take else self._nursery.take(self._job.plugin, self._fixtures)
+                self._child = take() if take else self._fork_server.take(self._job.plugin, self._fixtures)
                 break
-            except NurseryLostError as error:
+            except ForkServerLostError as error:
                 if not again:  # the first time it was lost while nothing ran, which is no concern of the test
                     return self._error("internal", str(error))
         child = self._require_child()
@@ -209,7 +209,7 @@ class Attempt:
 
     def _wait(self) -> None:
         child = self._require_child()
-        reactor = self._nursery.reactor
+        reactor = self._fork_server.reactor
         while not self._over(child):
             deadline = self._deadline if self._stop else self._deadline.earliest(self._total)
             reactor.run_once(deadline.earliest(self._next_tick()).earliest(self._nudge))
@@ -268,21 +268,21 @@ class Attempt:
         self._kernel_state = processes.kernel_state(child.pid)
         if "(stopped)" in self._kernel_state:
             detail += "; the process had been stopped by a signal"
-        self._nursery.rouse()
+        self._fork_server.rouse()
         child.signal(signal.SIGCONT)
         self._ask_for_stacks(child)
         return Stop(Verdict.ERROR, "timeout", detail)
 
     def _ask_for_stacks(self, child: Child) -> None:
         self._dumped = self._phase
-        self._nursery.dump_stacks(child)
+        self._fork_server.dump_stacks(child)
 
     def _press_on(self, child: Child) -> None:
-        """It did not stop: kill it, and if even that shows no effect, the nursery with it."""
+        """It did not stop: kill it, and if even that shows no effect, the fork server with it."""
         if self._killed:
-            self._nursery.abandon()
+            self._fork_server.abandon()
             return
-        self._nursery.rouse()
+        self._fork_server.rouse()
         if self._dumped not in (None, self._phase) and not self._kill_now():  # it hangs in its teardown, too
             self._ask_for_stacks(child)
             if self._over(child) or not (self._deadline.expired or self._kill_now()):
@@ -386,7 +386,7 @@ class Attempt:
         self._emit(Message(severity=severity, title=title, detail=detail, test=self._job.id, phase=self._phase))
 
     def _dump(self) -> None:
-        stacks = self._nursery.new_stacks()
+        stacks = self._fork_server.new_stacks()
         if not stacks and self._stop is not None and self._stop.reason == "timeout":
             stacks = f"the process did not answer the request for its stacks; the kernel says\n{self._kernel_state}\n"
         if stacks:

@@ -1,9 +1,9 @@
-"""Which fork the nursery uses: the C library's own where that is enough, else Python's.
+"""Which fork the fork server uses: the C library's own where that is enough, else Python's.
 
-``os.fork`` mends, in the child, what *other* threads may have been in the middle of: new locks for the interpreter and
+``os.fork`` fixes, in the child, what *other* threads may have been in the middle of: new locks for the interpreter and
 the import system, new thread tables, and the hooks of ``os.register_at_fork`` (``threading``, ``random``, ``logging``
 have some). That touches some 150 pages of memory, which the kernel has to copy: as much work as all the rest of a small
-test. In a process with a single thread, which is the one that forks, there is nothing to mend: nobody holds a lock, and
+test. In a process with a single thread, which is the one that forks, there is nothing to fix: nobody holds a lock, and
 the one thread keeps its identity (``pthread_self``). So the plain ``fork`` is used if there is one thread and no hook.
 The child may then import and use ``threading`` and whatever else it likes. The interpreter's lock is held over the
 call, as in ``os.fork``, and the C library's own hooks (``pthread_atfork``) run with either.

@@ -17,7 +17,7 @@ class Job(NamedTuple):
     """One attempt at a test, the hosting of one fixture, or the making of a template.
 
     ``param`` is the suite's parameter string, ``parameters`` its ``<parameter>`` elements, ``overrides`` the ``--set``
-    values; they count in this order. ``attempt`` counts the attempts at a test, or the incarnations of a fixture,
+    values; they count in this order. ``attempt`` counts the attempts at a test, or the generations of a fixture,
     from 1. ``suite_place`` is the suite's file and line, for provenance; ``suite_folder`` its folder. ``memory`` is the
     private memory in bytes a process may use, 0 for no limit. ``last`` says that no other job follows.
     ``variables`` are set in the environment of the process.

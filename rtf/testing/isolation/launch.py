@@ -1,4 +1,4 @@
-"""Starts the process of a nursery. Small on purpose: the command line does this first, and loads the rest meanwhile."""
+"""Starts the process of a fork server. The command line does this first and loads the rest meanwhile."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import sys
 from dataclasses import dataclass
 
 from rtf import clock
-from rtf.testing.isolation.nursery_protocol import CONTROL_FD, DUMP_FD
+from rtf.testing.isolation.fork_server_protocol import CONTROL_FD, DUMP_FD
 
 _FIRST_DESCRIPTOR = 10  # above those that the new process finds its files on
 
 
 @dataclass(frozen=True, slots=True)
 class Launched:
-    """A nursery's process, the runner's end of its socket, and the file it dumps stacks into.
+    """A fork server's process, the runner's end of its socket, and the file it dumps stacks into.
 
     ``mark`` is the environment entry by which its descendants can be told from all others.
     """
@@ -28,14 +28,14 @@ class Launched:
 
 
 def launch() -> Launched:
-    """Start a nursery without waiting for it. It ends by itself when ``control`` is closed, or this process dies."""
+    """Start a fork server without waiting for it. It ends when ``control`` is closed, or this process dies."""
     here, there = socket.socketpair()
     dump = os.memfd_create("rtf-stacks")
-    mark = f"RTF_NURSERY={os.getpid()}-{clock.monotonic()}"
+    mark = f"RTF_FORK_SERVER={os.getpid()}-{clock.monotonic()}"
     name, _, value = mark.partition("=")
     code = (
         f"import sys; sys.path[:] = {sys.path!r}; from rtf.testing.isolation import forking; forking.watch_hooks(); "
-        "from rtf.testing.isolation import nursery; nursery.main()"
+        "from rtf.testing.isolation import fork_server; fork_server.main()"
     )
     inherited = [
         fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, _FIRST_DESCRIPTOR) for descriptor in (there.fileno(), dump)

@@ -7,11 +7,11 @@ import os
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL
+from rtf.testing.isolation.fork_server_protocol import DUMP_SIGNAL
 
 if TYPE_CHECKING:
-    from rtf.testing.isolation.children import Child
     from rtf.testing.isolation.reactor import Reactor
+    from rtf.testing.isolation.worker_pool import Child
 
 #: At most so much of what was dumped is kept.
 _KEPT = 1 << 18

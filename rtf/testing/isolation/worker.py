@@ -1,7 +1,7 @@
 """The process in which one test runs. It sends events and nothing else.
 
-A worker is forked from the nursery or from a template of it, waits for a job on its socket, does it, says that it is
-finished and ends. What it says last is only a claim: the verdict is the runner's, which also knows how it ended.
+A worker is forked from the fork server or from a template of it, waits for a job on its socket, does it, says that it
+is finished and ends. What it says last is only a claim: the verdict is the runner's, which also knows how it ended.
 
 The way of a plain test through this module is kept short and flat. It runs in a process a moment old, in which every
 function that is called and every object that is touched costs the copy of a page of memory (about 3 µs), which is more
@@ -17,7 +17,7 @@ import os
 import select
 import signal
 import sys
-from _socket import socketpair  # the C type, see the nursery
+from _socket import socketpair  # the C type, see the fork server
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from rtf import clock
@@ -26,8 +26,8 @@ from rtf.testing.case import TestCase
 from rtf.testing.declared_safety import may_move
 from rtf.testing.events import Event, Measured, ParametersResolved, PhaseStarted, line_of, to_line
 from rtf.testing.isolation import processes
+from rtf.testing.isolation.fork_server_protocol import DUMP_FD, DUMP_SIGNAL, NUDGE_SIGNAL, SOCKET_FD, STOP_SIGNAL
 from rtf.testing.isolation.job import HEADER, JOB_MARK, Job
-from rtf.testing.isolation.nursery_protocol import DUMP_FD, DUMP_SIGNAL, NUDGE_SIGNAL, SOCKET_FD, STOP_SIGNAL
 from rtf.testing.outcome import TestProblem, TestStopped
 from rtf.testing.plugins import PluginRef
 from rtf.testing.session import Session, text_of
@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from types import FrameType, ModuleType
 
-#: What every test imports; loaded once in the nursery, because in each test it would take a hundred times as long as
-#: the fork itself.
+#: What every test imports; loaded once in the fork server, because in each test it would take a hundred times as long
+#: as the fork itself.
 _WARM = ("rtf.testing.fixture", "importlib.machinery", "importlib.util")
 
 #: Looking up a member of an enumeration runs Python code.
@@ -58,7 +58,7 @@ _REHEARSALS = 20
 
 
 def prepare() -> None:
-    """Set up, once in the nursery, what every worker inherits: modules, the stop signal, and stack dumps."""
+    """Set up, once in the fork server, what every worker inherits: modules, the stop signal, and stack dumps."""
     for module in _WARM:
         importlib.import_module(module)
     signal.signal(STOP_SIGNAL, _on_stop)
@@ -215,9 +215,9 @@ def child_main(socket_fd: int, out_fd: int, err_fd: int) -> int:
 
             return fixture_host.host(job, wire)
         else:
-            from rtf.testing.isolation import nursery
+            from rtf.testing.isolation import fork_server
 
-            return nursery.be_template(job.plugin, SOCKET_FD)
+            return fork_server.be_template(job.plugin, SOCKET_FD)
 
 
 def _work(job: Job, wire: Wire) -> None:
@@ -244,7 +244,7 @@ def _work(job: Job, wire: Wire) -> None:
 def load_template(ref: PluginRef) -> None:
     """Load a test's file for all the tests that will be forked from this process; raises what the file raises.
 
-    Scripts of the ancestor are told apart by their class and refused: their module is prepared for each test.
+    Scripts of the C++ framework are told apart by their class and refused: their module is prepared for each test.
     """
     global _template  # noqa: PLW0603 - what a process has loaded is a fact of the process
     from rtf.testing import parameters
@@ -252,7 +252,7 @@ def load_template(ref: PluginRef) -> None:
     module = plugins.load_module(ref)
     old = getattr(module, "TestCase", None)
     if isinstance(old, type) and not issubclass(old, TestCase):
-        raise plugins.PluginError("a script of the ancestor")
+        raise plugins.PluginError("a script of the C++ framework")
     cls = plugins.choose_class(ref, module, TestCase)
     parameters.declarations_of(cls)  # which looks at everything in the class, once
     _template_classes[ref] = cls

@@ -1,11 +1,12 @@
-"""Python scripts written for the ancestor of this framework, unchanged.
+"""Python scripts written for the C++ framework, unchanged.
 
 Such a script has a plain class ``TestCase`` with ``run`` and, if it likes, ``setup`` and ``tearDown``, and calls the
 functions of a module ``robottestingframework``. The module can be imported, and is also put among the script's globals,
-where the ancestor put it. The functions work while a test runs; before, they say so.
+where the C++ framework put it. The functions work while a test runs; before, they say so.
 
 ``setup`` gets what its signature asks for: nothing, the parameter string, or (with several positional parameters, or
-``*args``) the words of the ancestor's argument vector, the test's name first. What it returns decides, but for None.
+``*args``) the words of the C++ framework's argument vector, the test's name first. What it returns decides, but for
+None.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def install() -> ModuleType:
 
 
 class LegacyTest(RawParameters):
-    """One of the ancestor's Python scripts."""
+    """One of the C++ framework's Python scripts."""
 
     def __init__(self, name: str, script: object) -> None:
         super().__init__()
@@ -113,7 +114,7 @@ def _caller() -> tuple[str, int]:
     return frame.f_code.co_filename, frame.f_lineno
 
 
-# What scripts call; the names are the ancestor's ------------------------------------------------------------------
+# What scripts call; the names are the C++ framework's -----------------------------------------------------------------
 
 
 def set_name(name: object) -> None:
@@ -134,7 +135,7 @@ def test_check(condition: object, message: object) -> None:
 
 
 def test_fail_if(condition: object, message: object) -> None:
-    """Report a failure if the condition does NOT hold, whatever the name says: it is the ancestor's meaning."""
+    """Report a failure if the condition does NOT hold, whatever the name says: it is the C++ framework's meaning."""
     session = _now().session
     session.judged()
     if not condition:
@@ -178,6 +179,6 @@ _FUNCTIONS = {
 
 
 def _api() -> ModuleType:
-    module = ModuleType(MODULE, "What the ancestor's test scripts call.")
+    module = ModuleType(MODULE, "What the C++ framework's test scripts call.")
     vars(module).update(_FUNCTIONS)
     return module

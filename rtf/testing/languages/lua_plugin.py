@@ -1,11 +1,11 @@
-"""Tests written in Lua, as the ancestor of this framework knew them.
+"""Tests written in Lua, as the C++ framework knew them.
 
 A script assigns ``run`` and, if it likes, ``setup`` and ``tearDown`` to the global table ``TestCase``, and calls the
 functions of ``robottestingframework``. ``setup`` gets the parameter string as it stands, and must return something that
 is true in Lua: returning nothing is a failed setup, as it always was. ``tearDown`` runs whatever happened before.
 Conditions follow Lua's truth. Python is out of the script's reach.
 
-Beyond the ancestor: ``measure(name, value, unit, low, high)``, ``skip(text)``, ``progress(fraction, text)``.
+Beyond the C++ framework: ``measure(name, value, unit, low, high)``, ``skip(text)``, ``progress(fraction, text)``.
 """
 
 from __future__ import annotations
@@ -57,13 +57,13 @@ def _interpreter() -> Callable[..., Any]:
     try:
         import lupa  # noqa: F401 - only whether it is there
     except ImportError as error:
-        raise PluginError(f"Lua tests need the package lupa ({error}); pip install 'rtf[lua]' mends that") from None
+        raise PluginError(f"Lua tests need the package lupa ({error}); pip install 'rtf[lua]' fixes that") from None
     for name in _INTERPRETERS:
         try:
             return importlib.import_module(f"lupa.{name}").LuaRuntime  # type: ignore[no-any-return]
         except ImportError:
             continue
-    raise PluginError(f"this lupa carries none of {', '.join(_INTERPRETERS)}; pip install --upgrade lupa mends that")
+    raise PluginError(f"this lupa carries none of {', '.join(_INTERPRETERS)}; pip install --upgrade lupa fixes that")
 
 
 def _deny(*_: object) -> NoReturn:
@@ -197,7 +197,7 @@ class LuaTest(RawParameters):
         self._session.message(Severity.PASS if holds else Severity.FAILURE, "checks", text, place)
 
     def _test_fail_if(self, place: Place, holds: bool, shown: str, text: str) -> None:
-        """Fails when the condition does NOT hold, whatever the name says: it is the ancestor's meaning."""
+        """Fails when the condition does NOT hold, whatever the name says: it is the C++ framework's meaning."""
         self._session.judged()
         if not holds:
             self._session.message(Severity.FAILURE, f"checking ({shown[:_SHOWN]})", text, place)

@@ -88,18 +88,18 @@ def _start(words: Sequence[str], environ: Mapping[str, str]) -> subprocess.Popen
 
 
 def why_not_started(file: str, error: OSError) -> str:
-    """Say what is wrong with a program and how it is mended, where the kernel only gives a number."""
+    """Say what is wrong with a program and how it is fixed, where the kernel only gives a number."""
     if error.errno == errno.EACCES and os.path.isfile(file) and not os.access(file, os.X_OK):  # noqa: PTH113
-        return f"{file} is not executable; chmod +x {file} mends that"
+        return f"{file} is not executable; chmod +x {file} fixes that"
     if error.errno == errno.ENOEXEC:
         return f"{file} is neither a binary for this machine nor has it a first line such as #!/bin/sh"
     if error.errno in (errno.ENOENT, errno.EACCES) and os.path.isfile(file):  # noqa: PTH113
         interpreter = _interpreter(file)
         if interpreter.endswith("\r"):
-            return f"{file} has Windows line ends, so its interpreter {interpreter!r} is not found; dos2unix mends that"
+            return f"{file} has Windows line ends, so its interpreter {interpreter!r} is not found; dos2unix fixes that"
         if interpreter:
             state = "cannot be run" if os.path.exists(interpreter) else "does not exist"  # noqa: PTH110
-            return f"{file} names the interpreter {interpreter}, which {state}; mend its first line, or install it"
+            return f"{file} names the interpreter {interpreter}, which {state}; fix its first line, or install it"
         if error.errno == errno.ENOENT:
             return f"{file} needs a program loader that this machine does not have; is it built for another system?"
     return f"{file}: {os.strerror(error.errno or 0)}"

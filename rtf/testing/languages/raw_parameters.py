@@ -1,4 +1,4 @@
-"""Tests that declare no parameters: executables, Lua scripts and the ancestor's Python scripts.
+"""Tests that declare no parameters: executables, Lua scripts and the C++ framework's Python scripts.
 
 They take the suite's ``param`` string as it stands. A ``<parameter>`` element or a ``--set`` becomes ``--key value``
 behind it, where programs that read their arguments from left to right let the last one win.

@@ -1,1 +1,1 @@
-"""What several reporters need: texts, files that are whole or not there, troubles, a live region."""
+"""What several reporters need: texts, files that are whole or not there, problems, a live region."""

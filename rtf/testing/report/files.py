@@ -223,10 +223,10 @@ def to_json(record: object) -> bytes:
     try:
         return text.encode()
     except UnicodeEncodeError:
-        return _SURROGATE.sub(_mended, text).encode()
+        return _SURROGATE.sub(_repaired, text).encode()
 
 
-def _mended(match: re.Match[str]) -> str:
+def _repaired(match: re.Match[str]) -> str:
     found = match.group()
     return joined(found) if len(found) > 1 else f"\\\\u{ord(found):04x}"
 

@@ -22,15 +22,15 @@ from rtf.testing.events import (
     SubResultEnded,
 )
 from rtf.testing.report.files import AttemptEvents
-from rtf.testing.report.text import joined, measured, near_path, place, problem, sentence
-from rtf.testing.report.troubles import PASSED_OVER, incident_text
+from rtf.testing.report.problems import PASSED_OVER, incident_text
+from rtf.testing.report.text import joined, measured, near_path, place, problem_text, sentence
 from rtf.testing.verdict import Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from rtf.testing.report.troubles import Trouble
+    from rtf.testing.report.problems import Problem
     from rtf.testing.results import TestResult
 
 #: What is kept of a case's output, in characters: Jenkins keeps 1000 of a passing one, and GitLab reads 30 MB a file.
@@ -108,21 +108,21 @@ def properties_of(pairs: Iterable[tuple[str, str]]) -> str:
     return f"<properties>\n{''.join(rows)}</properties>\n" if rows else ""
 
 
-def trouble_case(trouble: Trouble, identity: list[tuple[str, object]]) -> str:
+def problem_case(problem: Problem, identity: list[tuple[str, object]]) -> str:
     """A case for what is no test. What RTF got over is shown as an earlier, failed attempt of a case that passed."""
     parts = [f"<testcase{attributes([*identity, ('time', '0.000')])}>\n"]
-    message = _cut(_filled(trouble.message, trouble.name), _MESSAGE_LIMIT)
-    if trouble.red:
-        text = _cut(_filled(trouble.text, message), _FAILING_LIMIT)
-        parts.append(element("error", text, ("type", trouble.kind), ("message", message)))
+    message = _cut(_filled(problem.message, problem.name), _MESSAGE_LIMIT)
+    if problem.red:
+        text = _cut(_filled(problem.text, message), _FAILING_LIMIT)
+        parts.append(element("error", text, ("type", problem.kind), ("message", message)))
     else:
-        for event in trouble.incidents:
+        for event in problem.incidents:
             head = attributes(
-                [("type", trouble.kind), ("message", _cut(_filled(event.cause, message), _MESSAGE_LIMIT))]
+                [("type", problem.kind), ("message", _cut(_filled(event.cause, message), _MESSAGE_LIMIT))]
             )
             trace = element("stackTrace", _cut(incident_text(event), _EARLIER_LIMIT))
             parts.append(f"<flakyFailure{head}>{trace}</flakyFailure>\n")
-    parts.append(element("system-out", _cut(trouble.text, _PASSING_LIMIT)))
+    parts.append(element("system-out", _cut(problem.text, _PASSING_LIMIT)))
     return "".join([*parts, "</testcase>\n"])
 
 
@@ -164,7 +164,7 @@ class CaseWriter:
         ended = last.ended or result.last
         reason, detail = (ended.reason, ended.detail) if ended is not None else ("", "the run did not come to it")
         found = _problems(last) or result.problems
-        problems = [problem(one) for one in found]
+        problems = [problem_text(one) for one in found]
         message = _filled(detail, problems[0].partition("\n")[0] if problems else "", reason, verdict)
         if verdict not in (Verdict.FAILED, Verdict.ERROR, Verdict.SKIPPED):
             message = f"{verdict}: {message}" if message != verdict else message
@@ -178,7 +178,7 @@ class CaseWriter:
         ended = attempt.ended
         if ended is None:
             return ""
-        problems = "\n".join(problem(event) for event in _problems(attempt))
+        problems = "\n".join(problem_text(event) for event in _problems(attempt))
         message = _filled(ended.detail, problems.partition("\n")[0], ended.reason, ended.outcome)
         out, err = _outputs(attempt, _EARLIER_LIMIT)
         head = attributes([("type", ended.outcome), ("message", _cut(message, _MESSAGE_LIMIT))])
@@ -250,7 +250,7 @@ def _problems(attempt: AttemptEvents) -> list[Message]:
 
 def _says(message: Message, detail: str) -> bool:
     """Whether a message, which has its title before what it says, is what a test ended with."""
-    return detail in problem(message) or detail == f"{message.subject}: {message.detail}"
+    return detail in problem_text(message) or detail == f"{message.subject}: {message.detail}"
 
 
 def _outputs(attempt: AttemptEvents, limit: int) -> tuple[str, str]:

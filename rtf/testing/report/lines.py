@@ -1,7 +1,7 @@
-"""The lines of RTF's ancestor, the C++ Robot Testing Framework, which people's scripts and eyes know.
+"""The lines of the C++ Robot Testing Framework, which people's scripts and eyes know.
 
-What the ancestor had no word for (measurements, retries, fixtures that come back, tests that never ran) is said with
-its tags, so that a script that looks for ``[FAIL]``, ``[ERROR]`` and ``passed!`` is never misled.
+What the C++ framework had no word for (measurements, retries, fixtures that come back, tests that never ran) is said
+with its tags, so that a script that looks for ``[FAIL]``, ``[ERROR]`` and ``passed!`` is never misled.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ _NOTED = (Verdict.MEASURED, Verdict.FLAKY, Verdict.EXPECTED_FAILURE)
 class Line:
     """One line: its text after the tag, what it is (``info``, ``fail``, ``error``, ``start``, ``passed``, ``failed``).
 
-    ``runner`` marks the lines about the runner itself, which the ancestor's result file does not have. ``place`` is the
-    line of the detail mode, or empty.
+    ``runner`` marks the lines about the runner itself, which the C++ framework's result file does not have. ``place``
+    is the line of the detail mode, or empty.
     """
 
     text: str
@@ -72,7 +72,7 @@ class Line:
 
 
 def lines(event: Event, results: RunResult) -> Iterator[Line]:
-    """What the ancestor would say of an event."""
+    """What the C++ framework would say of an event."""
     teller = _TELLERS.get(type(event))
     if teller is not None:
         yield from teller(event, results)
@@ -194,12 +194,12 @@ def _fixture_incident(event: FixtureIncident, results: RunResult) -> Iterator[Li
 
 def _fixture_changed(event: FixtureChanged, results: RunResult) -> Iterator[Line]:
     who = _suite_name(event.suite, results)
-    if event.state is FixtureState.STARTING and event.incarnation > 1:
-        yield _said("info", who, "reports", f"restarting fixture setup of {event.fixture} (#{event.incarnation})")
+    if event.state is FixtureState.STARTING and event.generation > 1:
+        yield _said("info", who, "reports", f"restarting fixture setup of {event.fixture} (#{event.generation})")
     elif event.state is FixtureState.FAILED:
         yield _said("error", who, "Fixture collapsed", f"{event.fixture} is given up: {event.detail}")
     else:
-        yield _said("info", who, "reports", f"fixture {event.fixture} #{event.incarnation} is {event.state}")
+        yield _said("info", who, "reports", f"fixture {event.fixture} #{event.generation} is {event.state}")
 
 
 def _diagnosed(event: Diagnosed, results: RunResult) -> Iterator[Line]:

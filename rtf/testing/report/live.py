@@ -162,7 +162,7 @@ class Region:
 
     @staticmethod
     def _fixture_row(changed: FixtureChanged) -> Text:
-        text = f"  {report_text.one_line(changed.fixture)} #{changed.incarnation} {changed.state}"
+        text = f"  {report_text.one_line(changed.fixture)} #{changed.generation} {changed.state}"
         good = changed.state in (FixtureState.READY, FixtureState.STARTING, FixtureState.STOPPING)
         return Text(text, style="dim" if good else "red", no_wrap=True, overflow="ellipsis")
 

@@ -139,7 +139,7 @@ def sentence(message: Message) -> str:
     return ": ".join(part for part in (message.subject, message.title, message.detail) if part)
 
 
-def problem(message: Message) -> str:
+def problem_text(message: Message) -> str:
     """A failure or error in full: the sentence, the place on a line of its own, the traceback."""
     lines = [sentence(message)]
     where = place(message.file, message.line)
@@ -173,7 +173,7 @@ def incident(event: FixtureIncident) -> str:
     """What went wrong with a fixture, in one sentence."""
     status = "" if event.exit_status is None else f"exit status {event.exit_status}"
     ends = [end for end in (status, event.signal) if end and end not in event.cause]
-    text = f"{event.fixture} #{event.incarnation} in {event.phase}: {event.cause}"
+    text = f"{event.fixture} #{event.generation} in {event.phase}: {event.cause}"
     if ends:
         text += f" ({', '.join(ends)})"
     return f"{text}, during {event.test}" if event.test else text

@@ -28,7 +28,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One problem: what it is, where it is, and what would mend it (``hint`` may be empty)."""
+    """One problem: what it is, where it is, and what would fix it (``hint`` may be empty)."""
 
     severity: Severity
     message: str

@@ -66,7 +66,7 @@ class EntryReader:
         return Fields(element, bindings, self._problems, self._budget)
 
     def test(self, element: Element, around: Surroundings) -> TestEntry | None:
-        """Read a ``<test>``. Its id is taken even when it is faulty, so that mending it renames no other."""
+        """Read a ``<test>``. Its id is taken even when it is faulty, so that fixing it renames no other."""
         fields = self.fields(element, around.bindings)
         self._budget.spend(element.location, tests=1, steps=len(around.defaults.parameters))
         defaults = around.defaults

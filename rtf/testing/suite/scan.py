@@ -1,7 +1,7 @@
 """From the bytes of a suite file to a tree of elements that know their line and column.
 
 The parser is expat, because it tells the place of every start tag and never opens anything by itself. What the files
-of the past contain and a strict parser rejects (``--`` in comments) is mended before, character for character, so that
+of the past contain and a strict parser rejects (``--`` in comments) is fixed before, character for character, so that
 places stay true. What has no business in a suite file is refused: document type definitions with a body, entities,
 encodings nobody can name, files or nestings beyond reason.
 """

@@ -1,6 +1,6 @@
 """Loading a suite file: all that is wrong with it in one go, and the suite as far as it can be used.
 
-Files of the ancestor load as they are, with its meaning: element names are compared without regard to case, white
+Files of the C++ framework load as they are, with its meaning: element names are compared without regard to case, white
 space is condensed, an ``<environment>`` is given to the tests that follow it. What a file may contain is listed in
 :mod:`rtf.testing.suite.vocabulary` and explained in ``suite.xsd``.
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 SCHEMA = Path(__file__).with_name("suite.xsd")
 """The schema for editors and for ``xmllint``; the loader does not need it."""
 
-_UNNAMED = "unknown"  # what the ancestor calls a suite without a name
+_UNNAMED = "unknown"  # what the C++ framework calls a suite without a name
 _MAX_INCLUDE_DEPTH = 16
 _MAX_LOOP_DEPTH = 16  # both keep the recursion far from the interpreter's limit
 _NOT_RELATIVE = re.compile(r"[/\\~]|[A-Za-z][A-Za-z0-9+.-]*:")

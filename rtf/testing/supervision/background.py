@@ -91,7 +91,7 @@ class BackgroundProgram:
         return self._end
 
     def start(self) -> None:
-        """Start it. Raises FixtureUnusable, which names the program and the mend, when that is not possible."""
+        """Start it. Raises FixtureUnusable, which names the program and the hint, when that is not possible."""
         parent = os.getpid()
 
         def tie() -> None:
@@ -126,7 +126,7 @@ class BackgroundProgram:
         if "/" not in file and error.errno == errno.ENOENT:
             return f"there is no program {file!r} on PATH; install it, or write its path"
         if error.errno == errno.ENOENT and not (Path(self._directory or ".") / file).exists():
-            return f"there is no program {file}; install it, or mend its path"
+            return f"there is no program {file}; install it, or hint its path"
         return why_not_started(str(Path(self._directory or ".") / file), error)
 
     def wait(self, timeout: float) -> bool:

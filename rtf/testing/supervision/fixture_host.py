@@ -1,10 +1,10 @@
-"""The process in which one incarnation of a fixture lives.
+"""The process in which one generation of a fixture lives.
 
 It says ``listening`` when it can be interrupted, ``ready`` when it is set up, then ``alive`` after each check that
 held, ``collapsed`` at most once, ``failed`` when setting up did not work, ``doing`` before each of the last things, and
-``done`` when everything is torn down. It obeys ``check``, ``park`` and ``teardown``. SIGTERM makes it leave what it is
-doing and tear down. When its runner is gone it waits for the SIGTERM of the nursery, which ends fixtures in order; when
-the nursery is gone the kernel sends it.
+``done`` when everything is torn down. It obeys ``check``, ``enter_safe_state`` and ``teardown``. SIGTERM makes it leave
+what it is doing and tear down. When its runner is gone it waits for the SIGTERM of the fork server, which ends fixtures
+in order; when the fork server is gone the kernel sends it.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from rtf.testing import plugins
 from rtf.testing.events import Message, OutputCaptured, to_line
 from rtf.testing.fixture import FixtureManager, FixtureUnusable
 from rtf.testing.isolation import processes
-from rtf.testing.isolation.nursery_protocol import DUMP_FD, PARKING
+from rtf.testing.isolation.fork_server_protocol import DUMP_FD, SAFE_STATE_NAME
 from rtf.testing.outcome import FixtureCollapsed, TestStopped
-from rtf.testing.places import raised_place
 from rtf.testing.session import author_traceback, bounded
+from rtf.testing.source_location import raised_place
 from rtf.testing.verdict import Phase, Severity
 
 if TYPE_CHECKING:
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from rtf.testing.isolation.job import Job
     from rtf.testing.isolation.worker import Wire
 
-#: Seconds to wait for the order in which the nursery has fixtures torn down when the runner is gone: it has those that
-#: stand on this one park first. A nursery that is gone as well makes itself felt at once.
+#: Seconds to wait for the order in which the fork server has fixtures torn down when the runner is gone: it has those
+#: that stand on this one park first. A fork server that is gone as well makes itself felt at once.
 ORPHAN_PATIENCE = 600.0
 _FIRST_COMMAND_LIMIT = 10.0
 
@@ -45,7 +45,7 @@ class Host:
     """Runs one fixture manager and speaks for it. Any thread may speak; the main thread does the work."""
 
     def __init__(self, job: Job, wire: Wire) -> None:
-        self.incarnation = job.attempt
+        self.generation = job.attempt
         self.name = job.id
         self._job = job
         self._wire = wire
@@ -119,7 +119,7 @@ class Host:
         if manager is not None:
             up = self._set_up(manager)
             if up:
-                parks = type(manager).park is not FixtureManager.park
+                parks = type(manager).enter_safe_state is not FixtureManager.enter_safe_state
                 self.say(host="ready", of_robot=bool(manager.occupies) and parks)
                 self._watch(manager)
             self._come_down(manager, up=up)
@@ -161,8 +161,8 @@ class Host:
 
     def _set_up(self, manager: FixtureManager) -> bool:
         def set_up() -> None:
-            if self.incarnation > 1:
-                manager.before_restart(self.incarnation)
+            if self.generation > 1:
+                manager.before_restart(self.generation)
             if manager.setup() is False:
                 raise FixtureCollapsed("setup() returned False")
 
@@ -193,12 +193,12 @@ class Host:
                 self._note_reason(command)
                 return
             if kind == "park":
-                self._park(manager)
+                self._enter_safe_state(manager)
             elif not self._stopped and not self._lost:
                 self._check(manager)
             if command is not None:
                 self.say(host="answered")
-        if not self._stopped:  # without a runner, the nursery says whose turn it is, dependents first
+        if not self._stopped:  # without a runner, the fork server says whose turn it is, dependents first
             self._stoppably(lambda: clock.sleep(ORPHAN_PATIENCE))
 
     def _next_command(self) -> dict[str, Any] | None:
@@ -233,11 +233,11 @@ class Host:
         else:
             self.say(host="alive")
 
-    def _park(self, manager: FixtureManager) -> None:
+    def _enter_safe_state(self, manager: FixtureManager) -> None:
         """A fixture whose state after a test is unknown is as good as gone."""
-        error = self._stoppably(manager.park)
+        error = self._stoppably(manager.enter_safe_state)
         if error is not None and not isinstance(error, TestStopped):
-            self._collapse(f"park() raised {_named(error)}")
+            self._collapse(f"enter_safe_state() raised {_named(error)}")
 
     def _collapse(self, cause: str) -> None:
         self.announce_collapse(cause, exit_status=None, signal_name="", output="")
@@ -251,8 +251,8 @@ class Host:
         if up and cause is not None:
             self._last_thing("on_collapse()", lambda: manager.on_collapse(cause))
         elif up:
-            with processes.named(PARKING):
-                self._last_thing("park()", manager.park)
+            with processes.named(SAFE_STATE_NAME):
+                self._last_thing("enter_safe_state()", manager.enter_safe_state)
         self.say(host="doing", what="teardown()")
         self._tell(self._caught(manager.teardown), "teardown()")
 
@@ -276,7 +276,7 @@ class Host:
         cause = f"{what} did not come back and was interrupted" if stopped else f"{what} raised {_named(error)}"
         trace = "" if stopped else author_traceback(error)
         file, line = raised_place(error)
-        self.say(host="trouble", phase=self._phase, cause=bounded(cause), traceback=trace, file=file, line=line)
+        self.say(host="problem", phase=self._phase, cause=bounded(cause), traceback=trace, file=file, line=line)
 
     # Being stopped from outside ----------------------------------------------------------------------------------
 
@@ -330,7 +330,7 @@ def _named(error: BaseException) -> str:
 
 
 def host(job: Job, wire: Wire) -> int:
-    """Be the host of one incarnation of a fixture. Returns the exit status of the process."""
+    """Be the host of one generation of a fixture. Returns the exit status of the process."""
     os.environ["RTF_RUN_FOLDER"] = job.run_folder
     os.environ.update(job.variables)
     keeper = Host(job, wire)

@@ -1,4 +1,4 @@
-"""The books of supervision: what is known of a fixture over all of its incarnations, and how it is told to the run."""
+"""The books of supervision: what is known of a fixture over all of its generations, and how it is told to the run."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ if TYPE_CHECKING:
     from rtf.testing.events import Event
     from rtf.testing.plugins import PluginRef
     from rtf.testing.suite.model import FixtureEntry
-    from rtf.testing.supervision.incarnation import Incarnation
+    from rtf.testing.supervision.fixture_process import FixtureProcess
 
 
 @dataclass(slots=True)
 class Fixture:
-    """One fixture of the plan, over all of its incarnations. ``problem`` says why there is no plug-in."""
+    """One fixture of the plan, over all of its generations. ``problem`` says why there is no plug-in."""
 
     entry: FixtureEntry
     plugin: PluginRef | None
     problem: str = ""
     state: FixtureState = FixtureState.STOPPED
-    incarnation: int = 0
+    generation: int = 0
     restarts_left: int = 0
-    #: Whether the last incarnation failed by itself, so that the next one counts as a restart. One that came down only
+    #: Whether the last generation failed by itself, so that the next one counts as a restart. One that came down only
     #: because something below it collapsed does not.
     owes_restart: bool = False
     #: Whether it said itself that trying again is no use.
     hopeless: bool = False
-    #: Whether a test that stood on it was cut short, and no incarnation has put right since what that one left.
-    owes_park: bool = False
+    #: Whether a test that stood on it was cut short, and no generation has put right since what that one left.
+    owes_safe_state: bool = False
     #: Whether it puts back something of which there is only one, such as a robot; it says so when it is up.
-    parks_robot: bool = False
+    secures_robot: bool = False
     failure: str = ""
     last_cause: str = ""
-    process: Incarnation | None = None
-    #: Environment variables that this incarnation provides for those who stand on it.
+    process: FixtureProcess | None = None
+    #: Environment variables that this generation provides for those who stand on it.
     variables: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -86,7 +86,7 @@ class Notes:
             FixtureChanged(
                 fixture=fixture.name,
                 suite=self.suite,
-                incarnation=fixture.incarnation,
+                generation=fixture.generation,
                 state=state,
                 detail=detail,
                 pid=pid,
@@ -108,7 +108,7 @@ class Notes:
             FixtureIncident(
                 fixture=fixture.name,
                 suite=self.suite,
-                incarnation=fixture.incarnation,
+                generation=fixture.generation,
                 phase=cause.phase,
                 cause=cause.text,
                 exit_status=cause.exit_status,

@@ -17,7 +17,7 @@ the test is run again on #2, #2, #1
 What is up parks as soon as the test was stopped: nobody knows what that left behind. ``server`` is asked to when it is
 up again. The restart counts for ``server`` alone: ``simulator`` came down through no fault of its own. When ``server``
 has used up its restarts it is *failed*, and every test that needs it, or something that depends on it, is blocked. Each
-incarnation is a process (``incarnation``); nothing here runs an author's code.
+generation is a process (``generation``); nothing here runs an author's code.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.testing.isolation.children import NurseryLostError
+from rtf.testing.isolation.worker_pool import ForkServerLostError
+from rtf.testing.supervision.fixture_process import FixtureProcess
 from rtf.testing.supervision.fixture_record import Cause, Fixture, Notes
-from rtf.testing.supervision.incarnation import Incarnation
 from rtf.testing.verdict import FixtureState, Phase
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from rtf.testing.events import Event
-    from rtf.testing.isolation.children import Nursery
     from rtf.testing.isolation.job import Job
+    from rtf.testing.isolation.worker_pool import ForkServerClient
     from rtf.testing.plugins import PluginRef
 
 __all__ = ["Fixture", "Supervisor"]
@@ -45,14 +45,14 @@ _INTERRUPTED = "interrupted"
 
 
 class Supervisor:
-    """Keeps a set of fixtures up. One thread's, with the reactor that thread waits in; each lane has its own.
+    """Keeps a set of fixtures up. One thread's, with the reactor that thread waits in; each suite worker has its own.
 
     ``stop_now`` says that nothing is to be started any more, ``kill_now`` that nothing is to be waited for either.
     """
 
     def __init__(
         self,
-        nursery: Nursery,
+        fork_server: ForkServerClient,
         emit: Callable[[Event], None],
         make_job: Callable[[Fixture], Job],
         *,
@@ -60,7 +60,7 @@ class Supervisor:
         stop_now: Callable[[], bool],
         kill_now: Callable[[], bool] = lambda: False,
     ) -> None:
-        self._nursery = nursery
+        self._fork_server = fork_server
         self._notes = Notes(emit, running_test)
         self._make_job = make_job
         self._stop_now = stop_now
@@ -95,16 +95,16 @@ class Supervisor:
             fixture.restarts_left = fixture.entry.restarts
             if (fixture.name, fixture.plugin) in self._unsettled:
                 self._unsettled.remove((fixture.name, fixture.plugin))
-                fixture.owes_park = fixture.parks_robot = True
+                fixture.owes_safe_state = fixture.secures_robot = True
             self._fixtures[fixture.name] = fixture
 
     def names(self) -> list[str]:
         """The fixtures that are known, in dependency order."""
         return [*self._fixtures]
 
-    def incarnations(self, names: Iterable[str]) -> dict[str, int]:
-        """The incarnation of each of these fixtures."""
-        return {name: self._fixtures[name].incarnation for name in names}
+    def generations(self, names: Iterable[str]) -> dict[str, int]:
+        """The generation of each of these fixtures."""
+        return {name: self._fixtures[name].generation for name in names}
 
     def variables(self, names: Iterable[str]) -> tuple[tuple[str, str], ...]:
         """What these fixtures, and those they depend on, provide for who stands on them; the last one has its way."""
@@ -152,15 +152,15 @@ class Supervisor:
             process.ask("check")
         self._wait(lambda: all(process.answered or not process.up for process in asked))
 
-    def park(self, names: Iterable[str]) -> None:
+    def enter_safe_state(self, names: Iterable[str]) -> None:
         """Have what a stopped or killed test left brought into a safe state, dependents first.
 
         A fixture that is not up, or is lost meanwhile, is asked as soon as it is up again.
         """
         self.watch()
         for name in reversed([*names]):
-            self._fixtures[name].owes_park = True
-            self._park(name)
+            self._fixtures[name].owes_safe_state = True
+            self._enter_safe_state(name)
 
     def take_down(self, names: Iterable[str] | None = None) -> None:
         """Tear down these fixtures (default: all), dependents first; whatever goes wrong with one, all are done.
@@ -185,12 +185,12 @@ class Supervisor:
         """Drop fixtures that are down. What they still owe is remembered for those that :meth:`adopt` gets later."""
         for name in [*names]:
             fixture = self._fixtures.pop(name, None)
-            if fixture is not None and _owes_park(fixture):
+            if fixture is not None and _owes_safe_state(fixture):
                 self._unsettled.add((name, fixture.plugin))
 
     # Up ----------------------------------------------------------------------------------------------------------
 
-    def _up(self, name: str) -> Incarnation | None:
+    def _up(self, name: str) -> FixtureProcess | None:
         fixture = self._fixtures[name]
         return fixture.process if fixture.ready else None
 
@@ -222,7 +222,7 @@ class Supervisor:
                 self._take_down_with_dependents(fixture)
 
     def _start(self, fixture: Fixture) -> None:
-        """Start the next incarnation of a stopped fixture, if it may have one; what it depends on is up."""
+        """Start the next generation of a stopped fixture, if it may have one; what it depends on is up."""
         if _used_up(fixture):
             self._give_up(fixture)
         elif fixture.plugin is None:
@@ -242,12 +242,12 @@ class Supervisor:
         self._notes.change(fixture, FixtureState.FAILED, fixture.failure)
 
     def _start_once(self, fixture: Fixture) -> None:
-        fixture.incarnation += 1
+        fixture.generation += 1
         fixture.last_cause = ""
         fixture.variables.clear()
         try:
-            process = Incarnation(fixture, self._notes, self._nursery, self._wait, self._kill_now)
-        except NurseryLostError as error:
+            process = FixtureProcess(fixture, self._notes, self._fork_server, self._wait, self._kill_now)
+        except ForkServerLostError as error:
             fixture.state = FixtureState.STARTING
             self._notes.collapse(fixture, Cause(text=str(error), phase=Phase.SETUP))
             return
@@ -255,17 +255,17 @@ class Supervisor:
         self._notes.change(fixture, FixtureState.STARTING)
         process.begin(self._make_job(fixture))
         self._wait(lambda: fixture.state is not FixtureState.STARTING or self._no_longer_startable(fixture))
-        if fixture.owes_park:
-            self._park(fixture.name)
+        if fixture.owes_safe_state:
+            self._enter_safe_state(fixture.name)
         if not fixture.ready:
             self._stop(fixture)
 
-    def _park(self, name: str) -> None:
+    def _enter_safe_state(self, name: str) -> None:
         process = self._up(name)
         if process is not None:
             process.ask("park")
             self._wait(lambda: process.answered or not process.up or (self._settling and self._kill_now()))
-            self._fixtures[name].owes_park = not (process.answered and process.up)
+            self._fixtures[name].owes_safe_state = not (process.answered and process.up)
 
     def _backed_off(self, fixture: Fixture) -> bool:
         """Let the time before a restart pass. False when meanwhile the run is to stop, or what it needs collapsed."""
@@ -303,7 +303,7 @@ class Supervisor:
             self.watch()
             if until():
                 return
-            self._nursery.reactor.run_once(limit.earliest(self.deadline()))
+            self._fork_server.reactor.run_once(limit.earliest(self.deadline()))
 
     # Down --------------------------------------------------------------------------------------------------------
 
@@ -312,15 +312,15 @@ class Supervisor:
 
         One that was only handed the debt of an earlier suite's, and that nobody needed, passes it on untold.
         """
-        if not _owes_park(fixture) or fixture.incarnation == 0:
+        if not _owes_safe_state(fixture) or fixture.generation == 0:
             return
-        problem = "" if _used_up(fixture) else self._bring_up_to_park(fixture)
-        if fixture.owes_park:
+        problem = "" if _used_up(fixture) else self._bring_up_for_safe_state(fixture)
+        if fixture.owes_safe_state:
             why = problem or _why_given_up(fixture)
             text = f"{fixture.name} did not put back what a test left: {why}"
             self._notes.incident(fixture, Cause(text=text, phase=Phase.TEARDOWN))
 
-    def _bring_up_to_park(self, fixture: Fixture) -> str:
+    def _bring_up_for_safe_state(self, fixture: Fixture) -> str:
         """Says why it did not park, if it did not."""
         self._settling = True
         try:
@@ -344,13 +344,13 @@ class Supervisor:
             self._notes.change(fixture, FixtureState.STOPPED)
 
 
-def _owes_park(fixture: Fixture) -> bool:
+def _owes_safe_state(fixture: Fixture) -> bool:
     """Whether it has to put right what a test left on a robot that is there."""
-    return fixture.owes_park and fixture.parks_robot
+    return fixture.owes_safe_state and fixture.secures_robot
 
 
 def _used_up(fixture: Fixture) -> bool:
-    """Whether it may not have another incarnation."""
+    """Whether it may not have another generation."""
     return fixture.owes_restart and (fixture.restarts_left <= 0 or fixture.hopeless)
 
 

@@ -118,7 +118,7 @@ class TestLooking:
         assert re.fullmatch(r"Round trip of 3: min [\d.]+ ms, median [\d.]+ ms, max [\d.]+ ms", lines[-1])
 
     def test_ping_of_a_port_that_is_gone(self, net: Net):
-        """The words are YARP's, and what would mend it stands below."""
+        """The words are YARP's, and what would fix it stands below."""
         net.run("name", "register", "/gone", "tcp", "127.0.0.1", "1")
         done = net.run("ping", "/gone")
         assert done.process.returncode == 1

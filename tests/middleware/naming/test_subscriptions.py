@@ -23,7 +23,7 @@ class Hub:
         self.table = table or Table(Numbers(1, 99))
         self.wanted: list[tuple[str, str, bool]] = []
         self.subscriptions = Subscriptions(self.table)
-        self.subscriptions.connect = lambda *wish: self.wanted.append(wish)
+        self.subscriptions.connect = lambda *command: self.wanted.append(command)
 
     def come(self, *names: str, carrier: str = "tcp") -> None:
         """Ports register and are announced."""
@@ -36,7 +36,7 @@ class Hub:
         self.subscriptions.went(name)
         self.table.unregister(name)
 
-    def wishes(self) -> list[tuple[str, str, bool]]:
+    def settings(self) -> list[tuple[str, str, bool]]:
         """What was wanted since this was asked last."""
         wanted, self.wanted = self.wanted, []
         return wanted
@@ -52,26 +52,26 @@ def test_connected_when_both_are_there(hub: Hub):
     """In whichever order they come, and again after either came back."""
     assert hub.subscriptions.subscribe("/a", "fast_tcp://b")
     hub.come("/a")
-    assert hub.wishes() == []
+    assert hub.settings() == []
     hub.come("/b")
-    assert hub.wishes() == [("/a", "fast_tcp://b", True)]
+    assert hub.settings() == [("/a", "fast_tcp://b", True)]
     hub.go("/b")
-    assert hub.wishes() == [("/a", "fast_tcp://b", False)]
+    assert hub.settings() == [("/a", "fast_tcp://b", False)]
     hub.come("/b")
-    assert hub.wishes() == [("/a", "fast_tcp://b", True)]
+    assert hub.settings() == [("/a", "fast_tcp://b", True)]
     hub.go("/a")
     hub.come("/a")
-    assert hub.wishes() == [("/a", "fast_tcp://b", False), ("/a", "fast_tcp://b", True)]
+    assert hub.settings() == [("/a", "fast_tcp://b", False), ("/a", "fast_tcp://b", True)]
 
 
 def test_connected_at_once(hub: Hub):
     """When both are there already."""
     hub.come("/a", "/b")
     hub.subscriptions.subscribe("/a", "/b")
-    assert hub.wishes() == [("/a", "/b", True)]
+    assert hub.settings() == [("/a", "/b", True)]
     hub.subscriptions.unsubscribe("tcp://a", "/b")
     hub.come("/a")
-    assert hub.wishes() == []
+    assert hub.settings() == []
 
 
 def test_only_ports_that_listen(hub: Hub):
@@ -80,9 +80,9 @@ def test_only_ports_that_listen(hub: Hub):
     hub.come("/a")
     hub.table.register("/b", "tcp", "127.0.0.1", 5)
     hub.subscriptions.came("/nobody")
-    assert hub.wishes() == []
+    assert hub.settings() == []
     hub.subscriptions.came("/b")
-    assert hub.wishes() == [("/a", "/b", True)]
+    assert hub.settings() == [("/a", "/b", True)]
 
 
 @pytest.mark.parametrize(
@@ -117,19 +117,19 @@ def test_topics(hub: Hub):
     hub.come("/t", carrier="topic")
     for source in "/a1", "/a2":
         hub.subscriptions.subscribe(source, "topic:/t")
-    assert hub.wishes() == []
+    assert hub.settings() == []
     hub.subscriptions.subscribe("topic:/t", "/b1")
-    assert sorted(hub.wishes()) == [("/a1", "/b1", True), ("/a2", "/b1", True)]
+    assert sorted(hub.settings()) == [("/a1", "/b1", True), ("/a2", "/b1", True)]
     hub.subscriptions.subscribe("topic:/t", "/b2")
     hub.come("/b2")
-    assert sorted(hub.wishes()) == [("/a1", "/b2", True), ("/a2", "/b2", True)]
+    assert sorted(hub.settings()) == [("/a1", "/b2", True), ("/a2", "/b2", True)]
     hub.go("/a1")
-    assert sorted(hub.wishes()) == [("/a1", "/b1", False), ("/a1", "/b2", False)]
+    assert sorted(hub.settings()) == [("/a1", "/b1", False), ("/a1", "/b2", False)]
     hub.subscriptions.set_topic("/t", active=False)
     hub.come("/a1")
-    assert hub.wishes() == []
+    assert hub.settings() == []
     hub.subscriptions.set_topic("/t")
-    assert len(hub.wishes()) == 4
+    assert len(hub.settings()) == 4
 
 
 def test_a_port_that_was_just_announced_is_believed(hub: Hub, monkeypatch: pytest.MonkeyPatch):
@@ -138,11 +138,11 @@ def test_a_port_that_was_just_announced_is_believed(hub: Hub, monkeypatch: pytes
     hub.come("/a")
     hub.subscriptions.silent("/a")
     hub.come("/b")
-    assert hub.wishes() == [("/a", "/b", True)]
+    assert hub.settings() == [("/a", "/b", True)]
     monkeypatch.setattr(module, "_FRESH", -1.0)
     hub.subscriptions.silent("/a")
     hub.subscriptions.came("/b")
-    assert hub.wishes() == []
+    assert hub.settings() == []
 
 
 def test_bounded(hub: Hub, monkeypatch: pytest.MonkeyPatch):
@@ -176,5 +176,5 @@ def test_survive_in_a_file(tmp_path: Path):
     assert second.subscriptions.topics == ["/t"]
     assert second.subscriptions.type_of("x", "y") == "z"
     second.come("/b")
-    assert second.wishes() == [("/a", "udp://b", True)]
+    assert second.settings() == [("/a", "udp://b", True)]
     second.table.store.close()

@@ -161,19 +161,19 @@ def test_a_matrix_that_is_none_is_refused(text: str):
 
 
 def test_a_bare_array_is_a_vector_or_a_matrix():
-    """A port takes an array as it is; what could be something else is refused with the mend."""
+    """A port takes an array as it is; what could be something else is refused with the hint."""
     assert codec_of(np.zeros(3)) is VECTOR
     assert codec_of(np.zeros(3, np.int16)) is vector_of("i2")
     assert codec_of(np.zeros(3, ">f8")) is VECTOR
     assert codec_of(np.zeros((3, 3))) is codec_of(np.zeros((2, 2), np.int64)) is MATRIX
-    for array, mend in [
+    for array, hint in [
         (np.zeros(3, np.uint8), "astype"),
         (np.zeros(3, bool), "astype"),
         (np.zeros((4, 4), np.uint8), "Image"),
         (np.zeros((4, 4, 3)), "Image"),
         (np.array(1.0), "codec"),
     ]:
-        with pytest.raises(BottleTypeError, match=mend):
+        with pytest.raises(BottleTypeError, match=hint):
             codec_of(array)
 
 

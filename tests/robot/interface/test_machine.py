@@ -216,7 +216,7 @@ def test_levels_of_the_shutdown_may_be_reversed(bench: Bench, reverse: bool):
     ]
 
 
-class TestWishes:
+class TestStopRequests:
     """The end that is asked for, once and more often."""
 
     def test_during_a_calibration(self, bench: Bench, started: Start):
@@ -236,14 +236,14 @@ class TestWishes:
         running = started(bench.make(device("a") + device("b", open="hang") + device("c")))
         eventually(lambda: "b open" in bench.calls, "it does not begin")
         running.interface.interrupt()
-        assert running.interface.phase is Phase.STARTUP  # the first wish lets it be opened whole
+        assert running.interface.phase is Phase.STARTUP  # the first request lets it be opened whole
         from scripted_devices import let_go
 
         let_go()
         assert not running.end().ready
         assert bench.calls == ["a open", "b open", "b close", "a close"]
 
-    def test_a_second_wish_does_not_wait_for_a_device_that_hangs(self, bench: Bench, started: Start):
+    def test_a_second_command_does_not_wait_for_a_device_that_hangs(self, bench: Bench, started: Start):
         """It is left, and the others are closed."""
         bench.patience = type(bench.patience)(open=30.0, close=1.0, hurry=0.5)
         running = started(bench.make(device("a") + device("b", open="hang") + device("c")))
@@ -255,7 +255,7 @@ class TestWishes:
         assert "was not waited for" in outcome.failures[0]
         assert outcome.hanging == ("the opening of b (scripted)",)
 
-    def test_three_wishes(self, bench: Bench, started: Start):
+    def test_three_stop_requests(self, bench: Bench, started: Start):
         """The second and third run their actions at once, while the calibrator that parks is told to stop."""
         actions = "".join(
             action("custom", phase, level, name=f"{phase}{level}")

@@ -213,7 +213,7 @@ class TestParameters:
         assert "is always 't'" in reading.warnings[0].sentence
 
     def test_what_cannot_be_read(self, bench: Bench):
-        """All of it is told at once, each with its place and the mend."""
+        """All of it is told at once, each with its place and the hint."""
         told = problems(
             bench,
             """<device name="d" type="t"><param name="a">1</param>
@@ -231,7 +231,7 @@ class TestParameters:
         )
         expected = {
             "robot.xml:5:1: the device 'd' has the parameter 'a' twice, first in robot.xml:4:27; keep one",
-            "robot.xml:6:1: the value of 'b' cannot be read: its quotes or brackets are not closed; mend the value",
+            "robot.xml:6:1: the value of 'b' cannot be read: its quotes or brackets are not closed; fix the value",
             'robot.xml:7:1: <param> has no name; write name="…"',
             "robot.xml:8:17: <param> has no place in <param>; only text can stand here",
             (

@@ -1,6 +1,6 @@
 """An attempt, against a child that says what the test makes it say: phases, limits, and what is believed."""
 
-# ruff: noqa: D102 - the scripted child has the methods of the real one
+
 from __future__ import annotations
 
 import json
@@ -11,9 +11,9 @@ import pytest
 from rtf import clock
 from rtf.testing.events import Event, Message, OutputCaptured, PhaseStarted, StackDumped, TestStarted, to_line
 from rtf.testing.isolation.attempt import Attempt, Limits, Stop
-from rtf.testing.isolation.children import End
+from rtf.testing.isolation.fork_server_protocol import DUMP_SIGNAL, STOP_SIGNAL
 from rtf.testing.isolation.job import Job
-from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, STOP_SIGNAL
+from rtf.testing.isolation.worker_pool import End
 from rtf.testing.plugins import PluginRef
 from rtf.testing.verdict import Phase, Severity, Verdict
 
@@ -25,7 +25,7 @@ FINISHED = b'{"finished":{"outcome":"passed","reason":"","detail":""}}\n'
 
 
 class Scripted:
-    """A child and its nursery in one: each turn of the reactor plays one step.
+    """A child and its fork server in one: each turn of the reactor plays one step.
 
     ``waits`` are the limits of the deadlines that were waited for. Stacks take one turn to be written.
     """

@@ -159,9 +159,9 @@ def test_a_program_that_leaves_nothing_leaves_no_folder(run: Callable[..., Ran],
 
 def test_output_is_the_tests_output(run: Callable[..., Ran], capfd: pytest.CaptureFixture[str]):
     """Both streams, whatever it is read as."""
-    run("echo 1..1; echo ok 1; echo noise; echo trouble >&2")
+    run("echo 1..1; echo ok 1; echo noise; echo problem >&2")
     captured = capfd.readouterr()
-    assert (captured.out, captured.err) == ("1..1\nok 1\nnoise\n", "trouble\n")
+    assert (captured.out, captured.err) == ("1..1\nok 1\nnoise\n", "problem\n")
 
 
 # The exit status -----------------------------------------------------------------------------------------------------
@@ -347,7 +347,7 @@ def test_a_junit_file_decides(run: Callable[..., Ran], script: str, outcome: str
         ("just text\n", 0o755, "nor has it a first line such as #!/bin/sh"),
     ],
 )
-def test_a_program_that_cannot_be_started_is_an_error_with_its_mend(
+def test_a_program_that_cannot_be_started_is_an_error_with_its_hint(
     run: Callable[..., Ran], write: Callable[..., Path], text: str, mode: int, part: str
 ):
     """The kernel only says a number."""

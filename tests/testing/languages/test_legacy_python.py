@@ -1,4 +1,4 @@
-"""The ancestor's Python scripts run unchanged."""
+"""The C++ framework's Python scripts run unchanged."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     return carry_out
 
 
-def test_a_script_of_the_ancestor_runs_unchanged(run: Callable[..., Ran]):
-    """With every function it may call, on the titles the ancestor gave them, and lines of the script."""
+def test_a_script_of_the_cpp_framework_runs_unchanged(run: Callable[..., Ran]):
+    """With every function it may call, on the titles the C++ framework gave them, and lines of the script."""
     ran = run(DATA / "classic.py", "--joints 3", environment="--robotname icubSim")
     assert ran.told("failure") == [
         ("checks", "wrong sums"),

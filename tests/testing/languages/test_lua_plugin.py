@@ -1,4 +1,4 @@
-"""Tests written in Lua: the ancestor's semantics without its defects."""
+"""Tests written in Lua: the C++ framework's semantics without its defects."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ def body(statements: str) -> str:
     )
 
 
-def test_a_script_of_the_ancestor_runs_unchanged(run: Callable[..., Ran]):
-    """With every function it may call, on the titles the ancestor gave them, and lines of the script."""
+def test_a_script_of_the_cpp_framework_runs_unchanged(run: Callable[..., Ran]):
+    """With every function it may call, on the titles the C++ framework gave them, and lines of the script."""
     ran = run(DATA / "classic.lua", "--joints 3 'x'", environment="--robotname icubSim")
     assert ran.told("failure") == [
         ("checks", "wrong sums"),
@@ -114,7 +114,7 @@ def test_lua_truth_decides_over_setup(run: Callable[..., Ran], result: str, good
     ("condition", "holds"), [("nil", False), ("false", False), ("0", True), ("'x'", True), ("{}", True)]
 )
 def test_conditions_that_are_no_booleans_follow_lua_truth(run: Callable[..., Ran], condition: str, holds: bool):
-    """The ancestor passed them over in silence."""
+    """The C++ framework passed them over in silence."""
     ran = run(
         body(f"robottestingframework.testCheck({condition}, 'a')\nrobottestingframework.testFailIf({condition}, 'b')")
     )
@@ -227,7 +227,7 @@ def test_a_first_line_for_the_shell_is_passed_over(run: Callable[..., Ran]):
 
 
 def test_measurements_progress_and_skips_are_ours(run: Callable[..., Ran]):
-    """Beyond the ancestor, under the same roof."""
+    """Beyond the C++ framework, under the same roof."""
     ran = run(
         body("robottestingframework.progress(0.5, 'half')\nrobottestingframework.measure('angle', 12, 'deg', 0, 10)")
     )
@@ -262,7 +262,7 @@ def test_python_is_out_of_reach(run: Callable[..., Ran]):
 
 
 def test_the_standard_libraries_are_open_and_neighbours_can_be_required(run: Callable[..., Ran], tmp_path: Path):
-    """As in the ancestor; modules beside the script are found too."""
+    """As in the C++ framework; modules beside the script are found too."""
     (tmp_path / "neighbour.lua").write_text("return {answer = 42}")
     assert run(body("assert(require('neighbour').answer == 42 and io and os and debug and string)")).outcome == "passed"
 
@@ -279,7 +279,7 @@ def test_output_of_print_is_not_lost(run: Callable[..., Ran], capfd: pytest.Capt
     assert capfd.readouterr().out == "printed\nwritten"
 
 
-def test_without_lupa_the_mend_is_said(run: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch):
+def test_without_lupa_the_hint_is_said(run: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch):
     """The line to type stands in the error."""
     monkeypatch.setitem(sys.modules, "lupa", None)
     ran = run(DATA / "classic.lua")

@@ -47,7 +47,7 @@ def test_malformed_xml_is_an_error_with_its_place(text: str, told: str):
 
 
 def test_what_stands_before_the_malformed_place_is_checked_all_the_same():
-    """One round of mending less; the half-read element is not judged."""
+    """One round of fixing less; the half-read element is not judged."""
     messages = refused('<suite name="S">\n<test retries="x">A</test><test>B</suite>')
     assert len(messages) == 2
     assert "attribute 'retries'" in messages[0]
@@ -55,13 +55,13 @@ def test_what_stands_before_the_malformed_place_is_checked_all_the_same():
 
 @pytest.mark.parametrize("text", ["<application/>", "<html><body/></html>", "<suit name='S'/>"])
 def test_another_root_is_no_suite(text: str):
-    """The ancestor said nothing."""
+    """The C++ framework said nothing."""
     assert "this is not a test suite file: its root is <" in refused(text)[0]
     assert load_suite_bytes(text.encode(), "s.xml").foreign
 
 
 def test_the_root_of_old_versions_is_recognised():
-    """Before its version 2 the ancestor wrote suit."""
+    """Before its version 2 the C++ framework wrote suit."""
     assert "did you mean 'suite'?" in refused("<suit name='S'/>")[0]
 
 
@@ -207,7 +207,7 @@ def test_endless_problems_are_counted_not_kept():
     "piece", ["<!--", "<![CDATA[", "<?x ", "<!DOCTYPE s ", '<!DOCTYPE "', "<", "&", "<a b='", "-->"]
 )
 def test_repeated_openings_take_no_more_than_linear_time(piece: str, size: int):
-    """The scan that mends comments looks at each character once."""
+    """The scan that fixes comments looks at each character once."""
     refused(piece * size)
 
 

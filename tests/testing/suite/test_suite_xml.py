@@ -36,7 +36,7 @@ def plugins(suite: TestSuite) -> list[str]:
     return [test.plugin for test in suite.tests]
 
 
-# --- the ancestor's meaning -------------------------------------------------------------------------------------------
+# --- the C++ framework's meaning --------------------------------------------------------------------------------------
 
 
 def test_tests_run_in_file_order():
@@ -88,12 +88,12 @@ def test_a_test_with_its_own_environment_is_no_trap():
 
 
 def test_repetition_counts_additional_runs():
-    """The ancestor lost every test that had one."""
+    """The C++ framework lost every test that had one."""
     assert sound('<test repetition="4">A</test>').tests[0].repetition == 4
 
 
 def test_a_comment_in_front_of_the_text_does_not_lose_the_test():
-    """The ancestor lost such a test silently."""
+    """The C++ framework lost such a test silently."""
     assert plugins(sound("<test><!-- which --> A <!-- and --> B</test>")) == ["A B"]
 
 
@@ -108,7 +108,7 @@ def test_dashes_in_comments_are_forgiven_with_a_warning():
 
 
 def test_a_suite_without_a_name_is_unknown():
-    """As in the ancestor, but it is said."""
+    """As in the C++ framework, but it is said."""
     loaded = load("<suite><test>A</test></suite>")
     assert (loaded.suite.name, loaded.suite.tests[0].id) == ("unknown", "unknown/a")
     assert len(loaded.warnings) == 1

@@ -43,7 +43,7 @@ class Fx(FixtureManager):
     def note(self, hook):
         with open(CALLS, "a") as stream: stream.write(hook + "\\n")
     def setup(self): self.note("setup")
-    def park(self): self.note("park")
+    def enter_safe_state(self): self.note("park")
     def on_collapse(self, reason): self.note("on_collapse " + reason)
     def teardown(self): self.note("teardown")
 """
@@ -228,7 +228,7 @@ class TestInterruption:
 class TestLostRunner:
     """Nobody is there any more."""
 
-    def test_tears_down_when_the_nursery_says_so(self, talk: Starter):
+    def test_tears_down_when_the_fork_server_says_so(self, talk: Starter):
         """It waits for its turn, and then parks and tears down."""
         host = talk()
         host.until(host="ready")
@@ -245,7 +245,7 @@ class TestLostRunner:
 
     def test_does_not_keep_it_from_parking(self, talk: Starter):
         """A park that says something to nobody is not interrupted by that."""
-        host = talk("    def park(self): self.report('parking'); self.note('parked')\n")
+        host = talk("    def enter_safe_state(self): self.report('parking'); self.note('parked')\n")
         host.until(host="ready")
         host.here.shutdown(socket.SHUT_RDWR)
         assert host.end() == ["setup", "parked", "teardown"]

@@ -19,7 +19,7 @@ from rtf.testing.events import (
     TestEnded,
     TestStarted,
 )
-from rtf.testing.supervision import incarnation
+from rtf.testing.supervision import fixture_process
 from rtf.testing.verdict import ExitCode, FixtureState, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
@@ -47,20 +47,20 @@ class Fx(FixtureManager):
 
     def note(self, hook):
         with open(FOLDER + "/calls", "a") as stream:
-            stream.write(f"{self.label} {hook} #{self.incarnation}\\n")
+            stream.write(f"{self.label} {hook} #{self.generation}\\n")
 
     def act(self, hook, what):
         self.note(hook)
-        return getattr(self, "do_" + what, lambda: None)() if self.incarnation <= self.times and what else None
+        return getattr(self, "do_" + what, lambda: None)() if self.generation <= self.times and what else None
 
     def setup(self): return self.act("setup", self.on_setup)
     def check(self):
         if self.after and not os.path.exists(FOLDER + "/" + self.after): return True
         return self.act("check", self.on_check)
-    def park(self): return self.act("park", self.on_park)
+    def enter_safe_state(self): return self.act("park", self.on_park)
     def teardown(self): self.act("teardown", self.on_teardown)
     def on_collapse(self, reason): self.note("on_collapse")
-    def before_restart(self, incarnation): self.note("before_restart")
+    def before_restart(self, generation): self.note("before_restart")
 
     def do_raise(self): raise RuntimeError("broken on purpose")
     def do_false(self): return False
@@ -164,9 +164,9 @@ class Lab:
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A lab in which patience is short."""
     monkeypatch.setenv(MARK, f"{os.getpid()}-{tmp_path.name}")
-    monkeypatch.setattr(incarnation, "CHECK_LIMIT", 1.0)
-    monkeypatch.setattr(incarnation, "PARK_LIMIT", 1.0)
-    monkeypatch.setattr(incarnation, "GRACE", 0.5)
+    monkeypatch.setattr(fixture_process, "CHECK_LIMIT", 1.0)
+    monkeypatch.setattr(fixture_process, "SAFE_STATE_LIMIT", 1.0)
+    monkeypatch.setattr(fixture_process, "GRACE", 0.5)
     return Lab(tmp_path)
 
 
@@ -229,8 +229,8 @@ def case(name: str = "t", attributes: str = "", **parameters: object):
 
 
 def states(outcome: Outcome, name: str = "fx"):
-    """The states a fixture went through, with the incarnation."""
-    return [(event.state, event.incarnation) for event in outcome.of(FixtureChanged, fixture=name)]
+    """The states a fixture went through, with the generation."""
+    return [(event.state, event.generation) for event in outcome.of(FixtureChanged, fixture=name)]
 
 
 def incidents(outcome: Outcome, name: str = "fx"):
@@ -263,12 +263,12 @@ class TestSetup:
         ],
     )
     def test_is_tried_again(self, lab: Lab, how: str, cause: str, status: int | None, signal_name: str):
-        """However setup fails, the fixture is started once more, and the test then runs on the second incarnation."""
+        """However setup fails, the fixture is started once more, and the test then runs on the second generation."""
         timeout = "0.6 s" if how in ("hang", "stop") else "10 s"
         outcome = lab.run(fixture(on_setup=how, timeout=timeout) + case())
         (incident,) = incidents(outcome)
         assert cause in incident.cause
-        assert (incident.phase, incident.incarnation) == (Phase.SETUP, 1)
+        assert (incident.phase, incident.generation) == (Phase.SETUP, 1)
         assert (incident.exit_status, incident.signal) == (status, signal_name)
         assert verdicts(outcome) == [Verdict.PASSED]
         assert outcome.of(TestStarted)[0].fixtures == {"fx": 2}
@@ -346,11 +346,11 @@ class TestCheck:
     def test_loses_the_running_test_and_repeats_it(
         self, lab: Lab, how: str, cause: str, status: int | None, signal_name: str
     ):
-        """The test is stopped at once, lost through no fault of its own, and run again on the next incarnation."""
+        """The test is stopped at once, lost through no fault of its own, and run again on the next generation."""
         outcome = lab.run(fixture(on_check=how, after="test-began") + case(wait_for="setup #2"))
         incident = incidents(outcome)[0]
         assert cause in incident.cause
-        assert (incident.phase, incident.incarnation, incident.test) == (Phase.CHECK, 1, "s/t")
+        assert (incident.phase, incident.generation, incident.test) == (Phase.CHECK, 1, "s/t")
         assert (incident.exit_status, incident.signal) == (status, signal_name)
         assert verdicts(outcome) == [Verdict.FIXTURE_LOST, Verdict.PASSED]
         assert [event.fixtures for event in outcome.of(TestStarted)] == [{"fx": 1}, {"fx": 2}]
@@ -386,7 +386,7 @@ class TestCheck:
 
     def test_end_of_the_process_is_noticed_at_once(self, lab: Lab, monkeypatch: pytest.MonkeyPatch):
         """Nobody waits for the next check when the fixture's process dies."""
-        monkeypatch.setattr(incarnation, "CHECK_LIMIT", 60.0)
+        monkeypatch.setattr(fixture_process, "CHECK_LIMIT", 60.0)
         outcome = lab.run(fixture(on_check="kill", after="test-began") + case(wait_for="setup #2"))
         began = outcome.of(TestStarted)[0].time
         assert outcome.of(TestEnded)[0].time - began < 5.0
@@ -462,7 +462,7 @@ class TestDependencies:
             + case(wait_for="simulator setup #2")
         )
         outcome = lab.run(xml)
-        changes = [(event.fixture, str(event.state), event.incarnation) for event in outcome.of(FixtureChanged)]
+        changes = [(event.fixture, str(event.state), event.generation) for event in outcome.of(FixtureChanged)]
         assert changes == [
             *((name, state, 1) for name in ("server", "simulator", "logger") for state in ("starting", "ready")),
             ("server", "collapsed", 1),
@@ -527,7 +527,7 @@ class TestTeardown:
     def test_is_told_and_the_others_are_torn_down(
         self, lab: Lab, how: str, cause: str, status: int | None, signal_name: str
     ):
-        """Teardown goes on in reverse order whatever one does; each trouble is an incident, and the run fails."""
+        """Teardown goes on in reverse order whatever one does; each problem is an incident, and the run fails."""
         xml = (
             fixture("a") + fixture("b", "a", on_teardown=how, teardown="0.6 s") + fixture("c", "b", on_teardown="raise")
         )
@@ -555,7 +555,7 @@ class TestTeardown:
     def test_is_done_although_park_hangs_before_it(self, lab: Lab):
         """The last park may be interrupted, so that teardown is reached."""
         outcome = lab.run(fixture(on_park="hang") + case())
-        assert "park() did not come back and was interrupted" in incidents(outcome)[0].cause
+        assert "enter_safe_state() did not come back and was interrupted" in incidents(outcome)[0].cause
         assert lab.calls[-1] == "fx teardown #1"
 
     def test_leaves_nothing_behind(self, lab: Lab):
@@ -579,7 +579,7 @@ class TestPark:
         lab.run(fixture() + case(attributes=f'isolation="{isolation}"', undo=undo) + case("u"))
         assert lab.calls == ["fx setup #1", "fx park #1", "fx park #1", "fx teardown #1"]
 
-    def test_on_the_next_incarnation_where_the_first_was_lost(self, lab: Lab):
+    def test_on_the_next_generation_where_the_first_was_lost(self, lab: Lab):
         """Also for another test, and before what depends on it is set up; once is enough."""
         lost = fixture("a", on_check="false", after="test-began", on_lost="error") + fixture("b", "a")
         lab.run(lost + case(hang="true") + case("u") + case("v"))
@@ -595,10 +595,14 @@ class TestPark:
         ]
 
     @pytest.mark.parametrize(
-        ("how", "cause"), [("raise", "park() raised RuntimeError"), ("hang", "park() did not come back within 1 s")]
+        ("how", "cause"),
+        [
+            ("raise", "enter_safe_state() raised RuntimeError"),
+            ("hang", "enter_safe_state() did not come back within 1 s"),
+        ],
     )
     def test_that_does_not_work_is_a_collapse(self, lab: Lab, how: str, cause: str):
-        """The next test does not run on a fixture that could not be parked, but on a new incarnation."""
+        """The next test does not run on a fixture that could not be parked, but on a new generation."""
         outcome = lab.run(fixture(on_park=how) + case(attributes='timeout="0.3 s"', hang="true") + case("u"))
         assert cause in incidents(outcome)[0].cause
         assert outcome.of(TestStarted, test="s/u")[0].fixtures == {"fx": 2}
@@ -621,7 +625,7 @@ class TestOwedPark:
     def test_is_made_up_for_when_the_first_try_was_interrupted(self, lab: Lab):
         """The last restart was begun for another test; it is done all the same."""
         second = on(
-            lambda event: isinstance(event, FixtureChanged) and event.state is STARTING and event.incarnation == 2
+            lambda event: isinstance(event, FixtureChanged) and event.state is STARTING and event.generation == 2
         )
         outcome = lab.run(rig(restarts=1) + case(hang="true") + case("u"), interfere=second)
         assert lab.calls[-4:] == ["rig setup #3", "rig park #3", "rig park #3", "rig teardown #3"]
@@ -646,7 +650,7 @@ class TestOwedPark:
     def test_that_force_breaks_off_is_told(self, lab: Lab):
         """Nobody waits then for a park that is under way either."""
         second = on(
-            lambda event: isinstance(event, FixtureChanged) and (event.state, event.incarnation) == (READY, 2), 3
+            lambda event: isinstance(event, FixtureChanged) and (event.state, event.generation) == (READY, 2), 3
         )
         outcome = lab.run(rig(on_park="hang", times=2) + case(hang="true"), interfere=second)
         causes = [incident.cause for incident in incidents(outcome, "rig")]
@@ -671,7 +675,7 @@ class TestOwedPark:
         outcome = lab.run(rig(restarts=2, times=9, on_park="raise") + case(hang="true"))
         last = incidents(outcome, "rig")[-1].cause
         assert last.startswith("rig did not put back what a test left: ")
-        assert last.endswith("park() raised RuntimeError: broken on purpose (2 restarts used up)")
+        assert last.endswith("enter_safe_state() raised RuntimeError: broken on purpose (2 restarts used up)")
 
     def test_on_what_does_not_come_up_is_told(self, lab: Lab):
         """The cause is that of what it depends on, which collapses before the other is up once more."""
@@ -691,7 +695,7 @@ class TestOwedPark:
         assert [incident.cause for incident in incidents(outcome)] == ["check() returned False"]
 
     def test_is_handed_on_to_later_suites(self, lab: Lab):
-        """The first incarnation of that name and plug-in parks; a suite that does not need it says nothing again."""
+        """The first generation of that name and plug-in parks; a suite that does not need it says nothing again."""
         later = fixture("rig").replace(">fx<", ">rig<")
         suites = {
             "one": rig(restarts=0) + case(hang="true"),
@@ -796,8 +800,8 @@ class TestCommandLine:
         files = {name + "__xml": f'<suite name="{name}">{xml}</suite>' for name, xml in suites.items()}
         write_files(lab.folder, {**lab.plugins(), **files})
 
-    def test_lanes_have_fixtures_of_their_own(self, lab: Lab) -> None:
-        """With two jobs, each suite's fixture collapses, is restarted and repeats its test in its own lane."""
+    def test_workers_have_fixtures_of_their_own(self, lab: Lab) -> None:
+        """With two jobs, each suite's fixture collapses, is restarted and repeats its test in its own suite worker."""
         self.write(
             lab,
             one=fixture("a", on_check="false", after="test-began") + case(wait_for="a setup #2"),
@@ -829,8 +833,12 @@ class TestCommandLine:
         ("what", "patience", "called"),
         [
             ("on_park linger", "ORPHAN_GRACE = 1.5", ["b park", "b parked", "b teardown", "a park", "a teardown"]),
-            ("on_park hang", "PARK_LIMIT = 0.3", ["b park", "b teardown", "a park", "a teardown"]),
-            ("on_park hang_in_c", "ORPHAN_GRACE = nursery.PARK_LIMIT = 1.5", ["b park", "a park", "a teardown"]),
+            ("on_park hang", "SAFE_STATE_LIMIT = 0.3", ["b park", "b teardown", "a park", "a teardown"]),
+            (
+                "on_park hang_in_c",
+                "ORPHAN_GRACE = fork server.SAFE_STATE_LIMIT = 1.5",
+                ["b park", "a park", "a teardown"],
+            ),
             ("on_teardown hang", "ORPHAN_GRACE = 1.5", ["b park", "b teardown", "a park", "a teardown"]),
         ],
     )
@@ -838,7 +846,9 @@ class TestCommandLine:
         """Each fixture has its time, more where it parks; one that is stuck is killed, and the next has its turn."""
         hook, how = what.split()
         fixtures = fixture("a") + fixture("b", "a", **{hook: how})
-        (lab.folder / "patience.py").write_text(f"from rtf.testing.isolation import nursery\nnursery.{patience}\n")
+        (lab.folder / "patience.py").write_text(
+            f"from rtf.testing.isolation import fork_server\nfork_server.{patience}\n"
+        )
         files = {"one.xml": f'<suite name="one" preload="patience">{fixtures}{case(hang="true")}</suite>'}
         write_files(lab.folder, {**lab.plugins(), **files})
         command = Command(lab.folder, "-s", "one.xml", PYTHONPATH=str(lab.folder))

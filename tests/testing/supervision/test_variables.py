@@ -17,7 +17,7 @@ from rtf.testing import FixtureManager, Parameter
 class Server(FixtureManager):
     plugin_name = "server"
     def setup(self):
-        self.provide(WHERE=f"here {self.incarnation}", SECRET="a = b; $HOME")
+        self.provide(WHERE=f"here {self.generation}", SECRET="a = b; $HOME")
 class Client(FixtureManager):
     plugin_name = "client"
     def setup(self):

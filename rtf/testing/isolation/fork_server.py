@@ -1,4 +1,4 @@
-"""The nursery: a warm, single-threaded process from which every test and fixture host is forked.
+"""The fork server: a warm, single-threaded process from which every test and fixture host is forked.
 
 It is started once, has everything loaded that a test needs, and always holds a spare child ready, so that a test begins
 in well under a millisecond. It runs no author's code itself. As the subreaper of all that its children start, it ends
@@ -6,14 +6,14 @@ whatever a child leaves behind before it reports the child's end; and when the r
 ends its children, fixtures in reverse order and with time to tear down, and then itself.
 
 *Templates.* Where several tests come from one file, a child is made a template: it loads the file and then serves as a
-nursery of its own, from which the tests of that file are forked, each with the file's module as it was right after
+fork server of its own, from which the tests of that file are forked, each with the file's module as it was right after
 loading. A file is fit for this if loading it left nothing behind that a fork does not copy (:func:`unfit_because`).
 What it draws or reads while it is loaded, such as the time, is then the same for all tests of the file.
 
 *Forking.* What a small test costs is mostly memory: with each fork the kernel copies the map of all pages, and after it
-each page that the test, or the nursery while the test lives, writes to; and Python writes to every object it looks at.
-So the loop below is flat, ``forking`` chooses the cheaper fork, and the modules that the nursery loads do without
-``threading``, ``random`` and ``logging`` and put off what few tests need.
+each page that the test, or the fork server while the test lives, writes to; and Python writes to every object it looks
+at. So the loop below is flat, ``forking`` chooses the cheaper fork, and the modules that the fork server loads do
+without ``threading``, ``random`` and ``logging`` and put off what few tests need.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from rtf import clock
 from rtf.testing.isolation import forking, processes, worker
-from rtf.testing.isolation.nursery_protocol import (
+from rtf.testing.isolation.fork_server_protocol import (
     CHILD,
     CONTROL_FD,
     DUMP_FD,
@@ -41,12 +41,12 @@ from rtf.testing.isolation.nursery_protocol import (
     MARK_HOST,
     NUDGE_PERIOD,
     NUDGE_SIGNAL,
-    PARK_LIMIT,
-    PARKING,
     PRELOAD,
     READY,
     REPORT,
     REQUEST,
+    SAFE_STATE_LIMIT,
+    SAFE_STATE_NAME,
     SIGNAL_GROUP,
     UNFIT,
 )
@@ -63,7 +63,7 @@ STRAY_GRACE = 5.0
 _CHILDREN_SIZE = 1 << 16
 
 
-class Nursery:
+class ForkServer:
     """The process's one loop: requests, exits, strays."""
 
     def __init__(self, control: socket) -> None:
@@ -241,7 +241,7 @@ class Nursery:
 
     def _end_host(self, host: int) -> None:
         """Have a fixture come down, in its time: what depends on it is down. One that does not is killed."""
-        left, parking = ORPHAN_GRACE, PARK_LIMIT
+        left, parking = ORPHAN_GRACE, SAFE_STATE_LIMIT
         processes.signal_process(host, signal.SIGCONT)
         processes.signal_process(host, signal.SIGTERM)
         while host in self._pidfds and left > 0:
@@ -249,7 +249,7 @@ class Nursery:
             processes.signal_process(host, NUDGE_SIGNAL)
             self._reap_ready(min(NUDGE_PERIOD, left))
             passed = clock.monotonic() - began
-            if parking <= 0 or processes.name_of(host) != PARKING:
+            if parking <= 0 or processes.name_of(host) != SAFE_STATE_NAME:
                 left -= passed
                 continue
             parking -= passed
@@ -295,7 +295,7 @@ def _settle() -> None:
 
 
 def main() -> NoReturn:
-    """Be the nursery: what a fresh interpreter does that :mod:`rtf.testing.isolation.launch` has started."""
+    """Be the fork server: what a fresh interpreter does that :mod:`rtf.testing.isolation.launch` has started."""
     os.set_inheritable(CONTROL_FD, False)
     os.set_inheritable(DUMP_FD, False)
     processes.adopt_orphans()
@@ -304,12 +304,12 @@ def main() -> NoReturn:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a thread pool would not survive the fork
     worker.prepare()
     _settle()
-    Nursery(socket(fileno=CONTROL_FD)).serve()
+    ForkServer(socket(fileno=CONTROL_FD)).serve()
     os._exit(0)
 
 
 def be_template(plugin: PluginRef, control_fd: int) -> int:
-    """Turn this worker into a nursery for the tests of one file. Returns the exit status of the process.
+    """Turn this worker into a fork server for the tests of one file. Returns the exit status of the process.
 
     The first report is READY, or UNFIT with the reason; then each test loads the file for itself, and tells what is
     wrong with it in its own name.
@@ -328,7 +328,7 @@ def be_template(plugin: PluginRef, control_fd: int) -> int:
         return 0
     _settle()
     _send_text(control, READY, "")
-    Nursery(control).serve()
+    ForkServer(control).serve()
     return 0
 
 

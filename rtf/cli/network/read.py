@@ -29,7 +29,7 @@ _KEYWORDS = ("envelope", "envelope2", "once")
 _TRIM = 80
 
 
-class _Wishes(NamedTuple):
+class _ReadOptions(NamedTuple):
     """What the words behind the port's name ask for."""
 
     sources: tuple[Contact, ...]
@@ -54,17 +54,17 @@ def read(words: Sequence[str]) -> ExitCode:
     )
     add_carrier(parser)
     options = parser.parse_args(words)
-    wishes = _wishes(parser, options.words)
+    read_options = _read_options(parser, options.words)
     network = make_network()
     name = opening(os.environ, options.port).name
     if name and remote.exists(network, Contact(name)):
         complain(f"There is a port {name} already.", "choose another name, or end the program that has it")
         return ExitCode.FAILURES
-    printer = _Printer(wishes)
+    printer = _Printer(read_options)
     make = partial(Port, options.port, printer.receive, network=network, outputs=False)
     with contextlib.suppress(KeyboardInterrupt), opened(make) as port:
         progress(f"Port {port.name} active at {port.contact}")
-        for source in wishes.sources:
+        for source in read_options.sources:
             progress(remote.connect(network, source, Contact(port.name), source.carrier or options.carrier))
         printer.wait()
     if printer.failure is not None:
@@ -72,7 +72,7 @@ def read(words: Sequence[str]) -> ExitCode:
     return ExitCode.PASSED
 
 
-def _wishes(parser: Parser, words: Sequence[str]) -> _Wishes:
+def _read_options(parser: Parser, words: Sequence[str]) -> _ReadOptions:
     """Read YARP's words, which have no dashes in front of them."""
     sources: list[Contact] = []
     said: set[str] = set()
@@ -88,14 +88,14 @@ def _wishes(parser: Parser, words: Sequence[str]) -> _Wishes:
             sources.append(contact(word))
         else:
             parser.error(f"{word!r} is neither a port nor one of {', '.join(_KEYWORDS)}, trim")
-    return _Wishes(tuple(sources), not said.isdisjoint(("envelope", "envelope2")), "once" in said, trim)
+    return _ReadOptions(tuple(sources), not said.isdisjoint(("envelope", "envelope2")), "once" in said, trim)
 
 
 class _Printer:
     """Prints messages in the threads of their senders, which wait for it, so nothing is lost or piles up."""
 
-    def __init__(self, wishes: _Wishes) -> None:
-        self._wishes = wishes
+    def __init__(self, read_options: _ReadOptions) -> None:
+        self._read_options = read_options
         self._printing = threading.Lock()
         self._over = False
         self._bell = Bell()
@@ -122,10 +122,10 @@ class _Printer:
                 self._finish()
                 return
             text = words
-        if self._wishes.trim:
-            text = text[: self._wishes.trim]
-        say(f"{_envelope_text(envelope)} {text}" if self._wishes.envelope and envelope else text)
-        if self._wishes.once:
+        if self._read_options.trim:
+            text = text[: self._read_options.trim]
+        say(f"{_envelope_text(envelope)} {text}" if self._read_options.envelope and envelope else text)
+        if self._read_options.once:
             self._finish()
 
     def wait(self) -> None:

@@ -1,4 +1,4 @@
-"""The nursery and its templates: which fork, what a test sees of its file, which files are not loaded once for all."""
+"""The fork server and its templates: which fork, what a test sees of its file, which files are not shared."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from harness import Outcome, run_suite
 from rtf import clock
 from rtf.testing import plugins
 from rtf.testing.events import OutputCaptured, TestEnded, TestStarted
-from rtf.testing.isolation.children import Child, Nursery
+from rtf.testing.isolation.fork_server import unfit_because
 from rtf.testing.isolation.job import Job
-from rtf.testing.isolation.nursery import unfit_because
 from rtf.testing.isolation.reactor import Reactor
+from rtf.testing.isolation.worker_pool import Child, ForkServer
 from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import Verdict
 
@@ -49,11 +49,11 @@ def said(outcome: Outcome, name: str) -> str:
     return message.detail  # type: ignore[attr-defined, no-any-return]
 
 
-def in_nursery(code: str) -> str:
-    """What a program prints that begins as a nursery does and then runs ``code``."""
+def in_fork_server(code: str) -> str:
+    """What a program prints that begins as a fork server does and then runs ``code``."""
     begin = (
         "import os, sys; from rtf.testing.isolation import forking; forking.watch_hooks(); os.dup2(2, 4); "
-        "from rtf.testing.isolation import nursery, worker; worker.prepare()\n"
+        "from rtf.testing.isolation import fork_server, worker; worker.prepare()\n"
     )
     return subprocess.run([sys.executable, "-c", begin + code], check=True, text=True, stdout=subprocess.PIPE).stdout
 
@@ -61,14 +61,14 @@ def in_nursery(code: str) -> str:
 class TestWhichFork:
     """The plain fork where it is enough, else Python's."""
 
-    def test_nothing_that_a_nursery_loads_wants_to_hear_of_forks(self):
-        """A nursery has one thread and no hook, so the plain fork is enough for it, and that is what it uses."""
-        assert in_nursery("print(forking.choose_fork() is not os.fork)") == "True\n"
+    def test_nothing_that_a_fork_server_loads_wants_to_hear_of_forks(self):
+        """A fork server has one thread and no hook, so the plain fork is enough for it, and that is what it uses."""
+        assert in_fork_server("print(forking.choose_fork() is not os.fork)") == "True\n"
 
     @pytest.mark.parametrize("module", ["threading", "random", "logging", "concurrent.futures.thread"])
     def test_a_module_with_a_hook_is_heard(self, module: str):
         """Once a module has registered for forks, ``os.fork`` is used, which calls it."""
-        assert in_nursery(f"import {module}; print(forking.choose_fork() is os.fork)") == "True\n"
+        assert in_fork_server(f"import {module}; print(forking.choose_fork() is os.fork)") == "True\n"
 
     def test_a_second_thread_is_noticed(self):
         """With a thread beside the one that forks, ``os.fork`` is used."""
@@ -76,7 +76,8 @@ class TestWhichFork:
             "import _thread; held = _thread.allocate_lock(); held.acquire(); _thread.start_new_thread(held.acquire, ())"
         )
         assert (
-            in_nursery(f"{code}; print(forking.choose_fork() is os.fork); sys.stdout.flush(); os._exit(0)") == "True\n"
+            in_fork_server(f"{code}; print(forking.choose_fork() is os.fork); sys.stdout.flush(); os._exit(0)")
+            == "True\n"
         )
 
     def test_a_plain_fork_may_do_anything(self):
@@ -103,7 +104,7 @@ if pid == 0:
     os._exit(0)
 print(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
 """
-        assert in_nursery(code) == "0\n"
+        assert in_fork_server(code) == "0\n"
 
 
 class TestTemplates:
@@ -214,7 +215,7 @@ class It(TestCase):
         assert "".join(event.text for event in outcome.of(OutputCaptured)).endswith("the end\n")  # type: ignore[attr-defined]
 
     def test_what_a_test_leaves_behind_is_gone_before_the_next_begins(self, tmp_path: Path):
-        """A template ends strays as the nursery does: whoever a test has started does not live on."""
+        """A template ends strays as the fork server does: whoever a test has started does not live on."""
         code = """
 import os, pathlib, subprocess
 from rtf.testing import TestCase
@@ -251,12 +252,12 @@ FILES = ("a", "b", "c", "d", "e")
 
 
 @pytest.fixture
-def nursery(tmp_path: Path) -> Iterator[Nursery]:
-    """A nursery that expects several tests of each of five files."""
+def fork_server(tmp_path: Path) -> Iterator[ForkServer]:
+    """A fork server that expects several tests of each of five files."""
     for name in FILES:
         (tmp_path / f"{name}.py").write_text(WHO_LOADED)
     reactor = Reactor()
-    made = Nursery(reactor, uses={found(tmp_path, name).path: 3 for name in FILES})
+    made = ForkServer(reactor, uses={found(tmp_path, name).path: 3 for name in FILES})
     made.start()
     yield made
     made.close()
@@ -274,40 +275,40 @@ def parent_of(child: Child) -> int:
         return int(stream.read().rpartition(")")[2].split()[1])
 
 
-def test_a_template_holds_as_long_as_the_fixtures_it_was_loaded_on(nursery: Nursery, tmp_path: Path):
+def test_a_template_holds_as_long_as_the_fixtures_it_was_loaded_on(fork_server: ForkServer, tmp_path: Path):
     """When a fixture has been restarted, the file is loaded anew: it may have learnt something from the old one."""
     ref = found(tmp_path, "a")
-    first = nursery.take(ref, {"simulator": 1})
+    first = fork_server.take(ref, {"simulator": 1})
     template = parent_of(first)
-    assert parent_of(nursery.take(ref, {"simulator": 1})) == template
-    assert parent_of(nursery.take(ref, {"simulator": 2})) != template
+    assert parent_of(fork_server.take(ref, {"simulator": 1})) == template
+    assert parent_of(fork_server.take(ref, {"simulator": 2})) != template
     assert first.end is not None  # it went with its template
 
 
-def test_only_so_many_templates_are_kept(nursery: Nursery, tmp_path: Path):
+def test_only_so_many_templates_are_kept(fork_server: ForkServer, tmp_path: Path):
     """Tests of a fifth file load it for themselves as long as four others are in use."""
-    children = [nursery.take(found(tmp_path, name)) for name in FILES]
-    root = parent_of(nursery.take())
+    children = [fork_server.take(found(tmp_path, name)) for name in FILES]
+    root = parent_of(fork_server.take())
     assert [parent_of(child) == root for child in children] == [False] * 4 + [True]
 
 
-def test_a_template_whose_tests_are_over_makes_room(nursery: Nursery, tmp_path: Path):
+def test_a_template_whose_tests_are_over_makes_room(fork_server: ForkServer, tmp_path: Path):
     """When the planned tests of a file have been taken, its template is ended for the sake of another file's."""
     for _ in range(3):
-        nursery.take(found(tmp_path, "a")).dismiss()
-    children = [nursery.take(found(tmp_path, name)) for name in FILES[1:]]
-    root = parent_of(nursery.take())
+        fork_server.take(found(tmp_path, "a")).dismiss()
+    children = [fork_server.take(found(tmp_path, name)) for name in FILES[1:]]
+    root = parent_of(fork_server.take())
     assert all(parent_of(child) != root for child in children)
 
 
 def test_a_file_that_does_not_end_loading_makes_no_template(
-    nursery: Nursery, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    fork_server: ForkServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """Loading it for all is given up after a while; each test then has its own time limit for it."""
-    monkeypatch.setattr("rtf.testing.isolation.children._TEMPLATE_LIMIT", 0.2)
+    monkeypatch.setattr("rtf.testing.isolation.worker_pool._TEMPLATE_LIMIT", 0.2)
     (tmp_path / "a.py").write_text("import time\nwhile True:\n    time.sleep(1)\n")
-    child = nursery.take(found(tmp_path, "a"))
-    assert parent_of(child) == parent_of(nursery.take())
+    child = fork_server.take(found(tmp_path, "a"))
+    assert parent_of(child) == parent_of(fork_server.take())
 
 
 def test_a_job_arrives_as_it_was_sent():
@@ -332,13 +333,13 @@ def test_a_job_arrives_as_it_was_sent():
     assert isinstance(Job.from_data(data[5:]).plugin, plugins.PluginRef)
 
 
-def test_a_nursery_that_was_killed_is_replaced(nursery: Nursery):
+def test_a_fork_server_that_was_killed_is_replaced(fork_server: ForkServer):
     """Its children are gone and say so; the next child comes from a new one."""
-    child = nursery.take()
+    child = fork_server.take()
     os.kill(parent_of(child), signal.SIGKILL)
     deadline = clock.Deadline.after(10)
     while child.end is None and not deadline.expired:
-        nursery.reactor.run_once(deadline)
+        fork_server.reactor.run_once(deadline)
     assert child.end is not None
     assert child.end.status is None
-    assert nursery.take().pid != child.pid
+    assert fork_server.take().pid != child.pid

@@ -1,6 +1,6 @@
-"""One incarnation on its way down, against a process that says what the test makes it say at a given moment."""
+"""One generation on its way down, against a process that says what the test makes it say at a given moment."""
 
-# ruff: noqa: D102 - the scripted child has the methods of the real one
+
 from __future__ import annotations
 
 import json
@@ -12,13 +12,13 @@ import pytest
 
 from rtf import clock
 from rtf.testing.events import Event, FixtureIncident
-from rtf.testing.isolation.children import End
+from rtf.testing.isolation.fork_server_protocol import DUMP_SIGNAL, SAFE_STATE_LIMIT
 from rtf.testing.isolation.job import Job
-from rtf.testing.isolation.nursery_protocol import DUMP_SIGNAL, PARK_LIMIT
+from rtf.testing.isolation.worker_pool import End
 from rtf.testing.plugins import PluginRef
 from rtf.testing.suite.model import FixtureEntry
+from rtf.testing.supervision.fixture_process import TEARDOWN_LIMIT, FixtureProcess
 from rtf.testing.supervision.fixture_record import Fixture, Notes
-from rtf.testing.supervision.incarnation import TEARDOWN_LIMIT, Incarnation
 from rtf.testing.verdict import FixtureState
 
 if TYPE_CHECKING:
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 PLUGIN = PluginRef("fixture", "fx", "fx.py", "python")
 TEARDOWN = {"host": "doing", "what": "teardown()"}
-PARK = {"host": "doing", "what": "park()"}
+PARK = {"host": "doing", "what": "enter_safe_state()"}
 DONE = {"host": "done"}
 
 
 class Scripted:
-    """A child, its nursery and its reactor in one, whose time passes only while it is waited for.
+    """A child, its fork server and its reactor in one, whose time passes only while it is waited for.
 
     ``plan`` is what it says at which second, ``in_dump`` what it says while its stacks are written: a message, or how
     it ends.
@@ -87,7 +87,7 @@ class Scripted:
 
 
 def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[], bool] = lambda: False):
-    """Take an incarnation down that is up. Returns the causes of its incidents."""
+    """Take a generation down that is up. Returns the causes of its incidents."""
     monkeypatch.setattr(clock, "monotonic", lambda: child.time)
     events: list[Event] = []
     fixture = Fixture(FixtureEntry(name="fx", plugin="fx"), PLUGIN)
@@ -97,20 +97,20 @@ def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[]
         while not until():
             child.run_once(limit)
 
-    incarnation = Incarnation(fixture, notes, child, wait, kill_now)  # type: ignore[arg-type]
-    fixture.process = incarnation
+    generation = FixtureProcess(fixture, notes, child, wait, kill_now)  # type: ignore[arg-type]
+    fixture.process = generation
     fixture.state = FixtureState.STARTING
-    incarnation.begin(Job(kind="fixture", id="fx", name="fx", plugin=PLUGIN, folder="", run_folder=""))
+    generation.begin(Job(kind="fixture", id="fx", name="fx", plugin=PLUGIN, folder="", run_folder=""))
     child.on_line(b'{"host": "listening"}')
     child.on_line(b'{"host": "ready", "of_robot": true}')
     fixture.state = FixtureState.STOPPING
-    incarnation.stop("")
+    generation.stop("")
     return [event.cause for event in events if isinstance(event, FixtureIncident)]
 
 
 def test_what_comes_to_its_teardown_while_its_stacks_are_written_is_not_killed_in_it(monkeypatch: pytest.MonkeyPatch):
-    """park() hung, also when it was interrupted; the teardown that begins at last has its own time."""
-    at = PARK_LIMIT + 2.1 + TEARDOWN_LIMIT
+    """enter_safe_state() hung, also when it was interrupted; the teardown that begins at last has its own time."""
+    at = SAFE_STATE_LIMIT + 2.1 + TEARDOWN_LIMIT
     child = Scripted((0.5, PARK), (at, DONE), (at, End(0)), in_dump=(TEARDOWN,))
     assert stop(child, monkeypatch) == []
     assert int(DUMP_SIGNAL) in child.signals
@@ -135,7 +135,7 @@ def test_teardown_that_hangs_is_killed_however_late_it_began(monkeypatch: pytest
     """Its time ends, too."""
     child = Scripted((0.5, PARK), in_dump=(TEARDOWN,))
     assert stop(child, monkeypatch) == ["teardown() did not come back within 30 s; killed"]
-    assert child.time < PARK_LIMIT + TEARDOWN_LIMIT + 4.0
+    assert child.time < SAFE_STATE_LIMIT + TEARDOWN_LIMIT + 4.0
 
 
 @pytest.mark.parametrize("said", [PARK, TEARDOWN, {"host": "doing", "what": "nothing much"}, {"host": "listening"}])
@@ -151,4 +151,4 @@ def test_force_kills_what_comes_to_its_teardown_while_its_stacks_are_written(mon
     child = Scripted((0.5, PARK), in_dump=(TEARDOWN,))
     assert len(stop(child, monkeypatch, lambda: int(DUMP_SIGNAL) in child.signals)) == 1
     assert child.signals[-1] == signal.SIGKILL
-    assert child.time < PARK_LIMIT + 4.0
+    assert child.time < SAFE_STATE_LIMIT + 4.0

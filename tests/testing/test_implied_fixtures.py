@@ -23,7 +23,7 @@ from rtf.testing import TestCase
 class Moves(TestCase):
     \"\"\"Wants a rig.\"\"\"
     safety = "motion"
-    def alone_fixtures(self): return (("rig", {}),)
+    def implied_fixtures(self): return (("rig", {}),)
     def run(self): pass
 """
 BESIDE = "from typing import NamedTuple\nclass Step(NamedTuple):\n    size: int\n"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rtf.clock import Deadline
 from rtf.robot.device import Device, find_device
 from rtf.robot.errors import DeviceError
-from rtf.robot.interface.tasks import DeviceThread, Patience, Task, Wishes, sentence_of
+from rtf.robot.interface.tasks import DeviceThread, Patience, StopRequests, Task, sentence_of
 from rtf.robot.interface.telling import Tell, Weight, seconds
 
 if TYPE_CHECKING:
@@ -17,19 +17,21 @@ if TYPE_CHECKING:
     from rtf.robot.interface.model import DeviceEntry, Robot
 
 
-class Rack:
+class DeviceTable:
     """Holds the devices. For one thread, but for ``devices``, which only grows while they are opened.
 
     ``failures`` are sentences about those that could not be opened or closed, ``hanging`` names those that still hang.
     """
 
-    def __init__(self, robot: Robot, network: Network | None, patience: Patience, wishes: Wishes, tell: Tell) -> None:
+    def __init__(
+        self, robot: Robot, network: Network | None, patience: Patience, stop_requests: StopRequests, tell: Tell
+    ) -> None:
         self.devices: dict[str, Device] = {}
         self.failures: list[str] = []
         self._robot = robot
         self._network = network
         self._patience = patience
-        self._wishes = wishes
+        self._stop_requests = stop_requests
         self._tell = tell
         self._threads = {entry.name: DeviceThread(entry.name) for entry in robot.devices}
         self._made: dict[str, Device] = {}
@@ -46,7 +48,7 @@ class Rack:
     def open_all(self) -> bool:
         """Open every device, until somebody asks for the end; returns whether all are open."""
         for number, entry in enumerate(self._robot.devices, 1):
-            if self._wishes.count:
+            if self._stop_requests.count:
                 break
             self._open(entry, f"{number}/{len(self._robot.devices)}")
         return len(self.devices) == len(self._robot.devices)
@@ -59,10 +61,14 @@ class Rack:
             self._made[entry.name] = device
             device.open(entry.configuration.copy())
 
-        task = self._threads[entry.name].submit(Task(f"the opening of {who}", make, self._wishes))
+        task = self._threads[entry.name].submit(Task(f"the opening of {who}", make, self._stop_requests))
         self.wait_for(task, self._patience.open)
         if not task.done:
-            why = f"hangs since {seconds(self._patience.open)}" if self._wishes.count < _CUT else "was not waited for"
+            why = (
+                f"hangs since {seconds(self._patience.open)}"
+                if self._stop_requests.count < _CUT
+                else "was not waited for"
+            )
             self._fail(f"{entry.location}: the opening of {who} {why}")
         elif task.error is not None:
             self._made.pop(entry.name, None)  # a device whose opening failed holds nothing
@@ -78,17 +84,17 @@ class Rack:
         busy = self._threads[name].busy_with
         if busy is not None:
             raise DeviceError(f"{busy.name} still hangs")
-        return self._threads[name].submit(Task(what, job, self._wishes))
+        return self._threads[name].submit(Task(what, job, self._stop_requests))
 
     def wait_for(self, task: Task, patience: float) -> None:
-        """Wait until it is done or its time is up. The second wish for the end and each further one cut it short.
+        """Wait until it is done or its time is up. The second request for the end and each further one cut it short.
 
         What only takes a moment is waited for even so: a device that is not closed may leave a motor on.
         """
-        heard = max(self._wishes.count, _CUT - 1)
+        heard = max(self._stop_requests.count, _CUT - 1)
         deadline = Deadline.after(patience)
-        self._wishes.wait(lambda: task.done or self._wishes.count > heard, deadline)
-        self._wishes.wait(lambda: task.done, deadline.earliest(Deadline.after(self._patience.hurry)))
+        self._stop_requests.wait(lambda: task.done or self._stop_requests.count > heard, deadline)
+        self._stop_requests.wait(lambda: task.done, deadline.earliest(Deadline.after(self._patience.hurry)))
 
     # Closing -----------------------------------------------------------------------------------------------------
 
@@ -103,7 +109,7 @@ class Rack:
 
     def _close(self, entry: DeviceEntry, device: Device) -> None:
         who = f"{entry.name} ({entry.kind})"
-        task = Task(f"the closing of {who}", device.close, self._wishes)
+        task = Task(f"the closing of {who}", device.close, self._stop_requests)
         if self._threads[entry.name].busy_with is None:
             self._threads[entry.name].submit(task)
         else:  # its own thread hangs; a device may be closed in any state, and this may set it free
@@ -121,5 +127,5 @@ class Rack:
         self._tell(Weight.ERROR, sentence)
 
 
-#: The wish for the end from which on nobody waits for devices that take long.
+#: The request for the end from which on nobody waits for devices that take long.
 _CUT = 2

@@ -1,4 +1,4 @@
-"""The runner's side of the nursery: it is started here, and each child it forks is fed, heard and ended here."""
+"""The runner's side of the fork server: it is started here, and each child it forks is fed, heard and ended here."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.testing.isolation import nursery_protocol as wire
+from rtf.testing.isolation import fork_server_protocol as wire
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.job import Job
 from rtf.testing.isolation.launch import Launched, launch
@@ -38,21 +38,21 @@ _SEND_LIMIT = 5.0
 #: thing they say would take them the processor for longer than they need it.
 _LISTEN_DELAY = 0.002
 
-#: Children kept ready by the nursery and by each template: one for the next test, one for the test after it, because a
-#: test may be over before the next fork is.
+#: Children kept ready by the fork server and by each template: one for the next test, one for the test after it,
+#: because a test may be over before the next fork is.
 _SPARES = 2
 #: Files that are kept loaded at the same time, and how long loading one may take before each test loads it for itself.
 _TEMPLATES = 4
 _TEMPLATE_LIMIT = 10.0
 
 
-class NurseryLostError(TestingError, ConnectionError):
-    """The nursery died or does not answer. A new one is started for the next test."""
+class ForkServerLostError(TestingError, ConnectionError):
+    """The fork server died or does not answer. A new one is started for the next test."""
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """How a child process ended. ``status`` as from ``wait``; None where the nursery was lost with the child."""
+    """How a child process ended. ``status`` as from ``wait``; None where the fork server was lost with the child."""
 
     status: int | None
     cpu_time: float = 0.0
@@ -72,15 +72,15 @@ class End:
 class Child:
     """A forked process of ours, from the moment it is handed out to the moment nothing of it is left."""
 
-    def __init__(self, brood: Brood, pid: int, events: int, out: int, err: int) -> None:
+    def __init__(self, pool: WorkerPool, pid: int, events: int, out: int, err: int) -> None:
         self.pid = pid
         self.end: End | None = None
         self.channel_closed = False
         self.on_line: Callable[[bytes], None] | None = None
         self.on_output: Callable[[str, bytes], None] | None = None
         self.on_end: Callable[[], None] | None = None
-        self._brood = brood
-        self._reactor = brood.reactor
+        self._pool = pool
+        self._reactor = pool.reactor
         self._buffer = b""
         self._events = events
         self._streams = {"stdout": out, "stderr": err}
@@ -104,7 +104,7 @@ class Child:
             reactor.watch(descriptor, lambda name=name: self._read_output(name))  # type: ignore[misc]
 
     def become_template(self, message: bytes, on_output: Callable[[str, bytes], None]) -> socket.socket:
-        """Have the child serve as a nursery; returns the socket on which it does."""
+        """Have the child serve as a fork server; returns the socket on which it does."""
         self.send(message)
         self.on_output = on_output
         for name, descriptor in self._streams.items():
@@ -139,14 +139,14 @@ class Child:
 
     def signal(self, signum: int, *, group: bool = False) -> None:
         """Send a signal to the child, or to its whole process group."""
-        self._brood.request(wire.SIGNAL_GROUP if group else wire.SIGNAL, self.pid, signum)
+        self._pool.request(wire.SIGNAL_GROUP if group else wire.SIGNAL, self.pid, signum)
 
     def mark_as_host(self) -> None:
-        """Tell the nursery that this child tears something down, and is to be given time for it."""
-        self._brood.request(wire.MARK_HOST, self.pid)
+        """Tell the fork server that this child tears something down, and is to be given time for it."""
+        self._pool.request(wire.MARK_HOST, self.pid)
 
     def ended(self, end: End) -> None:
-        """Take note of the end and of all that was still under way. Called by the nursery."""
+        """Take note of the end and of all that was still under way. Called by the fork server."""
         self._reactor.cancel(self._listen)
         self._read_events()
         for name in [*self._streams]:
@@ -208,7 +208,7 @@ class Child:
             os.close(descriptor)
 
 
-class Brood:
+class WorkerPool:
     """The children of one forking process, as the runner sees them: those that are ready, and those that live."""
 
     def __init__(self, reactor: Reactor) -> None:
@@ -244,7 +244,7 @@ class Brood:
         self._descriptors.clear()
 
     def take(self) -> Child:
-        """A fresh child, waiting for its job. Raises NurseryLostError when none is to be had."""
+        """A fresh child, waiting for its job. Raises ForkServerLostError when none is to be had."""
         if not self._ready:
             self._await_spare()
         child = self._ready.popleft()
@@ -256,7 +256,7 @@ class Brood:
         deadline = clock.Deadline.after(_START_LIMIT)
         while not self._ready:
             if self._control is None or deadline.expired:
-                raise NurseryLostError("the process from which tests are forked died or does not answer")
+                raise ForkServerLostError("the process from which tests are forked died or does not answer")
             self.reactor.run_once(deadline)
 
     def request(self, kind: bytes, pid: int, signum: int = 0) -> None:
@@ -335,10 +335,10 @@ _ANCILLARY_SIZE = socket.CMSG_SPACE(3 * 4 * 16)  # more children than are ever t
 _WITH_TEXT = (wire.READY, wire.UNFIT)
 
 
-class Template(Brood):
-    """A child of the nursery that has loaded one file and forks the tests of that file. See ``nursery``.
+class Template(WorkerPool):
+    """A child of the fork server that has loaded one file and forks the tests of that file. See ``fork_server``.
 
-    ``fixtures`` are the incarnations that were up when the file was loaded: what it learnt from them holds as long.
+    ``fixtures`` are the generations that were up when the file was loaded: what it learnt from them holds as long.
     """
 
     def __init__(self, reactor: Reactor, child: Child, plugin: PluginRef, fixtures: Mapping[str, int]) -> None:
@@ -393,8 +393,8 @@ class Template(Brood):
         self._forget_children()
 
 
-class Nursery(Brood):
-    """Starts the nursery process, takes children from it, and starts another one when it is lost.
+class ForkServerClient(WorkerPool):
+    """Starts the fork server process, takes children from it, and starts another one when it is lost.
 
     ``uses`` says how many tests are planned for a plug-in file: one with several is loaded once, in a template.
     ``launched`` is a process that was started before there was anything to say to it.
@@ -417,11 +417,11 @@ class Nursery(Brood):
         self._stop_now = stop_now
         self._templates: dict[str, Template] = {}
         self._process: Launched | None = None
-        self._lost: list[str] = []  # the marks of nurseries that died
+        self._lost: list[str] = []  # the marks of fork servers that died
         self._stacks: StackFile | None = None
 
     def start(self) -> None:
-        """Start the nursery process without waiting for it."""
+        """Start the fork server process without waiting for it."""
         self._process, self._launched = self._launched or launch(), None
         self._close_stacks()
         self._stacks = StackFile(self._process.dump)
@@ -432,9 +432,9 @@ class Nursery(Brood):
         self._ask_for_spares()
 
     def take(self, plugin: PluginRef | None = None, fixtures: Mapping[str, int] | None = None) -> Child:
-        """A fresh child, waiting for its job. Raises NurseryLostError when none is to be had.
+        """A fresh child, waiting for its job. Raises ForkServerLostError when none is to be had.
 
-        ``plugin`` is what a test will load and ``fixtures`` are the incarnations it will stand on: if a template is
+        ``plugin`` is what a test will load and ``fixtures`` are the generations it will stand on: if a template is
         worth while and possible, the child is forked from it.
         """
         if self._process is None:
@@ -443,10 +443,10 @@ class Nursery(Brood):
             if plugin is not None and plugin.language == "python":
                 template = self._template_for(plugin, fixtures or {})
                 if template is not None:
-                    with contextlib.suppress(NurseryLostError):  # the test loads it, then
+                    with contextlib.suppress(ForkServerLostError):  # the test loads it, then
                         return template.take()
             return super().take()
-        except NurseryLostError:
+        except ForkServerLostError:
             self._lose()
             raise
 
@@ -489,20 +489,20 @@ class Nursery(Brood):
         return self._stacks.new() if self._stacks is not None else ""
 
     def rouse(self) -> None:
-        """Let the nursery and its templates go on, should somebody have stopped one."""
+        """Let the fork server and its templates go on, should somebody have stopped one."""
         if self._process is not None:
             for pid in (self._process.pid, *(template.pid for template in self._templates.values())):
                 processes.signal_process(pid, signal.SIGCONT)
 
     def abandon(self) -> None:
-        """Kill a nursery that does not do its work, and with it all of its children."""
+        """Kill a fork server that does not do its work, and with it all of its children."""
         if self._process is not None:
             processes.signal_process(self._process.pid, signal.SIGCONT)
             processes.signal_group(self._process.pid, signal.SIGKILL)
         self._lose()
 
     def close(self, timeout: float = 30.0) -> None:
-        """Let the nursery end, with all that it still has; kill it if it does not within ``timeout`` seconds."""
+        """Let the fork server end, with all that it still has; kill it if it does not within ``timeout`` seconds."""
         process = self._process or self._launched
         self.rouse()
         self._detach()
@@ -513,9 +513,9 @@ class Nursery(Brood):
                 self._process = None
             else:
                 self.abandon()
-        for mark in self._lost:  # what was just being started when its nursery died may have shown itself only later
+        for mark in self._lost:  # a process that was being started when its fork server died may show itself only later
             end_orphans(mark)
-        self._forget_children()  # gives the descriptors of spares and templates back: there is a nursery in every lane
+        self._forget_children()  # closes the descriptors of spares and templates: every suite worker has a fork server
         self._close_stacks()
 
     def _close_stacks(self) -> None:
@@ -528,13 +528,13 @@ class Nursery(Brood):
             self.problems.extend(text.splitlines())
 
     def _lose(self) -> None:
-        """The nursery is gone: its children are, too, by the kernel's hand; make sure, and take note."""
+        """The fork server is gone: its children are, too, by the kernel's hand; make sure, and take note."""
         self._detach()
         process = self._process
         if process is None:
             return
         processes.signal_group(process.pid, signal.SIGKILL)
-        living = [child.pid for brood in (self, *self._templates.values()) for child in brood.children()]
+        living = [child.pid for pool in (self, *self._templates.values()) for child in pool.children()]
         for pid in living:
             processes.signal_group(pid, signal.SIGKILL)
         _await_exit(process.pid, None)

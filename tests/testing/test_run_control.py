@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from harness import run_suite
-from rtf.testing.control import Control, TooLateError
 from rtf.testing.events import Answered, Asked, Interrupted, RunEnded, TestEnded
 from rtf.testing.interrupts import Interrupts
 from rtf.testing.operator import AnswerError
+from rtf.testing.run_control import Control, TooLateError
 from rtf.testing.verdict import ExitCode, Verdict
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 A test that may move something may leave something behind that has to be put right by somebody who outlives it. Unless
 its source says plainly that it does not, it is loaded and asked for its
-:meth:`~rtf.testing.case.TestCase.alone_fixtures` in a child process, which then ends. One that gives no answer is not
+:meth:`~rtf.testing.case.TestCase.implied_fixtures` in a child process, which then ends. One that gives no answer is not
 run.
 """
 
@@ -106,6 +106,6 @@ def _ask(ref: PluginRef | None, entry: TestEntry, overrides: Sequence[tuple[str,
     except (Exception, SystemExit):  # noqa: BLE001 - it ends the test as well, and is told there
         return []
     try:
-        return [[name, [*values.items()]] for name, values in test.alone_fixtures()]
+        return [[name, [*values.items()]] for name, values in test.implied_fixtures()]
     except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever it is, there is no answer
         return f"{type(error).__name__}: {text_of(error)}"

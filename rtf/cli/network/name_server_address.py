@@ -35,7 +35,7 @@ def where(words: Sequence[str]) -> ExitCode:
     contact = _configured()
     progress(f"Looking for name server on {contact.host}, port number {contact.port}\n{_DELAY}")
     if not _answers(contact, 5.0):
-        complain(f"Name server {contact.name} is not available at ip {contact.host} port {contact.port}", _MEND)
+        complain(f"Name server {contact.name} is not available at ip {contact.host} port {contact.port}", _HINT)
         return ExitCode.FAILURES
     say(f"Name server {contact.name} is available at ip {contact.host} port {contact.port}")
     return ExitCode.PASSED
@@ -84,7 +84,7 @@ def detect(words: Sequence[str]) -> ExitCode:
         found = discovery.detect(namespace, timeout=options.timeout)
     if found is None:
         say(_banner("NOT FOUND"))
-        complain("no name server answers", _MEND)
+        complain("no name server answers", _HINT)
         return ExitCode.FAILURES
     say(_banner("FOUND", f"{found.name} is available at ip {found.host} port {found.port}"))
     if options.write:
@@ -109,7 +109,7 @@ def namespace(words: Sequence[str]) -> ExitCode:
 
 
 _DELAY = "If there is a long delay, try:\n  rtf conf --clean"
-_MEND = "start one with 'rtf nameserver --write', or say where it is with 'rtf conf HOST PORT'"
+_HINT = "start one with 'rtf nameserver --write', or say where it is with 'rtf conf HOST PORT'"
 
 
 def _configured() -> Contact:

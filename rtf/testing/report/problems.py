@@ -24,7 +24,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from rtf.testing.report.text import counts, incident, place, problem
+from rtf.testing.report.text import counts, incident, place, problem_text
 from rtf.testing.verdict import ExitCode, FixtureState, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ PASSED_OVER = frozenset({Verdict.SKIPPED, Verdict.EXPECTED_FAILURE, Verdict.BLOC
 
 
 @dataclass(slots=True)
-class Trouble:
+class Problem:
     """One thing that went wrong: its name as a case, its kind as a type, a sentence, and all there is to say."""
 
     name: str
@@ -52,32 +52,32 @@ class Trouble:
         return "\n".join(self.texts) or self.message or self.name
 
 
-def of_suite(suite: SuiteResult) -> list[Trouble]:
-    """The troubles of one suite: each fixture that had one, then the suite itself."""
-    found: dict[str, Trouble] = {}
+def of_suite(suite: SuiteResult) -> list[Problem]:
+    """The problems of one suite: each fixture that had one, then the suite itself."""
+    found: dict[str, Problem] = {}
     for event in suite.incidents:
         _incident(found, event)
     for message in suite.problems:
         _message(found, message, suite.name)
     for name, changed in suite.fixtures.items():
         if changed.state is FixtureState.FAILED:
-            trouble = _fixture(found, name)
-            trouble.red = True
-            trouble.message = f"given up: {changed.detail}" if changed.detail else "given up"
-            trouble.texts.append(trouble.message)
+            problem = _fixture(found, name)
+            problem.red = True
+            problem.message = f"given up: {changed.detail}" if changed.detail else "given up"
+            problem.texts.append(problem.message)
     return list(found.values())
 
 
-def _fixture(found: dict[str, Trouble], name: str) -> Trouble:
-    return found.setdefault(f"fixture {name}", Trouble(f"fixture: {name}", "FixtureCollapsed"))
+def _fixture(found: dict[str, Problem], name: str) -> Problem:
+    return found.setdefault(f"fixture {name}", Problem(f"fixture: {name}", "FixtureCollapsed"))
 
 
-def _incident(found: dict[str, Trouble], event: FixtureIncident) -> None:
-    trouble = _fixture(found, event.fixture)
-    trouble.red |= event.phase is Phase.TEARDOWN
-    trouble.message = incident(event)
-    trouble.incidents.append(event)
-    trouble.texts.append(incident_text(event))
+def _incident(found: dict[str, Problem], event: FixtureIncident) -> None:
+    problem = _fixture(found, event.fixture)
+    problem.red |= event.phase is Phase.TEARDOWN
+    problem.message = incident(event)
+    problem.incidents.append(event)
+    problem.texts.append(incident_text(event))
 
 
 def incident_text(event: FixtureIncident) -> str:
@@ -90,57 +90,57 @@ def incident_text(event: FixtureIncident) -> str:
     return "\n".join(parts)
 
 
-def _message(found: dict[str, Trouble], message: Message, suite: str) -> None:
+def _message(found: dict[str, Problem], message: Message, suite: str) -> None:
     if message.fixture:
-        trouble = _fixture(found, message.fixture)
+        problem = _fixture(found, message.fixture)
     else:
         kind = "SuiteFailure" if message.severity is Severity.FAILURE else "SuiteError"
-        trouble = found.setdefault("suite", Trouble(f"suite: {suite}", kind))
-    trouble.red = True
-    trouble.message = trouble.message or message.detail or message.title
-    trouble.texts.append(problem(message))
+        problem = found.setdefault("suite", Problem(f"suite: {suite}", kind))
+    problem.red = True
+    problem.message = problem.message or message.detail or message.title
+    problem.texts.append(problem_text(message))
 
 
-def of_run(results: RunResult) -> list[Trouble]:
-    """The troubles of the run itself; to be asked for when the run is over."""
+def of_run(results: RunResult) -> list[Problem]:
+    """The problems of the run itself; to be asked for when the run is over."""
     code = results.ended.exit_code if results.ended is not None else int(results.exit_code())
-    found: dict[str, Trouble] = {}
+    found: dict[str, Problem] = {}
     for event in results.diagnostics:
         if event.severity in (Severity.ERROR, Severity.FAILURE):
             _diagnosed(found, event, red=code != ExitCode.PASSED)
-    troubles = list(found.values())
+    problems = list(found.values())
     for error in results.internal_errors:
         texts = [text for text in (error.text, error.traceback.rstrip("\n")) if text]
-        troubles.append(Trouble("run: internal error", "InternalError", red=True, message=error.text, texts=texts))
+        problems.append(Problem("run: internal error", "InternalError", red=True, message=error.text, texts=texts))
     if results.interrupted is not None:
         message = f"interrupted by {results.interrupted.source}"
-        troubles.append(Trouble("run: interrupted", "Interrupted", red=True, message=message))
-    if code != ExitCode.PASSED and not _red_somewhere(results, troubles):
-        troubles.append(_unexplained(results, code))
-    return troubles
+        problems.append(Problem("run: interrupted", "Interrupted", red=True, message=message))
+    if code != ExitCode.PASSED and not _red_somewhere(results, problems):
+        problems.append(_unexplained(results, code))
+    return problems
 
 
-def _diagnosed(found: dict[str, Trouble], event: Diagnosed, *, red: bool) -> None:
+def _diagnosed(found: dict[str, Problem], event: Diagnosed, *, red: bool) -> None:
     name = event.suite or event.file or "command line"
-    trouble = found.setdefault(name, Trouble(f"load: {name}", "LoadError", red=red))
-    trouble.message = trouble.message or event.text
+    problem = found.setdefault(name, Problem(f"load: {name}", "LoadError", red=red))
+    problem.message = problem.message or event.text
     where = place(event.file, event.line, event.column)
     hint = f"; {event.hint}" if event.hint else ""
-    trouble.texts.append(f"{where}: {event.text}{hint}" if where else f"{event.text}{hint}")
+    problem.texts.append(f"{where}: {event.text}{hint}" if where else f"{event.text}{hint}")
 
 
-def _red_somewhere(results: RunResult, troubles: list[Trouble]) -> bool:
-    if any(trouble.red for trouble in troubles):
+def _red_somewhere(results: RunResult, problems: list[Problem]) -> bool:
+    if any(problem.red for problem in problems):
         return True
     if any(not verdict.good and verdict not in PASSED_OVER for verdict in results.counts()):
         return True
-    return any(trouble.red for suite in results.suites.values() for trouble in of_suite(suite))
+    return any(problem.red for suite in results.suites.values() for problem in of_suite(suite))
 
 
-def _unexplained(results: RunResult, code: int) -> Trouble:
+def _unexplained(results: RunResult, code: int) -> Problem:
     try:
         word = ExitCode(code).name.lower().replace("_", " ")
     except ValueError:
         word = f"exit code {code}"
     ended = "" if results.ended is not None else "the run did not end in order; "
-    return Trouble("run", "RunError", red=True, message=f"{word}: {ended}{counts(results.counts())}")
+    return Problem("run", "RunError", red=True, message=f"{word}: {ended}{counts(results.counts())}")

@@ -1,7 +1,7 @@
-"""A lane: suites that share a fixture, worked through one after the other.
+"""A suite worker: suites that share a fixture, worked through one after the other.
 
 It decides what becomes of each test: whether it may start, which attempts are made, what a lost fixture, a time-out or
-an interrupt means for it. It has a nursery, a reactor and a supervisor of its own, and runs in one thread.
+an interrupt means for it. It has a fork server, a reactor and a supervisor of its own, and runs in one thread.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from rtf.testing.events import (
 )
 from rtf.testing.interrupts import KILL_STAGE, alarm
 from rtf.testing.isolation.attempt import Attempt, Outcome, Stop
-from rtf.testing.isolation.children import Nursery
 from rtf.testing.isolation.job import Job
 from rtf.testing.isolation.reactor import Reactor
+from rtf.testing.isolation.worker_pool import ForkServerClient
 from rtf.testing.requirements import unmet
 from rtf.testing.suite.model import Expected, Isolation, LostPolicy, Scope
 from rtf.testing.supervision.supervisor import Fixture, Supervisor
@@ -32,7 +32,7 @@ from rtf.testing.verdict import Severity, Verdict
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from rtf.testing.isolation.children import Child
+    from rtf.testing.isolation.worker_pool import Child
     from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.runner import Run
     from rtf.testing.suite.model import FixtureEntry, TestSuite
@@ -42,8 +42,8 @@ _RETRIED = frozenset({Verdict.FAILED, Verdict.ERROR})
 _SETTLING = 0.1
 
 
-class Lane:
-    """Works through suites one after the other, with one nursery and one set of fixtures.
+class SuiteWorker:
+    """Works through suites one after the other, with one fork server and one set of fixtures.
 
     :meth:`run` keeps to the order of the plan. Whoever knows the order only as it comes uses what :meth:`run` is made
     of instead: inside :meth:`at_work` and :meth:`suite` tests are run one by one, and :meth:`wait` stands for the time
@@ -65,7 +65,7 @@ class Lane:
         self._aborted = ""
         self._shared: Child | None = None
         preload = tuple(dict.fromkeys(name for planned in suites for name in planned.suite.preload))
-        self._nursery = Nursery(
+        self._fork_server = ForkServerClient(
             self._reactor,
             preload=preload,
             uses=Counter(test.plugin.path for planned in suites for test in planned.tests if test.plugin is not None),
@@ -73,7 +73,7 @@ class Lane:
             stop_now=lambda: run.interrupts.stage > 0,
         )
         self._supervisor = Supervisor(
-            self._nursery,
+            self._fork_server,
             self._emit,
             self._fixture_job,
             running_test=lambda: self._test,
@@ -82,7 +82,7 @@ class Lane:
         )
 
     def run(self) -> None:
-        """Run the suites; afterwards everything of this lane is gone."""
+        """Run the suites; afterwards everything of this suite worker is gone."""
         done = self._run.options.done
         with self.at_work():
             for index, planned in enumerate(self._suites):
@@ -96,20 +96,20 @@ class Lane:
 
     @contextmanager
     def at_work(self) -> Iterator[None]:
-        """Have a nursery in the block; afterwards everything of this lane is gone."""
+        """Have a fork server in the block; afterwards everything of this suite worker is gone."""
         self._run.interrupts.attend(self._reactor)
         try:
             if any(test.plugin is not None for planned in self._suites for test in planned.tests):
-                self._nursery.start()
+                self._fork_server.start()
             yield
         finally:
             try:
                 self._take_down(self._supervisor.names())
             finally:
-                self._nursery.close()
+                self._fork_server.close()
                 self._run.interrupts.leave(self._reactor)
                 self._reactor.close()
-                for problem in self._nursery.problems:
+                for problem in self._fork_server.problems:
                     self._emit(Diagnosed(severity=Severity.WARNING, text=problem))
 
     def wait(self, until: Callable[[], bool]) -> None:
@@ -296,26 +296,26 @@ class Lane:
             attempt = Attempt(
                 job,
                 self._run.limits_of(self._suite, test),
-                self._nursery,
+                self._fork_server,
                 self._emit,
                 tick=lambda: self._tick(names),
                 next_tick=self._next_tick,
                 kill_now=lambda: self._run.interrupts.stage >= KILL_STAGE,
                 ask=self._run.options.ask,
-                fixtures=self._supervisor.incarnations(names),
+                fixtures=self._supervisor.generations(names),
             )
             outcome = attempt.run(self._shared_child if isolation is Isolation.SUITE else None)
             if attempt.stopped and isolation is Isolation.SUITE:
                 self._end_shared()  # what stopped this test is not to reach the next one
         outcome = self._confirmed(outcome, names)
         if outcome.cut_short:
-            self._supervisor.park(names)
+            self._supervisor.enter_safe_state(names)
         self._test = ""
         return outcome
 
     def _shared_child(self) -> Child:
         if self._shared is None or self._shared.end is not None:
-            self._shared = self._nursery.take()
+            self._shared = self._fork_server.take()
         return self._shared
 
     def _end_shared(self) -> None:
@@ -453,7 +453,7 @@ class Lane:
             suite_place=str(entry.location) if entry.location.file else "",
             suite_folder=str(Path(entry.location.file).parent) if entry.location.file else "",
             environment=entry.environment or self._suite.suite.environment,
-            attempt=fixture.incarnation,
+            attempt=fixture.generation,
             check_period=entry.check_period,
             variables=self._supervisor.variables(entry.depends),
         )

@@ -1,4 +1,4 @@
-"""One incarnation of a fixture, seen from the runner: the conversation with its process, and the ending of it.
+"""One generation of a fixture, seen from the runner: the conversation with its process, and the ending of it.
 
 The process is the host (``fixture_host``), which runs an author's code and is not to be trusted: it may
 be silent, say nonsense, say too much, die or refuse to. Whatever it does ends here as a cause, an event or a kill. All
@@ -15,7 +15,7 @@ from rtf import clock
 from rtf.testing.events import EventError, Message, OutputCaptured, from_record
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.capture import Capture, Tail
-from rtf.testing.isolation.nursery_protocol import NUDGE_PERIOD, NUDGE_SIGNAL, PARK_LIMIT
+from rtf.testing.isolation.fork_server_protocol import NUDGE_PERIOD, NUDGE_SIGNAL, SAFE_STATE_LIMIT
 from rtf.testing.isolation.stacks import StackFile
 from rtf.testing.session import bounded
 from rtf.testing.supervision.fixture_record import Cause
@@ -24,8 +24,8 @@ from rtf.testing.verdict import FixtureState, Phase, Severity
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.testing.isolation.children import Child, End, Nursery
     from rtf.testing.isolation.job import Job
+    from rtf.testing.isolation.worker_pool import Child, End, ForkServerClient
     from rtf.testing.supervision.fixture_record import Fixture, Notes
 
 #: Seconds that are allowed where the suite says nothing.
@@ -41,16 +41,16 @@ _VANISH = 6.0
 _OUTPUT_RATE = 8192.0
 #: Beyond these, what a fixture says is counted and left out.
 _MESSAGE_BYTES = 16 << 20
-_TROUBLES = 100
+_PROBLEMS = 100
 _COMPLAINTS = 5
 #: What a host may be doing on its way down, each once.
-_LAST_THINGS = ("on_collapse()", "park()", "teardown()")
+_LAST_THINGS = ("on_collapse()", "enter_safe_state()", "teardown()")
 #: A process that says this much nonsense is not the one we started.
 _NONSENSE_LIMIT = 1000
 
 
-class Incarnation:
-    """The process of one incarnation.
+class FixtureProcess:
+    """The process of one generation.
 
     ``wait(condition, limit)`` is the supervisor's: it returns at the limit, or when the condition holds, at which it
     looks after whatever happens.
@@ -60,16 +60,16 @@ class Incarnation:
         self,
         fixture: Fixture,
         notes: Notes,
-        nursery: Nursery,
+        fork_server: ForkServerClient,
         wait: Callable[[Callable[[], bool], clock.Deadline], None],
         kill_now: Callable[[], bool],
     ) -> None:
         self._fixture = fixture
         self._notes = notes
-        self._nursery = nursery
+        self._fork_server = fork_server
         self._wait = wait
         self._kill_now = kill_now
-        self._child: Child = nursery.take()
+        self._child: Child = fork_server.take()
         self.pid = self._child.pid
         self.answered = False
         self.deadline = clock.Deadline()
@@ -92,7 +92,7 @@ class Incarnation:
         )
         self._bytes = 0
         self._left_out = 0
-        self._troubles = 0
+        self._problems = 0
         self._nonsense = 0
 
     def begin(self, job: Job) -> None:
@@ -106,11 +106,11 @@ class Incarnation:
     # While tests run ---------------------------------------------------------------------------------------------
 
     def ask(self, what: str) -> None:
-        """Have it ``check`` or ``park`` now; ``answered`` becomes true when it has."""
+        """Have it ``check`` or ``enter_safe_state`` now; ``answered`` becomes true when it has."""
         self.answered = False
         if what == "park":
-            self._doing = "park()"
-            self.deadline = clock.Deadline.after(PARK_LIMIT)
+            self._doing = "enter_safe_state()"
+            self.deadline = clock.Deadline.after(SAFE_STATE_LIMIT)
         self._command(what)
 
     def look(self) -> None:
@@ -144,7 +144,7 @@ class Incarnation:
 
     @property
     def up(self) -> bool:
-        """Whether tests can stand on this very incarnation."""
+        """Whether tests can stand on this very generation."""
         return self._fixture.ready and self._fixture.process is self
 
     def _did_not_come_back(self) -> str:
@@ -154,11 +154,13 @@ class Incarnation:
             cause += "; the process had been stopped by a signal"
         self._child.signal(signal.SIGCONT)
         self._dump_cause = cause
-        self._stacks.dump(self._child, self._nursery.reactor)
+        self._stacks.dump(self._child, self._fork_server.reactor)
         return cause
 
     def _patience(self) -> clock.Deadline:
-        return clock.Deadline.after(PARK_LIMIT if self._doing == "park()" else self._period + CHECK_LIMIT)
+        return clock.Deadline.after(
+            SAFE_STATE_LIMIT if self._doing == "enter_safe_state()" else self._period + CHECK_LIMIT
+        )
 
     # Down --------------------------------------------------------------------------------------------------------
 
@@ -203,7 +205,7 @@ class Incarnation:
         """It does not come to its end: interrupt it, or kill it where that is no use."""
         if self._kill_now():
             self._kill()
-            self._trouble("killed before the end of teardown(), because the run was ended by force", Phase.TEARDOWN)
+            self._problem("killed before the end of teardown(), because the run was ended by force", Phase.TEARDOWN)
         elif self._doing != "teardown()" and not self._pressed:
             self._interrupt()
         else:
@@ -211,13 +213,13 @@ class Incarnation:
             if self._child.end is not None or not (self.deadline.expired or self._kill_now()):
                 # meanwhile it has ended, or come to the next of the last things, which has its own time
                 if overdue == "teardown()":
-                    self._trouble(cause, Phase.TEARDOWN)
+                    self._problem(cause, Phase.TEARDOWN)
                 return
             self._kill()
             if self._doing == "teardown()":
-                self._trouble(f"{cause}; killed", Phase.TEARDOWN)
+                self._problem(f"{cause}; killed", Phase.TEARDOWN)
             else:
-                self._trouble(f"{self._doing} could not be interrupted; killed without teardown()", phase)
+                self._problem(f"{self._doing} could not be interrupted; killed without teardown()", phase)
 
     def _kill(self) -> None:
         self._killed = True
@@ -227,7 +229,7 @@ class Incarnation:
         self.deadline = deadline
         self._wait(lambda: child.end is not None or deadline.expired, deadline)
         if child.end is None:
-            self._nursery.abandon()
+            self._fork_server.abandon()
 
     def _conclude(self, end: End) -> None:
         """Tell of a process that did not live to the end of its teardown, unless that is known."""
@@ -240,7 +242,7 @@ class Incarnation:
             cause = f"after teardown() the fixture's process ended badly: {_how(end)}"
         else:
             return
-        self._trouble(cause, Phase.TEARDOWN, exit_status=end.exit_status, signal_name=end.signal)
+        self._problem(cause, Phase.TEARDOWN, exit_status=end.exit_status, signal_name=end.signal)
 
     def _close(self) -> None:
         self._capture.close()
@@ -296,8 +298,8 @@ class Incarnation:
 
     def _hear_host(self, message: dict[str, Any]) -> None:
         kind = message["host"]
-        if kind in ("collapsed", "failed", "trouble"):
-            self._hear_of_trouble(kind, message)
+        if kind in ("collapsed", "failed", "problem"):
+            self._hear_of_problem(kind, message)
         elif kind == "listening":
             if not self._listening and self._fixture.state is FixtureState.STOPPING:
                 self._interrupt()
@@ -310,7 +312,7 @@ class Incarnation:
             self._provides(message["variables"])
         else:
             if kind == "ready":
-                self._fixture.parks_robot = message["of_robot"] is True
+                self._fixture.secures_robot = message["of_robot"] is True
             self._hear_of_life(kind)
 
     def _provides(self, variables: dict[str, str]) -> None:
@@ -330,16 +332,16 @@ class Incarnation:
                 self._doing = "check()"
             self.deadline = self._patience()
 
-    def _hear_of_trouble(self, kind: str, message: dict[str, Any]) -> None:
+    def _hear_of_problem(self, kind: str, message: dict[str, Any]) -> None:
         cause = self._cause_from(message)
         fixture = self._fixture
-        if kind != "trouble":
+        if kind != "problem":
             if fixture.active:
                 fixture.hopeless = message.get("hopeless") is True
                 self._notes.collapse(fixture, cause)
             return
-        self._troubles += 1
-        if self._troubles <= _TROUBLES:
+        self._problems += 1
+        if self._problems <= _PROBLEMS:
             self._notes.incident(fixture, cause)
 
     def _going_down(self, what: str) -> None:
@@ -351,7 +353,7 @@ class Incarnation:
         self._phase = Phase.TEARDOWN
         self._pressed = False
         limit = self._fixture.entry.timeouts.teardown or TEARDOWN_LIMIT
-        self.deadline = clock.Deadline.after(PARK_LIMIT if what == "park()" else limit)
+        self.deadline = clock.Deadline.after(SAFE_STATE_LIMIT if what == "enter_safe_state()" else limit)
 
     def _cause_from(self, message: dict[str, Any]) -> Cause:
         status = message.get("exit_status")
@@ -370,7 +372,7 @@ class Incarnation:
         )
         self._notes.collapse(self._fixture, cause)
 
-    def _trouble(self, text: str, phase: Phase, *, exit_status: int | None = None, signal_name: str = "") -> None:
+    def _problem(self, text: str, phase: Phase, *, exit_status: int | None = None, signal_name: str = "") -> None:
         cause = Cause(text=text, phase=phase, exit_status=exit_status, signal=signal_name, output=self._last_lines())
         self._notes.incident(self._fixture, cause)
 

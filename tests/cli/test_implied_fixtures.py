@@ -32,7 +32,7 @@ class Lifts(TestCase):
     """Says what it stands on."""
     safety = "motion"
     height = Parameter(float, "how high", unit="m", default=1.0)
-    def alone_fixtures(self):
+    def implied_fixtures(self):
         return (("rig", {"height": f"{self.height:g}"}),)
     def run(self):
         self.report(f"stands on {os.environ.get('RIG')}")
@@ -48,7 +48,7 @@ import os
 from rtf.testing import TestCase
 class Looks(TestCase):
     """Does nothing to anybody, and so is not asked."""
-    def alone_fixtures(self):
+    def implied_fixtures(self):
         raise AssertionError
     def run(self):
         self.report(f"stands on {os.environ.get('RIG')}")
@@ -153,7 +153,7 @@ class TestRobotTests:
     ) -> list[tuple[str, dict[str, str]]]:
         """What a test asks for with these values, in a suite with this environment."""
         test.resolve_parameters(param="", overrides=overrides, environment=environment)
-        return [(name, dict(values)) for name, values in test.alone_fixtures()]
+        return [(name, dict(values)) for name, values in test.implied_fixtures()]
 
     def test_one_that_moves_is_put_back_by_the_fixture_robot(self, monkeypatch: pytest.MonkeyPatch):
         """All parts of the robot that it will work with."""
