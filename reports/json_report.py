@@ -184,6 +184,7 @@ def _run(results: RunResult, began: float | None) -> dict[str, Any]:
         "environment": started.environment if started else {},
         "robot": started.robot if started else "",
         "station": started.station if started else "",
+        "device": started.device if started else {},
         "seed": started.seed if started else None,
         "resumed": started.resumed if started else False,
         "started": _moment(began),

@@ -232,5 +232,6 @@ def _run_facts(results: RunResult) -> list[tuple[str, str]]:
     if run is None:
         return []
     facts = [("robot", run.robot), ("station", run.station), ("rtf", run.version), ("run", run.run)]
+    facts += [(f"device.{key}", value) for key, value in run.device.items()]
     facts += [("command", " ".join(run.command)), ("seed", "" if run.seed is None else str(run.seed))]
     return facts + sorted(run.environment.items())

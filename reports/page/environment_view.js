@@ -57,6 +57,7 @@ export class EnvironmentView {
       ["run", started.run],
       ["robot", started.robot],
       ["station", started.station],
+      ...Object.entries(started.device ?? {}).map(([key, value]) => [`device: ${key}`, value]),
       ["RTF version", started.version],
       ["seed", started.seed],
       ["started", this.#moment(started.time)],

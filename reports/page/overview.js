@@ -130,10 +130,12 @@ export class Overview {
     if (!started) return;
     const names = [...suites.values()].map((suite) => suite.name);
     const suite = names.length > 2 ? `${names.length} suites` : names.join(", ");
-    const key = [suite, started.robot, started.station, started.run].join("\n");
+    const { serial, part } = started.device ?? {};
+    const device = [part, serial].filter(Boolean).join(" ");
+    const key = [suite, started.robot, started.station, device, started.run].join("\n");
     if (key === this.factKey) return;
     this.factKey = key;
-    const parts = [suite && free(suite, "strong"), started.robot && free(started.robot), started.station && free(started.station), free(started.run)];
+    const parts = [suite && free(suite, "strong"), started.robot && free(started.robot), started.station && free(started.station), device && free(device), free(started.run)];
     this.facts.replaceChildren(...parts.filter(Boolean).flatMap((part, index) => (index ? [" · ", part] : [part])));
   }
 

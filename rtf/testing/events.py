@@ -48,7 +48,11 @@ class Event:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunStarted(Event):
-    """The run begins; the first event of a journal. ``environment`` says where, with what and by whom."""
+    """The run begins; the first event of a journal. ``environment`` says where, with what and by whom.
+
+    ``device`` is the record of the device under test, by key: ``serial``, ``part``, ``firmware``, ``operator``,
+    ``batch``, and any other key that the station uses.
+    """
 
     kind: ClassVar[str] = "run_started"
     run: str
@@ -58,6 +62,7 @@ class RunStarted(Event):
     environment: dict[str, str] = field(default_factory=dict)
     robot: str = ""
     station: str = ""
+    device: dict[str, str] = field(default_factory=dict)
     seed: int | None = None
     resumed: bool = False
 

@@ -82,6 +82,7 @@ class RunOptions:
     resumed: bool = False
     robot: str = ""
     station: str = ""
+    device: Mapping[str, str] = field(default_factory=dict)
     seed: int | None = None
     command: tuple[str, ...] = ()
     handle_signals: bool = True
@@ -152,6 +153,7 @@ class Run:
                 environment={**_facts(), **options.facts},
                 robot=options.robot,
                 station=options.station or platform.node(),
+                device=dict(options.device),
                 seed=options.seed,
                 resumed=options.resumed,
             ),

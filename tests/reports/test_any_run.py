@@ -337,3 +337,28 @@ def test_the_strategies_reach_what_they_are_for():
 
     count()
     assert found.tests > 20
+
+
+def test_the_device_under_test_is_in_every_report(tmp_path: Path):
+    """Serial number, part and firmware are found again years later, in each format where its readers look."""
+    device = {"serial": "KA-1041", "part": "left_arm", "firmware": "1.4", "shelf <7>": "B"}
+    journal_path = tmp_path / journal.FILE_NAME
+    broadcast = Broadcast(journal.Journal(journal_path), [])
+    broadcast.emit(e.RunStarted(run="r", version="1", device=device))
+    broadcast.emit(e.SuitePlanned(suite="s", name="s"))
+    broadcast.emit(e.RunEnded(verdict=Verdict.NOT_RUN, exit_code=5, duration=0.1))
+    broadcast.close()
+    names = ("junit", "json", "ctrf")
+    reporters = [load_reporter(name)(ReportOptions(tmp_path / name, tmp_path)) for name in names]
+    for reporter in reporters:
+        reporter.open()
+    again = Broadcast(None, [*reporters])
+    again.replay(journal.read(journal_path))
+    again.close()
+    properties = etree.parse(tmp_path / "junit").iterfind(".//testsuite/properties/property")
+    said = {one.get("name"): one.get("value") for one in properties}
+    assert {f"device.{key}": value for key, value in device.items()}.items() <= said.items()
+    result = json.loads((tmp_path / "json").read_bytes())
+    VALIDATOR.validate(result)
+    assert device == result["run"]["device"]
+    assert device == json.loads((tmp_path / "ctrf").read_bytes())["results"]["extra"]["rtf"]["run"]["device"]
