@@ -77,8 +77,8 @@ class ControlModes(JointsTest):
         self.missing = {words[word] for word in self.without}
         self.compliant = self._torque_controlled()
         self.currents = {joint: part.board.max_current(joint) for joint in self.chosen} if self.faults else {}
-        self.assert_error_if_true(
-            any(current <= 0 for current in self.currents.values()),
+        self.assert_error_if_false(
+            all(current > 0 for current in self.currents.values()),
             f"{part.name}: a greatest current is zero before the test",
         )
         self.tested: dict[int, set[tuple[ControlMode, ControlMode]]] = {joint: set() for joint in self.chosen}

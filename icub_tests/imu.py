@@ -195,8 +195,8 @@ class Imu(StreamTest):
             high, low = self._goals(part, joint)
             moved = float(np.ptp(traces[self.robot_parts.index(part)].positions[:, joint]))
             self.measure(f"motion of {part.names[joint]}", moved, "deg")
-            self.assert_error_if_true(
-                moved < _SHARE * (high - low),
+            self.assert_error_if_false(
+                moved >= _SHARE * (high - low),
                 f"{part.names[joint]} moved by {moved:.1f} deg and should by {high - low:.1f}: nothing can be compared",
             )
 

@@ -188,8 +188,8 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         duties = part.board.duty_cycles()
         held = self.transmission.holding_duty(duties, joint)
         least = min(abs(held), abs(float(duties[joint])))
-        self.assert_error_if_true(
-            least > self.most,
+        self.assert_error_if_false(
+            least <= self.most,
             f"{part.names[joint]} is held by {least:.1f} % of duty cycle, MaxValue allows {self.most:g} %",
         )
         self.told[joint] = []

@@ -212,8 +212,8 @@ class PositionDirect(RobotTest):
         for column, joint in enumerate(self.chosen):
             fit = fit_sine(run.sent_at[whole], run.sent[whole, column], self.frequency)
             wanted = float(self.sine.amplitudes[column])
-            self.assert_error_if_true(
-                abs(fit.amplitude - wanted) > _STIMULUS * wanted or fit.rms > _STIMULUS * wanted,
+            self.assert_error_if_false(
+                abs(fit.amplitude - wanted) <= _STIMULUS * wanted and fit.rms <= _STIMULUS * wanted,
                 f"{form}: what was sent to {self.robot_part.names[joint]} is no sine of {wanted:g} deg: its amplitude "
                 f"is {fit.amplitude:.3g} deg, and {fit.rms:.3g} deg are something else",
             )

@@ -82,8 +82,8 @@ class TorqueControlAccuracy(CoupledStepTest):
         if most is not None:
             # A joint with a weak motor is a light one: it would be too fast before anything can be seen.
             step = min(step, _WEAKEST * most)
-            self.assert_error_if_true(
-                abs(held + sign * step) > most,
+            self.assert_error_if_false(
+                abs(held + sign * step) <= most,
                 f"{part.names[joint]} is held by {held:.2f} Nm: a step of {step:g} Nm leaves its range of {most:g} Nm",
             )
         entered = yield from self.entering(joint, ControlMode.TORQUE, held, torques)

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.robot_testing.causes import likely_causes
+from rtf.testing.measurement import require_limits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,9 +15,10 @@ if TYPE_CHECKING:
 
 
 class Judged(NamedTuple):
-    """A value with the most and the least that it may be; NaN where there is none. Without bounds it is only measured.
+    """A value, NaN where there is none, with the most and the least that it may be. Without bounds it is only measured.
 
-    ``finding`` is what it points to to be more; or ``hint`` says what it means to be out of bounds.
+    A bound has to be a number; it is infinite where there is none. ``finding`` is what a value beyond its bound points
+    to; or ``hint`` says what it means to be out of bounds.
     """
 
     name: str
@@ -46,6 +48,10 @@ def judge_values(test: TestCase, name: str, values: Sequence[Judged], late: str 
     ``late`` says how the test did not keep up with the robot. Then what is wrong is not held against the robot: the
     values are measured without bounds, and the test ends as inconclusive.
     """
+    for value in values:
+        require_limits(
+            **{f"the lower bound of {value.name}": value.low, f"the upper bound of {value.name}": value.high}
+        )
     if late and any(value.wrong for value in values):
         for value in values:
             if not math.isnan(value.value):
@@ -61,7 +67,8 @@ def _judge(test: TestCase, name: str, value: Judged) -> None:
         why = "; ".join(text for text in (f"{name}: {value.text}", value.hint or causes) if text)
         test.check_fail_if_true(condition=True, text=why)
         return
-    low, high = (bound if math.isfinite(bound) else None for bound in (value.low, value.high))
+    low = None if value.low == -math.inf else value.low
+    high = None if value.high == math.inf else value.high
     hint = value.hint
     if high is not None and not hint:
         causes = likely_causes(value.finding)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 from rtf.testing.events import Asked, Attached, Measured, Progressed, SeriesRecorded, TestRenamed
-from rtf.testing.measurement import Measurement, Unit, limits_text, margin_of, quantity, unit
+from rtf.testing.measurement import Measurement, Unit, limits_text, margin_of, quantity, require_limits, unit
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
 from rtf.testing.parameters import Declared, Parameter
 from rtf.testing.source_location import calling_place
@@ -465,6 +465,7 @@ class TestCase(Declared):
     def _compare_near(
         self, value: float, expected: float, tolerance: float, symbol: str, text: str, *, stop: bool
     ) -> bool:
+        require_limits(expected=expected, tolerance=tolerance)
         tolerance = abs(tolerance)
         return self._compare(value, expected - tolerance, expected + tolerance, symbol, text, stop=stop)
 
@@ -491,10 +492,12 @@ class TestCase(Declared):
             raise ValueError(
                 f"vectors of different lengths: {len(given)} values, {len(wanted)} expected, {len(allowed)} tolerances",
             )
+        for index, (target, limit) in enumerate(zip(wanted, allowed, strict=True)):
+            require_limits(**{f"expected[{index}]": target, f"tolerance[{index}]": limit})
         wrong = [
             f"[{index}] {quantity(value, symbol)}, expected {quantity(target, symbol)} ± {quantity(limit, symbol)}"
             for index, (value, target, limit) in enumerate(zip(given, wanted, allowed, strict=True))
-            if not abs(value - target) <= abs(limit)
+            if not _is_near(value, target, abs(limit))
         ]
         sentence = "; ".join(wrong) if wrong else f"{len(wanted)} elements within tolerance"
         return self._conclude(not wrong, f"{text}: {sentence}" if text else sentence, stop=stop)
@@ -524,3 +527,8 @@ class TestCase(Declared):
 
     def _relative(self, path: Path) -> str:
         return path.relative_to(self._session.run_folder).as_posix()
+
+
+def _is_near(value: float, expected: float, tolerance: float) -> bool:
+    margin = margin_of(value, expected - tolerance, expected + tolerance)
+    return margin is not None and margin >= 0

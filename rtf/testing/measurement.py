@@ -73,16 +73,35 @@ def quantity(value: float, symbol: str = "") -> str:
     return f"{number(value)} {symbol}" if symbol else number(value)
 
 
+def require_limits(**limits: float | None) -> None:
+    """Refuse a limit that is not a number: nothing could ever violate it. Raises ValueError, which names the limit.
+
+    None and the infinities are limits.
+    """
+    for name, limit in limits.items():
+        if limit is not None and math.isnan(limit):
+            raise ValueError(f"{name} is nan: a limit has to be a number, or None where there is no limit")
+
+
 def margin_of(value: float, low: float | None, high: float | None) -> float | None:
-    """Distance from ``value`` to the nearest limit: positive inside, negative outside, None if unknown."""
+    """Distance from ``value`` to the nearest limit: positive inside, negative outside, None if unknown.
+
+    Raises ValueError for a limit that is not a number.
+    """
+    require_limits(low=low, high=high)
     if math.isnan(value):
         return None
     distances = []
     if low is not None:
-        distances.append(value - low)
+        distances.append(_distance(low, value))
     if high is not None:
-        distances.append(high - value)
+        distances.append(_distance(value, high))
     return min(distances) if distances else None
+
+
+def _distance(lower: float, upper: float) -> float:
+    """How far it is from one to the other; the difference of two equal infinities would not be a number."""
+    return 0.0 if lower == upper else upper - lower
 
 
 def limits_text(low: float | None, high: float | None, symbol: str = "") -> str:
@@ -115,7 +134,11 @@ class Measurement:
 
     @property
     def verdict(self) -> MeasurementVerdict:
-        """Where the value lies. A value that is not a number never lies within limits."""
+        """Where the value lies. A value that is not a number never lies within limits.
+
+        Raises ValueError for a limit that is not a number.
+        """
+        require_limits(low=self.low, high=self.high, marginal=self.marginal)
         if self.low is None and self.high is None:
             return MeasurementVerdict.RECORDED
         margin = self.margin

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args, get
 from rtf.bottle import Bottle, Value, as_bool, as_string, is_bool, to_string, to_text
 from rtf.resources import DiagnosticKind, find_parameters
 from rtf.resources.arguments import loose_words, parse_arguments
-from rtf.testing.measurement import limits_text, number, unit
+from rtf.testing.measurement import limits_text, number, require_limits, unit
 from rtf.testing.outcome import TestingError
 from rtf.testing.plugins import shipped_folder
 
@@ -81,6 +81,7 @@ class Parameter(Generic[T]):
         self.description = description
         self.default = default
         self.unit = _unit(unit)
+        require_limits(low=low, high=high)
         self.low = low
         self.high = high
         self.length = length

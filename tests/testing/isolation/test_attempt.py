@@ -1,6 +1,5 @@
 """An attempt, against a child that says what the test makes it say: phases, limits, and what is believed."""
 
-
 from __future__ import annotations
 
 import json

@@ -143,6 +143,7 @@ def test_messages_are_no_format_strings(run: Callable[..., Ran]):
         ("robottestingframework.skip('no robot')", "skipped", "skipped", "no robot"),
         ("robottestingframework.measure('a', 1, 'parsec')", "error", "exception", "'parsec'"),
         ("robottestingframework.measure('a', {})", "error", "exception", "TypeError"),
+        ("robottestingframework.measure('a', 1e9, '', 0, 0/0)", "error", "exception", "high is nan"),
         ("string.rep('x', -1)()", "error", "exception", "attempt to call a string value"),
     ],
 )

@@ -1,6 +1,5 @@
 """One generation on its way down, against a process that says what the test makes it say at a given moment."""
 
-
 from __future__ import annotations
 
 import json

@@ -1,0 +1,137 @@
+"""Every comparison of the framework with limits: what is no number is never within them, and is no limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rtf.bottle import Bottle
+from rtf.robot_testing.judging import Judged, judge_values
+from rtf.testing import Parameter, TestCase
+from rtf.testing.measurement import Unit
+from rtf.testing.session import Session
+
+if TYPE_CHECKING:
+    from rtf.testing.events import Event
+
+#: What compares a value with a lower and an upper limit, in a unit; a test fails when the value is not within them.
+Comparison = Callable[[TestCase, float, float, float, str], object]
+
+NUMBERS = st.floats(allow_nan=False) | st.integers(-1000, 1000).map(float)
+UNITS = st.sampled_from([str(unit) for unit in Unit])
+
+
+class Case(TestCase):
+    """A test of which only the calls matter."""
+
+    def run(self) -> None:
+        """Do nothing."""
+
+
+def by_parameter(case: TestCase, value: float, low: float, high: float, symbol: str) -> None:
+    """Check the value as one that a suite gives."""
+    parameter = Parameter(list[float], "x", unit=symbol, low=low, high=high)
+    try:
+        parameter.convert(Bottle([value]))
+    except ValueError as error:
+        case.check_fail_if_true(True, str(error))
+
+
+BETWEEN: dict[str, Comparison] = {
+    "assert_within": lambda case, value, low, high, symbol: case.assert_within(value, low, high, symbol),
+    "check_within": lambda case, value, low, high, symbol: case.check_within(value, low, high, symbol),
+    "measure": lambda case, value, low, high, symbol: case.measure("x", value, symbol, low, high),
+    "judge_values": lambda case, value, low, high, symbol: judge_values(
+        case, "joint", [Judged("x", value, symbol, high=high, low=low, hint="x")]
+    ),
+    "a parameter": by_parameter,
+}
+NEAR: dict[str, Comparison] = {
+    "assert_near": lambda case, value, expected, tolerance, symbol: case.assert_near(
+        value, expected, tolerance, symbol
+    ),
+    "check_near": lambda case, value, expected, tolerance, symbol: case.check_near(value, expected, tolerance, symbol),
+    "assert_vector_near": lambda case, value, expected, tolerance, symbol: case.assert_vector_near(
+        [expected, value], [expected, expected], [tolerance, tolerance], symbol
+    ),
+    "check_vector_near": lambda case, value, expected, tolerance, symbol: case.check_vector_near(
+        [value], [expected], tolerance, symbol
+    ),
+}
+
+
+def holds(compare: Comparison, value: float, one: float, other: float, symbol: str) -> bool:
+    """Whether a test with this comparison passes. An author's error leaves it as it is."""
+    sent: list[Event] = []
+    case = Case()
+    session = Session("s/t", sent.append, folder="", run_folder="")
+    case.attach_to(session, "")
+    try:
+        compare(case, value, one, other, symbol)
+    except AssertionError:
+        return False
+    return session.tally.failures == 0
+
+
+@pytest.mark.parametrize("name", BETWEEN)
+@given(NUMBERS, NUMBERS, NUMBERS, UNITS)
+def test_a_value_holds_exactly_between_its_limits(name: str, value: float, low: float, high: float, symbol: str):
+    """Limits are inclusive, infinite ones are limits, and no unit makes a difference."""
+    assert holds(BETWEEN[name], value, low, high, symbol) == (low <= value <= high)
+
+
+@pytest.mark.parametrize("name", NEAR)
+@given(NUMBERS, st.integers(-1000, 1000).map(float), st.integers(-1000, 1000).map(float), UNITS)
+def test_a_value_is_near_exactly_within_its_tolerance(
+    name: str, value: float, expected: float, tolerance: float, symbol: str
+):
+    """The tolerance is inclusive, and its sign means nothing."""
+    within = expected - abs(tolerance) <= value <= expected + abs(tolerance)
+    assert holds(NEAR[name], value, expected, tolerance, symbol) == within
+
+
+@pytest.mark.parametrize("name", [*BETWEEN, *NEAR])
+@given(NUMBERS, st.floats(0, 1e9), UNITS)
+def test_what_is_no_number_fails(name: str, one: float, other: float, symbol: str):
+    """Whatever the limits are."""
+    if name in NEAR and math.isinf(one):
+        one = 0.0
+    assert not holds({**BETWEEN, **NEAR}[name], math.nan, one, other, symbol)
+
+
+@pytest.mark.parametrize("name", [*BETWEEN, *NEAR])
+@given(st.floats(), NUMBERS, st.booleans(), UNITS)
+def test_a_limit_that_is_no_number_is_the_authors_error(
+    name: str,
+    value: float,
+    number: float,
+    first: bool,
+    symbol: str,
+):
+    """It is raised at the call, whatever the value: nothing could ever be beyond it."""
+    limits = (math.nan, number) if first else (number, math.nan)
+    with pytest.raises(ValueError, match=r"is nan: a limit has to be a number"):
+        holds({**BETWEEN, **NEAR}[name], value, *limits, symbol)
+
+
+@pytest.mark.parametrize("value", [0.0, math.nan])
+def test_one_limit_alone_and_the_width_of_a_margin_have_to_be_numbers(value: float):
+    """The other side may have none."""
+    case = Case()
+    case.attach_to(Session("s/t", lambda _: None, folder="", run_folder=""), "")
+    for limits in ({"low": math.nan}, {"high": math.nan}, {"high": 1.0, "marginal": math.nan}):
+        with pytest.raises(ValueError, match=f"{[*limits][-1]} is nan"):
+            case.measure("x", value, **limits)
+
+
+def test_a_late_test_does_not_hide_a_limit_that_is_no_number():
+    """Judgements that are not held against the robot are checked as well."""
+    case = Case()
+    case.attach_to(Session("s/t", lambda _: None, folder="", run_folder=""), "")
+    with pytest.raises(ValueError, match="the upper bound of delay is nan"):
+        judge_values(case, "joint", [Judged("delay", 1.0, "s", high=math.nan)], late="it came too late")
