@@ -78,9 +78,12 @@ def _answers(tests: Sequence[PlannedTest], overrides: Sequence[tuple[str, str]])
     """What each test wants, by its id, or why it could not be asked: at once, for what they import takes the time."""
     if not tests:
         return {}
-    from rtf.testing.inspection import LOAD_LIMIT, isolated  # with all about parameters, which few runs need here
+    from rtf.testing.inspection import LOAD_LIMIT  # with all about parameters, which few runs need here
+    from rtf.testing.isolation.isolated_child import run_isolated
 
-    answer = isolated(lambda: {test.entry.id: _ask(test.plugin, test.entry, overrides) for test in tests}, LOAD_LIMIT)
+    answer = run_isolated(
+        lambda: {test.entry.id: _ask(test.plugin, test.entry, overrides) for test in tests}, LOAD_LIMIT
+    )
     if isinstance(answer, str):
         if len(tests) == 1:
             return {tests[0].entry.id: answer}

@@ -1,22 +1,17 @@
 """Look into a plug-in without letting it near the process that asks: what it declares, and whether its values fit.
 
-Each look happens in a forked child that is given a limited time and then ended; a plug-in that crashes or hangs while
-it is loaded is a finding, not an accident.
+Each look happens in an isolated child that is given a limited time and then ended, with all that it started; a plug-in
+that crashes or hangs while it is loaded is a finding, not an accident.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import signal
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rtf import clock
 from rtf.testing import plugins
-from rtf.testing.isolation import processes
+from rtf.testing.isolation.isolated_child import run_isolated
 from rtf.testing.parameters import Declared, Parameter, ParameterError
 
 if TYPE_CHECKING:
@@ -55,7 +50,7 @@ def inspect_uses(ref: PluginRef, uses: Sequence[dict[str, Any]]) -> list[Inspect
     Each has a fresh test or fixture. When the process ends meanwhile, each use is looked at in a process of its own, so
     that the others have their findings.
     """
-    answer = isolated(lambda: {"uses": [_look(ref, values or None) for values in uses]}, LOAD_LIMIT)
+    answer = run_isolated(lambda: {"uses": [_look(ref, values or None) for values in uses]}, LOAD_LIMIT)
     if isinstance(answer, str):
         if len(uses) == 1:
             return [Inspection(problems=(answer,))]
@@ -66,56 +61,6 @@ def inspect_uses(ref: PluginRef, uses: Sequence[dict[str, Any]]) -> list[Inspect
 def _inspection(found: dict[str, Any]) -> Inspection:
     tupled: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in found.items()}
     return Inspection(**tupled)
-
-
-def isolated(function: Callable[[], dict[str, Any]], limit: float) -> dict[str, Any] | str:
-    """Call a function in a forked child and return the JSON object it made, or a sentence on why there is none."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    read_end, write_end = os.pipe()
-    pid = os.fork()
-    if pid == 0:
-        try:
-            os.close(read_end)
-            os.setpgid(0, 0)
-            processes.die_with_parent()
-            null = os.open(os.devnull, os.O_RDWR)
-            for descriptor in (0, 1, 2):
-                os.dup2(null, descriptor)
-            _write_all(write_end, json.dumps(function()).encode())
-        finally:
-            os._exit(0)
-    os.close(write_end)
-    data = _read_until(read_end, clock.Deadline.after(limit))
-    os.close(read_end)
-    processes.signal_group(pid, signal.SIGKILL)
-    _, status = os.waitpid(pid, 0)
-    if data is None:
-        return f"it did not load within {limit:g} s"
-    if not data:
-        exit_status, signal_text = processes.split_status(status)
-        return f"its process ended while it was being loaded: {processes.describe_end(exit_status, signal_text)}"
-    found: dict[str, Any] = json.loads(data)
-    return found
-
-
-def _write_all(descriptor: int, data: bytes) -> None:
-    view = memoryview(data)
-    while view:
-        view = view[os.write(descriptor, view) :]
-
-
-def _read_until(descriptor: int, deadline: clock.Deadline) -> bytes | None:
-    import select
-
-    data = b""
-    while True:
-        if not select.select([descriptor], [], [], deadline.remaining())[0]:
-            return None
-        piece = os.read(descriptor, 1 << 16)
-        if not piece:
-            return data
-        data += piece
 
 
 def _look(ref: PluginRef, values: dict[str, Any] | None) -> dict[str, Any]:
