@@ -130,6 +130,7 @@ def _what(group: argparse._ArgumentGroup) -> None:
         default=[],
         help="replace ${NAME} in suite files",
     )
+    add_lenient_option(group)
     group.add_argument(
         "--set",
         metavar="KEY=VALUE",
@@ -140,6 +141,13 @@ def _what(group: argparse._ArgumentGroup) -> None:
         help="set a parameter of every test; beats all other sources",
     )
     group.add_argument("--resume", metavar="RUN", help="go on with an interrupted run: only what it still owes")
+
+
+def add_lenient_option(group: argparse._ActionsContainer) -> None:
+    """Add the option that both running and validating have."""
+    group.add_argument(
+        "--lenient", action="store_true", help="an unknown element or attribute of a suite is a warning, not an error"
+    )
 
 
 def _which(group: argparse._ArgumentGroup) -> None:

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.arguments import Parser, key_value
+from rtf.cli.arguments import Parser, add_lenient_option, key_value
 from rtf.testing.verdict import ExitCode, Severity
 
 if TYPE_CHECKING:
@@ -84,11 +84,12 @@ def validate(words: Sequence[str]) -> ExitCode:
         help="as for running",
     )
     parser.add_argument("--strict", action="store_true", help="warnings count as errors")
+    add_lenient_option(parser)
     options = parser.parse_args(words)
     suites: list[TestSuite] = []
     found: list[Diagnosed] = []
     for name in options.suites:
-        loaded = _loaded(Path(name), dict(options.define))
+        loaded = _loaded(Path(name), dict(options.define), lenient=options.lenient)
         suites += loaded.suites
         found += loaded.diagnostics
     planner = Planner()
@@ -103,14 +104,14 @@ def validate(words: Sequence[str]) -> ExitCode:
     return ExitCode.USAGE if errors or (options.strict and warnings) else ExitCode.PASSED
 
 
-def _loaded(path: Path, variables: dict[str, str]) -> Loaded:
+def _loaded(path: Path, variables: dict[str, str], *, lenient: bool) -> Loaded:
     """The suite of a file, or all suites of a folder, where there has to be one."""
     from rtf.testing.events import Diagnosed
     from rtf.testing.plan import Loaded, load_files, suite_files
 
     if not path.is_dir():
-        return load_files([(path, True)], variables)
-    loaded = load_files([(file, False) for file in suite_files(path, recursive=True)], variables)
+        return load_files([(path, True)], variables, lenient=lenient)
+    loaded = load_files([(file, False) for file in suite_files(path, recursive=True)], variables, lenient=lenient)
     if loaded.suites or loaded.diagnostics:
         return loaded
     text = "there is no suite in this folder"

@@ -79,7 +79,7 @@ def _load(options: argparse.Namespace) -> Loaded:
         files_wanted += [(path, False) for path in suite_files(Path(options.suites), recursive=options.recursive)]
     if not files_wanted:
         return Loaded(number_suites(made), ())
-    loaded = load_files(files_wanted, dict(options.define))
+    loaded = load_files(files_wanted, dict(options.define), lenient=options.lenient)
     return Loaded(number_suites([*made, *loaded.suites]), loaded.diagnostics)
 
 

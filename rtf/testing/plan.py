@@ -53,14 +53,17 @@ class Loaded:
         return any(diagnosed.severity is Severity.ERROR for diagnosed in self.diagnostics)
 
 
-def load_files(files: Iterable[tuple[Path, bool]], variables: Mapping[str, str]) -> Loaded:
-    """Load suite files; the flag of each says that it must be a suite (else a file that is none is passed over)."""
+def load_files(files: Iterable[tuple[Path, bool]], variables: Mapping[str, str], *, lenient: bool = False) -> Loaded:
+    """Load suite files; the flag of each says that it must be a suite (else a file that is none is passed over).
+
+    With ``lenient`` an unknown element or attribute is a warning.
+    """
     from rtf.testing.suite.xml import load_suite
 
     suites = []
     diagnostics: list[Diagnosed] = []
     for path, required in files:
-        loaded = load_suite(path, variables=variables)
+        loaded = load_suite(path, variables=variables, lenient=lenient)
         problems = [diagnosed_from(diagnostic) for diagnostic in loaded.diagnostics]
         if loaded.foreign and not required:
             continue

@@ -2,11 +2,13 @@
 
 An expression is words joined by ``and``, ``or``, ``not`` and brackets, such as ``left and not (leg or "left eye")``.
 ``not`` binds tightest and ``or`` loosest; a word in quotes may contain anything. For names a word matches where it is
-part of a test's name or id, for tags where it is the whole tag; case makes no difference.
+part of a test's name or id, for tags where it is the whole tag; case makes no difference. As in pytest, Python's own
+parser reads the expression.
 """
 
 from __future__ import annotations
 
+import ast
 import re
 from dataclasses import dataclass
 from hashlib import blake2b
@@ -24,8 +26,10 @@ if TYPE_CHECKING:
 MAX_DEPTH = 50
 MAX_LENGTH = 10_000
 
-_TOKEN = re.compile(r"""\s*(?:(?P<bracket>[()])|(?P<quoted>"[^"]*"|'[^']*')|(?P<word>[^\s()"']+)|(?P<open>["']))""")
-_OPERATORS = frozenset({"and", "or", "not"})
+_TOKEN = re.compile(r"""[()]|"[^"]*"|'[^']*'|[^\s()"']+|["']""")
+#: The characters that each token has in what Python parses: its columns then tell the token.
+_WIDTH = 4
+_RULE = f"an expression is words joined by 'and', 'or', 'not' and brackets, at most {MAX_DEPTH} deep"
 
 
 class ExpressionError(SuiteError):
@@ -38,57 +42,62 @@ class ExpressionError(SuiteError):
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
-    """True where the predicate holds for this text."""
+class Expression:
+    """A parsed expression; the words stand where the tree has names, by the number of their token."""
 
-    text: str
-
-    def holds(self, matches: Callable[[str], bool]) -> bool:
-        """Ask the predicate."""
-        return matches(self.text)
-
-
-@dataclass(frozen=True, slots=True)
-class Not:
-    """True where the operand is not."""
-
-    operand: Expression
+    tree: ast.expr
+    words: tuple[str, ...]
 
     def holds(self, matches: Callable[[str], bool]) -> bool:
-        """Ask the operand and turn the answer round."""
-        return not self.operand.holds(matches)
+        """Whether the expression is true where ``matches`` says which words are."""
+        return self._holds(self.tree, matches)
 
-
-@dataclass(frozen=True, slots=True)
-class AllOf:
-    """True where all operands are."""
-
-    operands: tuple[Expression, ...]
-
-    def holds(self, matches: Callable[[str], bool]) -> bool:
-        """Ask the operands from the left until one says no."""
-        return all(operand.holds(matches) for operand in self.operands)
-
-
-@dataclass(frozen=True, slots=True)
-class AnyOf:
-    """True where one of the operands is."""
-
-    operands: tuple[Expression, ...]
-
-    def holds(self, matches: Callable[[str], bool]) -> bool:
-        """Ask the operands from the left until one says yes."""
-        return any(operand.holds(matches) for operand in self.operands)
-
-
-Expression = Word | Not | AllOf | AnyOf
+    def _holds(self, node: ast.expr, matches: Callable[[str], bool]) -> bool:
+        if isinstance(node, ast.BoolOp):
+            joined = all if isinstance(node.op, ast.And) else any
+            return joined(self._holds(value, matches) for value in node.values)
+        if isinstance(node, ast.UnaryOp):
+            return not self._holds(node.operand, matches)
+        return matches(self.words[node.col_offset // _WIDTH])
 
 
 def parse_expression(text: str) -> Expression:
-    """Read an expression; ExpressionError points at the first thing that does not fit."""
+    """Read an expression; ExpressionError points at what does not fit."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters", text[:20] + "…", 21)
-    return _Parser(text).parse()
+    tokens = [*_TOKEN.finditer(text)]
+    for token in tokens:
+        if token[0] in ("'", '"'):
+            raise ExpressionError("this quote is never closed", text, token.start() + 1)
+    columns = [*(token.start() + 1 for token in tokens), len(text.rstrip()) + 1]
+    try:
+        tree = ast.parse("".join(_in_python(token[0]).ljust(_WIDTH) for token in tokens), mode="eval").body
+    except SyntaxError as error:
+        index = min((error.offset - 1) // _WIDTH, len(tokens)) if error.offset else len(tokens)
+        said = "this is nested too deep" if "nested" in error.msg else _RULE
+        raise ExpressionError(error.msg if "'" in error.msg else said, text, columns[index]) from None
+    except (MemoryError, RecursionError):
+        raise ExpressionError("this is nested too deep", text, 1) from None
+    wrong = _find_wrong(tree, MAX_DEPTH)
+    if wrong is not None:
+        raise ExpressionError(_RULE, text, columns[wrong.col_offset // _WIDTH])
+    return Expression(tree, tuple(token[0][1:-1] if token[0][0] in "'\"" else token[0] for token in tokens))
+
+
+def _in_python(token: str) -> str:
+    folded = token.lower()
+    return folded if folded in ("and", "or", "not", "(", ")") else "x"
+
+
+def _find_wrong(node: ast.expr, depth: int) -> ast.expr | None:
+    """What Python accepts and an expression must not have, such as ``a (b)``, which is a call, or too much depth."""
+    if not depth:
+        return node
+    if isinstance(node, ast.BoolOp):
+        return next((wrong for value in node.values if (wrong := _find_wrong(value, depth - 1)) is not None), None)
+    if isinstance(node, ast.UnaryOp):
+        return _find_wrong(node.operand, depth - 1)
+    return None if isinstance(node, ast.Name) else node
 
 
 def name_filter(expression: str) -> Filter:
@@ -140,12 +149,6 @@ def select(
     return tuple(selected)
 
 
-def unknown_ids(suites: Iterable[TestSuite], ids: Iterable[str]) -> tuple[str, ...]:
-    """The ids that no test has (any more), in the order given."""
-    known = {test.id for suite in suites for test in suite.tests}
-    return tuple(test_id for test_id in ids if test_id not in known)
-
-
 def shuffle(suites: Iterable[TestSuite], seed: int) -> tuple[TestSuite, ...]:
     """Put the tests of each suite into an order that depends on nothing but the seed and their ids.
 
@@ -169,102 +172,3 @@ def _add_required(suite: TestSuite, keep: set[str]) -> None:
         if test.id in keep:
             keep.update(test.required_tests)
     keep.intersection_update(test.id for test in suite.tests)
-
-
-@dataclass(frozen=True, slots=True)
-class _Token:
-    text: str
-    column: int
-    kind: str
-
-    @property
-    def operator(self) -> str:
-        """The operator or bracket this token is, or an empty string for a word to look for."""
-        if self.kind == "bracket":
-            return self.text
-        folded = self.text.lower()
-        return folded if self.kind == "word" and folded in _OPERATORS else ""
-
-
-class _Parser:
-    """Recursive descent over the tokens; the depth is bounded, so a long line of brackets is an error, not a crash."""
-
-    def __init__(self, text: str) -> None:
-        self._text = text
-        self._tokens = self._split()
-        self._next = 0
-        self._depth = 0
-
-    def parse(self) -> Expression:
-        expression = self._any()
-        if (token := self._peek()) is not None:
-            problem = "this bracket closes nothing" if token.text == ")" else "expected 'and' or 'or' before this"
-            raise self._error(problem, token)
-        return expression
-
-    def _split(self) -> list[_Token]:
-        tokens = []
-        position = 0
-        end = len(self._text.rstrip())
-        while position < end:
-            match = _TOKEN.match(self._text, position)
-            if match is None or match.lastgroup is None:  # pragma: no cover - the pattern takes every character
-                raise ExpressionError("this cannot be read", self._text, position + 1)
-            kind = match.lastgroup
-            token = _Token(match[kind], match.start(kind) + 1, kind)
-            if kind == "open":
-                raise self._error("this quote is never closed", token)
-            tokens.append(_Token(token.text[1:-1], token.column, kind) if kind == "quoted" else token)
-            position = match.end()
-        return tokens
-
-    def _any(self) -> Expression:
-        operands = [self._all()]
-        while self._take("or"):
-            operands.append(self._all())
-        return operands[0] if len(operands) == 1 else AnyOf(tuple(operands))
-
-    def _all(self) -> Expression:
-        operands = [self._operand()]
-        while self._take("and"):
-            operands.append(self._operand())
-        return operands[0] if len(operands) == 1 else AllOf(tuple(operands))
-
-    def _operand(self) -> Expression:
-        token = self._peek()
-        if token is None:
-            raise self._error("expected a word, 'not' or a bracket here, but the expression ends")
-        if token.operator in {"and", "or", ")"}:
-            raise self._error(f"expected a word, 'not' or a bracket before {token.text!r}", token)
-        self._next += 1
-        if not token.operator:
-            return Word(token.text)
-        self._depth += 1
-        if self._depth > MAX_DEPTH:
-            raise self._error(f"this is nested more than {MAX_DEPTH} deep", token)
-        expression = Not(self._operand()) if token.operator == "not" else self._bracket(token)
-        self._depth -= 1
-        return expression
-
-    def _bracket(self, opening: _Token) -> Expression:
-        expression = self._any()
-        if not self._take(")"):
-            token = self._peek()
-            if token is None:
-                raise self._error("this bracket is never closed", opening)
-            raise self._error("expected 'and', 'or' or a closing bracket before this", token)
-        return expression
-
-    def _peek(self) -> _Token | None:
-        return self._tokens[self._next] if self._next < len(self._tokens) else None
-
-    def _take(self, operator: str) -> bool:
-        token = self._peek()
-        if token is None or token.operator != operator:
-            return False
-        self._next += 1
-        return True
-
-    def _error(self, message: str, token: _Token | None = None) -> ExpressionError:
-        column = token.column if token else len(self._text.rstrip()) + 1
-        return ExpressionError(message, self._text, column)

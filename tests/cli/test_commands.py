@@ -85,6 +85,21 @@ def test_validate_tells_every_problem_of_every_file(folder: Path):
     assert run_command(folder, "validate", "s.xml").exit_code == ExitCode.PASSED
 
 
+@pytest.mark.parametrize(
+    ("body", "hint"), [("<tst>elbow.py</tst>", "test"), ('<test timeot="3">elbow.py</test>', "timeout")]
+)
+@pytest.mark.parametrize("command", [["--suite"], ["validate"]])
+def test_a_name_that_no_suite_knows_is_refused_unless_leniently(folder: Path, command: list[str], body: str, hint: str):
+    """A test or its limit would be lost without a word; nothing runs, and the hint says what is meant."""
+    text = f'<suite name="t"><test param="--part arm"> elbow.py </test>{body}</suite>'
+    write_files(folder, {"t__xml": text.replace("timeot", 'param="--part arm" timeot')})
+    done = run_command(folder, *command, "t.xml")
+    assert done.exit_code == ExitCode.USAGE
+    assert f"did you mean '{hint}'?" in done.stderr
+    lenient = run_command(folder, *command, "t.xml", "--lenient")
+    assert lenient.exit_code == ExitCode.PASSED, lenient.stderr
+
+
 def test_validate_of_a_folder_without_suites_is_an_error(folder: Path):
     """Somebody has mistyped a path, or forgotten to check something out; files that are no suites are none."""
     (folder / "empty").mkdir()

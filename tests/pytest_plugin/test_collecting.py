@@ -119,7 +119,7 @@ def test_errors_of_a_file_are_told_like_a_compilers(lab):
 
 def test_doubts_about_a_file_are_warnings(lab):
     """What is probably not meant is told, and the suite is run."""
-    finished = lab.run(lab.suite('<test name="a" retrys="2"> Fine </test>'))
+    finished = lab.run(lab.suite('<test name="a" reason="none"> Fine </test>'))
     assert finished.exit_code == 0, finished.out
     assert "SuiteFileWarning: s.xml:2:" in finished.out
 

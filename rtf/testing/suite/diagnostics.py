@@ -20,7 +20,7 @@ _MAX_SUGGESTIONS = 100
 
 
 class Severity(StrEnum):
-    """An error leaves something out of the suite; a warning does not."""
+    """With an error the suite is not what its author meant, and is not run; a warning leaves it as it is."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -42,20 +42,28 @@ class Diagnostic:
 
 
 class DiagnosticLog:
-    """Collects problems; a problem met again, as in every round of a loop, is kept once."""
+    """Collects problems; a problem met again, as in every round of a loop, is kept once.
 
-    def __init__(self) -> None:
+    With ``lenient`` an element or attribute that nobody knows is a warning.
+    """
+
+    def __init__(self, *, lenient: bool = False) -> None:
+        self._lenient = lenient
         self._kept: dict[Diagnostic, None] = {}
         self._left_out = dict.fromkeys(Severity, 0)
         self._suggestions = _MAX_SUGGESTIONS
 
     def error(self, message: str, location: Location, hint: str = "") -> None:
-        """Note something that had to be left out."""
+        """Note something that cannot be used as it is written."""
         self._add(Diagnostic(Severity.ERROR, message, location, hint))
 
     def warning(self, message: str, location: Location, hint: str = "") -> None:
         """Note something that probably is not what the author meant."""
         self._add(Diagnostic(Severity.WARNING, message, location, hint))
+
+    def unknown(self, message: str, location: Location, hint: str = "") -> None:
+        """Note a name that is not in the vocabulary: what it says is lost."""
+        self._add(Diagnostic(Severity.WARNING if self._lenient else Severity.ERROR, message, location, hint))
 
     def did_you_mean(self, name: str, candidates: Collection[str]) -> str:
         """A hint for a name that is not known; empty when nothing resembles it or there is too much to compare."""

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING
 from xml.parsers import expat
 
 from rtf.errors import Location
-from rtf.testing.suite.diagnostics import DiagnosticLog
 from rtf.testing.suite.values import condense, quote
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from rtf.testing.suite.diagnostics import DiagnosticLog
 
 MAX_BYTES = 16 * 1024 * 1024
 MAX_DEPTH = 64
@@ -102,11 +103,6 @@ def scan(data: bytes, file: str, problems: DiagnosticLog) -> Document:
         problems.error(refusal.message, refusal.location, refusal.hint)
         return Document(builder.partial() if builder else None, complete=False)
     return Document(builder.root, complete=True)
-
-
-def forgive_comments(text: str) -> str:
-    """Make the comments of an old suite file well formed: dashes inside them become blanks, nothing moves."""
-    return _forgive(text, "", DiagnosticLog())
 
 
 def _decode(data: bytes, file: str) -> str:

@@ -1,4 +1,4 @@
-"""Which elements and attributes a suite file may contain, and what is said about the others.
+"""Which elements and attributes a suite file may contain; any other is an error, or with ``lenient`` a warning.
 
 The published schema ``suite.xsd`` states the same for editors; a test keeps the two in agreement.
 """
@@ -58,22 +58,22 @@ RULES: Mapping[str, Rule] = {
 }
 """Every element by its name in lower case; attribute names are as written."""
 
-_FOREIGN = ("xmlns:", "xsi:", "xml:")  # what editors put there to find the schema
+_FOREIGN = ("xmlns", "xsi:", "xml:")  # what editors put there to find the schema
 _LOSABLE = _names("test include fixture")
 
 
 def check(element: Element, problems: DiagnosticLog) -> None:
-    """Report what a file's tree contains that the loader will pass over. Depth is bounded by the scanner."""
+    """Report what a file's tree contains that the loader does not read. Depth is bounded by the scanner."""
     rule = RULES[element.name]
     for attribute in element.attributes:
         if attribute not in rule.attributes and not attribute.startswith(_FOREIGN):
-            problems.warning(
-                f"<{element.name}> has no attribute {quote(attribute)}; it is ignored",
+            problems.unknown(
+                f"<{element.name}> has no attribute {quote(attribute)}; it is not read",
                 element.attribute_location(attribute),
                 problems.did_you_mean(attribute, rule.attributes),
             )
     if not rule.text and (text := element.text):
-        problems.warning(f"the text {quote(text)} in <{element.name}> is ignored", element.location)
+        problems.warning(f"the text {quote(text)} in <{element.name}> is not read", element.location)
     for child in element.children:
         if child.name in rule.children:
             check(child, problems)
@@ -88,10 +88,10 @@ def _out_of_place(child: Element, parent: Element, rule: Rule, problems: Diagnos
         problems.error(f"<{child.name}> may not stand in <{parent.name}>; it is left out", child.location, hint)
         return
     lost = _count(child)
-    message = f"<{parent.name}> has no element <{quote(child.tag)[1:-1]}>; it is ignored"
+    message = f"<{parent.name}> has no element <{quote(child.tag)[1:-1]}>; it is not read"
     if lost:
         message += f", and with it {lost} tests, fixtures or includes"
-    problems.warning(message, child.location, problems.did_you_mean(child.tag, rule.children))
+    problems.unknown(message, child.location, problems.did_you_mean(child.tag, rule.children))
 
 
 def _count(element: Element) -> int:

@@ -55,7 +55,7 @@ class LoadedSuite:
 
     ``suite`` is None when the file could not be understood at all. Otherwise it holds every entry that is sound; each
     that is not was left out and has an error among ``diagnostics``, so a suite with errors is not the suite that was
-    meant. ``foreign`` is True for XML that is no suite at all, so that whoever loads a whole folder may pass it over.
+    meant. ``foreign`` is True for XML that is no suite at all, which a caller that loads a whole folder passes over.
     """
 
     suite: TestSuite | None
@@ -64,33 +64,32 @@ class LoadedSuite:
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
-        """The problems that left something out."""
+        """The problems for which the suite must not be run."""
         return tuple(diagnostic for diagnostic in self.diagnostics if diagnostic.severity is Severity.ERROR)
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
-        """The problems that left nothing out."""
+        """The problems that leave the suite as it was meant."""
         return tuple(diagnostic for diagnostic in self.diagnostics if diagnostic.severity is Severity.WARNING)
 
-    def unwrap(self) -> TestSuite:
-        """The suite, or SuiteError with every error in its message."""
-        if self.suite is None or self.errors:
-            raise SuiteError("\n".join(map(str, self.errors)) or "there is no suite")
-        return self.suite
 
+def load_suite(path: str | Path, *, variables: Mapping[str, str] | None = None, lenient: bool = False) -> LoadedSuite:
+    """Load a suite file. ``variables`` are put in for ``${name}`` everywhere. Nothing is raised for a bad file.
 
-def load_suite(path: str | Path, *, variables: Mapping[str, str] | None = None) -> LoadedSuite:
-    """Load a suite file. ``variables`` are put in for ``${name}`` everywhere. Nothing is raised for a bad file."""
+    With ``lenient`` an unknown element or attribute is a warning.
+    """
     try:
         data = _read(Path(path))
     except SuiteError as error:
         return LoadedSuite(None, (Diagnostic(Severity.ERROR, str(error), Location(str(path))),))
-    return load_suite_bytes(data, str(path), variables=variables)
+    return load_suite_bytes(data, str(path), variables=variables, lenient=lenient)
 
 
-def load_suite_bytes(data: bytes, file: str, *, variables: Mapping[str, str] | None = None) -> LoadedSuite:
+def load_suite_bytes(
+    data: bytes, file: str, *, variables: Mapping[str, str] | None = None, lenient: bool = False
+) -> LoadedSuite:
     """Load a suite from memory; ``file`` names it in messages, and includes are relative to the folder of that name."""
-    problems = DiagnosticLog()
+    problems = DiagnosticLog(lenient=lenient)
     loader = _Loader(file, dict(variables or {}), problems)
     suite = loader.load(data)
     return LoadedSuite(suite, tuple(problems), loader.foreign)

@@ -121,10 +121,6 @@ class Supervisor:
                 return f"{name}: {fixture.last_cause or fixture.state}"
         return ""
 
-    def ever_failed(self) -> bool:
-        """Whether some fixture could not be brought up, or back."""
-        return any(fixture.state is FixtureState.FAILED for fixture in self._fixtures.values())
-
     def bring_up(self, names: Iterable[str]) -> str:
         """Have these fixtures and what they depend on up, restarting what collapsed; says what is not usable.
 

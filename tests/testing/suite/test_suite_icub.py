@@ -137,7 +137,7 @@ def test_every_sample_is_listed_here():
 def test_a_suite_in_use_loads_as_it_is(file: str):
     """Name, environment, fixture, and every test with its parameters, in order."""
     name, environment, tests = SUITES[file]
-    suite = load_suite(FOLDER / file).unwrap()
+    suite = load_suite(FOLDER / file).suite
     assert name == suite.name
     assert tests == [(test.plugin, test.param) for test in suite.tests]
     assert {environment} == {test.environment for test in suite.tests}
@@ -155,6 +155,6 @@ def test_only_the_files_with_dashes_in_comments_are_warned_about(file: str):
 
 def test_tests_of_one_plugin_are_told_apart_by_their_file():
     """Reports need a name for each."""
-    suite = load_suite(FOLDER / "jointsLimits_robotCan.xml").unwrap()
+    suite = load_suite(FOLDER / "jointsLimits_robotCan.xml").suite
     assert [f"JointLimits [joint_limits_{part}]" for part in PARTS] == [test.name for test in suite.tests]
     assert suite.tests[0].id == "motor-control-suite/jointlimits-joint_limits_right_arm"

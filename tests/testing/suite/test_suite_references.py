@@ -140,7 +140,7 @@ def test_an_include_stands_where_its_tests_run(tmp_path: Path):
         "<test>B</test></suite>",
         arm='<suite name="Arm" preload="json"><fixture>F</fixture><test param="${p}">J</test></suite>',
     )
-    suite = load_suite(tmp_path / "main.xml").unwrap()
+    suite = load_suite(tmp_path / "main.xml").suite
     assert [test.id for test in suite.tests] == ["m/a", "m/j-x", "m/j-y", "m/b"]
     assert ([fixture.name for fixture in suite.fixtures], suite.preload) == (["F"], ("json",))
 
@@ -150,7 +150,7 @@ def test_an_include_may_go_up_the_folders(tmp_path: Path):
     (tmp_path / "sub").mkdir()
     write(tmp_path, part='<suite name="P"><test>A</test></suite>')
     write(tmp_path / "sub", main='<suite name="M"><include>../part.xml</include></suite>')
-    assert plugins(load_suite(tmp_path / "sub" / "main.xml").unwrap()) == ["A"]
+    assert plugins(load_suite(tmp_path / "sub" / "main.xml").suite) == ["A"]
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 from lxml import etree
 
-from rtf.testing.suite.scan import forgive_comments
 from rtf.testing.suite.vocabulary import RULES
 from rtf.testing.suite.xml import SCHEMA, load_suite_bytes
 
@@ -53,8 +53,9 @@ def test_everything_in_the_schema_is_explained():
 
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.name)
 def test_the_samples_are_valid(schema: etree.XMLSchema, path: Path):
-    """Once their comments are well formed."""
-    schema.assertValid(etree.fromstring(forgive_comments(path.read_text(encoding="utf-8")).encode()))
+    """Once the comments are gone that only our reader forgives."""
+    text = re.sub(r"<!--.*?-->", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    schema.assertValid(etree.fromstring(text.encode()))
 
 
 BAD = {
