@@ -51,6 +51,11 @@ class FixtureManager(Declared):
     _host: Host
     _environment: str = ""
 
+    def __init_subclass__(cls, **options: object) -> None:
+        super().__init_subclass__(**options)
+        if "park" in cls.__dict__:  # it would never be called, and a robot would be left as it is
+            raise TypeError(f"{cls.__name__}.park() is called enter_safe_state() now; rename the method")
+
     # What an author writes -------------------------------------------------------------------------------------
 
     def setup(self) -> bool | None:

@@ -66,7 +66,7 @@ class TestStarting:
         assert (started[0].cameras, started[0].factor) == ("yes", float("inf"))
 
     @pytest.mark.parametrize(
-        ("words", "mend"),
+        ("words", "hint"),
         [
             ("--parts arm", "there are head, left_arm"),
             ("--parts ,", "there are head, left_arm"),
@@ -168,7 +168,7 @@ class TestTalking:
         assert service.injector.active == ()
 
     @pytest.mark.parametrize(
-        ("words", "mend"),
+        ("words", "hint"),
         [
             ("inject jam a b", "there is one target, a, and then 'b'"),
             ("inject jam l_elbow torque=much", "torque: 'much' is no number"),

@@ -803,7 +803,7 @@ def test_a_fault_strikes_its_joint_and_no_other(bench: Bench):
 
 
 @pytest.mark.parametrize(
-    ("kind", "target", "values", "mend"),
+    ("kind", "target", "values", "hint"),
     [
         ("earthquake", "", {}, "there are jam, friction"),
         ("jam", "", {}, "its joints are neck_pitch"),

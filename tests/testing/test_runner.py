@@ -278,7 +278,7 @@ def test_worker_that_breaks_leaves_the_others_alone(tmp_path: Path, monkeypatch:
         fork_server: ForkServerClient, plugin: PluginRef | None = None, fixtures: Mapping[str, int] | None = None
     ) -> Child:
         if plugin is not None and plugin.path.endswith("bad.py"):
-            raise ZeroDivisionError("lane")
+            raise ZeroDivisionError("suite worker")
         return begin(fork_server, plugin, fixtures)
 
     monkeypatch.setattr(ForkServerClient, "take", take)

@@ -192,7 +192,7 @@ class Host:
             if kind == "teardown":
                 self._note_reason(command)
                 return
-            if kind == "park":
+            if kind == "enter_safe_state":
                 self._enter_safe_state(manager)
             elif not self._stopped and not self._lost:
                 self._check(manager)

@@ -108,7 +108,7 @@ class FixtureProcess:
     def ask(self, what: str) -> None:
         """Have it ``check`` or ``enter_safe_state`` now; ``answered`` becomes true when it has."""
         self.answered = False
-        if what == "park":
+        if what == "enter_safe_state":
             self._doing = "enter_safe_state()"
             self.deadline = clock.Deadline.after(SAFE_STATE_LIMIT)
         self._command(what)

@@ -259,7 +259,7 @@ class Supervisor:
     def _enter_safe_state(self, name: str) -> None:
         process = self._up(name)
         if process is not None:
-            process.ask("park")
+            process.ask("enter_safe_state")
             self._wait(lambda: process.answered or not process.up or (self._settling and self._kill_now()))
             self._fixtures[name].owes_safe_state = not (process.answered and process.up)
 

@@ -17,7 +17,7 @@ from rtf.testing.events import OutputCaptured, TestEnded, TestStarted
 from rtf.testing.isolation.fork_server import unfit_because
 from rtf.testing.isolation.job import Job
 from rtf.testing.isolation.reactor import Reactor
-from rtf.testing.isolation.worker_pool import Child, ForkServer
+from rtf.testing.isolation.worker_pool import Child, ForkServerClient
 from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import Verdict
 
@@ -252,12 +252,12 @@ FILES = ("a", "b", "c", "d", "e")
 
 
 @pytest.fixture
-def fork_server(tmp_path: Path) -> Iterator[ForkServer]:
+def fork_server(tmp_path: Path) -> Iterator[ForkServerClient]:
     """A fork server that expects several tests of each of five files."""
     for name in FILES:
         (tmp_path / f"{name}.py").write_text(WHO_LOADED)
     reactor = Reactor()
-    made = ForkServer(reactor, uses={found(tmp_path, name).path: 3 for name in FILES})
+    made = ForkServerClient(reactor, uses={found(tmp_path, name).path: 3 for name in FILES})
     made.start()
     yield made
     made.close()
@@ -275,7 +275,7 @@ def parent_of(child: Child) -> int:
         return int(stream.read().rpartition(")")[2].split()[1])
 
 
-def test_a_template_holds_as_long_as_the_fixtures_it_was_loaded_on(fork_server: ForkServer, tmp_path: Path):
+def test_a_template_holds_as_long_as_the_fixtures_it_was_loaded_on(fork_server: ForkServerClient, tmp_path: Path):
     """When a fixture has been restarted, the file is loaded anew: it may have learnt something from the old one."""
     ref = found(tmp_path, "a")
     first = fork_server.take(ref, {"simulator": 1})
@@ -285,14 +285,14 @@ def test_a_template_holds_as_long_as_the_fixtures_it_was_loaded_on(fork_server: 
     assert first.end is not None  # it went with its template
 
 
-def test_only_so_many_templates_are_kept(fork_server: ForkServer, tmp_path: Path):
+def test_only_so_many_templates_are_kept(fork_server: ForkServerClient, tmp_path: Path):
     """Tests of a fifth file load it for themselves as long as four others are in use."""
     children = [fork_server.take(found(tmp_path, name)) for name in FILES]
     root = parent_of(fork_server.take())
     assert [parent_of(child) == root for child in children] == [False] * 4 + [True]
 
 
-def test_a_template_whose_tests_are_over_makes_room(fork_server: ForkServer, tmp_path: Path):
+def test_a_template_whose_tests_are_over_makes_room(fork_server: ForkServerClient, tmp_path: Path):
     """When the planned tests of a file have been taken, its template is ended for the sake of another file's."""
     for _ in range(3):
         fork_server.take(found(tmp_path, "a")).dismiss()
@@ -302,7 +302,7 @@ def test_a_template_whose_tests_are_over_makes_room(fork_server: ForkServer, tmp
 
 
 def test_a_file_that_does_not_end_loading_makes_no_template(
-    fork_server: ForkServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    fork_server: ForkServerClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """Loading it for all is given up after a while; each test then has its own time limit for it."""
     monkeypatch.setattr("rtf.testing.isolation.worker_pool._TEMPLATE_LIMIT", 0.2)
@@ -333,7 +333,7 @@ def test_a_job_arrives_as_it_was_sent():
     assert isinstance(Job.from_data(data[5:]).plugin, plugins.PluginRef)
 
 
-def test_a_fork_server_that_was_killed_is_replaced(fork_server: ForkServer):
+def test_a_fork_server_that_was_killed_is_replaced(fork_server: ForkServerClient):
     """Its children are gone and say so; the next child comes from a new one."""
     child = fork_server.take()
     os.kill(parent_of(child), signal.SIGKILL)

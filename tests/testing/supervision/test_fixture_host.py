@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf import clock
+from rtf.testing import FixtureManager
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -121,7 +122,7 @@ class TestCommands:
         host = talk()
         host.until(host="ready")
         host.until(host="alive")
-        host.command("park")
+        host.command("enter_safe_state")
         host.until(host="answered")
         host.command("check")
         host.until(host="answered")
@@ -255,3 +256,9 @@ def test_stacks_go_where_the_runner_says(talk: Starter, tmp_path: Path):
     """The descriptor of the dump file leads to the path of the first command."""
     host = talk("    def setup(self): self.report(os.readlink('/proc/self/fd/4'))\n")
     assert host.until(event="message")["detail"] == os.devnull
+
+
+def test_a_fixture_with_the_old_name_of_the_safe_state_is_refused():
+    """A method ``park`` would never be called, and a robot be left as it is: the class is refused, with the hint."""
+    with pytest.raises(TypeError, match=r"Bench\.park\(\) is called enter_safe_state\(\) now"):
+        type("Bench", (FixtureManager,), {"park": lambda self: None})

@@ -836,7 +836,7 @@ class TestCommandLine:
             ("on_park hang", "SAFE_STATE_LIMIT = 0.3", ["b park", "b teardown", "a park", "a teardown"]),
             (
                 "on_park hang_in_c",
-                "ORPHAN_GRACE = fork server.SAFE_STATE_LIMIT = 1.5",
+                "ORPHAN_GRACE = fork_server.SAFE_STATE_LIMIT = 1.5",
                 ["b park", "a park", "a teardown"],
             ),
             ("on_teardown hang", "ORPHAN_GRACE = 1.5", ["b park", "b teardown", "a park", "a teardown"]),
