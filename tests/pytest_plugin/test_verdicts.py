@@ -34,7 +34,7 @@ EXPECTED = {
     "flaky": (Verdict.FLAKY, "", ""),
     "bug": (Verdict.ERROR, "FAILED", " - error: KeyError: 'arm'"),
     "known bug": (Verdict.EXPECTED_FAILURE, "XFAIL", " - ticket 7: left: position = 12.5 deg"),
-    "repaired": (Verdict.UNEXPECTED_PASS, "FAILED", " - unexpected pass: expected to fail: ticket 8"),
+    "fixed": (Verdict.UNEXPECTED_PASS, "FAILED", " - unexpected pass: expected to fail: ticket 8"),
     "missing": (Verdict.ERROR, "ERROR", " - error: no test plug-in 'NoSuchTest' …"),
     "stands on arm": (Verdict.BLOCKED, "ERROR", " - blocked: needs test s/arm, which came to: failed"),
 }
