@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from typing import NoReturn
 
 import rtf
-from rtf.testing.verdict import ExitCode
+from rtf.cli.device import add_device_options
+from rtf.cli.parser import Parser, count, key_value, port, seconds
 
 _EPILOG = """\
 commands (each has its own --help):
@@ -30,61 +29,6 @@ exit codes:
   0 passed   1 failures   2 interrupted   3 internal error   4 usage or suite file   5 nothing ran
   6 a fixture is not usable (the rig is broken, not the robot)
 """
-
-_LAST_PORT = 65535
-
-
-class Parser(argparse.ArgumentParser):
-    """An argument parser whose usage errors end with our exit code."""
-
-    def error(self, message: str) -> NoReturn:
-        """Print usage and the error to stderr, and exit."""
-        self.print_usage(sys.stderr)
-        self.exit(int(ExitCode.USAGE), f"{self.prog}: {message}\nTry '{self.prog} --help'.\n")
-
-
-def key_value(text: str) -> tuple[str, str]:
-    """Read ``key=value``."""
-    key, separator, value = text.partition("=")
-    if not separator or not key.strip():
-        raise argparse.ArgumentTypeError(f"{text!r} is not of the form key=value")
-    return key.strip(), value
-
-
-def seconds(text: str) -> float:
-    """Read a positive duration such as ``20``, ``500ms``, ``2min``."""
-    units = {"ms": 0.001, "min": 60.0, "s": 1.0, "h": 3600.0}
-    number, factor = text.strip(), 1.0
-    for name, value in units.items():
-        if number.endswith(name):
-            number, factor = number[: -len(name)], value
-            break
-    try:
-        duration = float(number) * factor
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no duration; write seconds, or 500ms, 2min, 1h") from None
-    if not 0 < duration < float("inf"):
-        raise argparse.ArgumentTypeError(f"a duration must be positive, not {text}")
-    return duration
-
-
-def count(text: str) -> int:
-    """Read a whole number, zero or more."""
-    try:
-        number = int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
-    if number < 0:
-        raise argparse.ArgumentTypeError(f"must not be negative, but is {text}")
-    return number
-
-
-def port(text: str) -> int:
-    """Read the number of a port; 0 stands for any that is free."""
-    number = count(text)
-    if number > _LAST_PORT:
-        raise argparse.ArgumentTypeError(f"{text} is no port; the last one is {_LAST_PORT}")
-    return number
 
 
 def build_parser() -> Parser:
@@ -156,6 +100,11 @@ def _which(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument("--tags", metavar="EXPRESSION", help="tests whose tags match")
     group.add_argument("--last-failed", action="store_true", help="tests that did not pass in the last run")
+    group.add_argument(
+        "--stepwise",
+        action="store_true",
+        help="begin with the first test that did not pass in the last run, and stop at the first that does not pass",
+    )
     group.add_argument("--shuffle", metavar="SEED", type=int, help="shuffle the tests of each suite, reproducibly")
     group.add_argument("--list", action="store_true", help="list the tests of what is to be run, and run nothing")
     group.add_argument("--dry-run", action="store_true", help="load plug-ins, check parameters, and run nothing")
@@ -186,7 +135,10 @@ def _how(group: argparse._ArgumentGroup) -> None:
         "--retries", metavar="N", type=count, help="try a test that did not pass N more times; a late pass is 'flaky'"
     )
     group.add_argument(
-        "-x", "--fail-fast", action="store_true", help="start no further test after the first that does not pass"
+        "--maxfail", metavar="N", type=count, default=0, help="start no further test after N that did not pass"
+    )
+    group.add_argument(
+        "-x", "--fail-fast", action="store_const", const=1, dest="maxfail", help="the same as --maxfail 1"
     )
     group.add_argument(
         "--isolation",
@@ -217,6 +169,7 @@ def _how(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--station", metavar="NAME", default="", help="name of the test station, for the record (default: host name)"
     )
+    add_device_options(group)
 
 
 def add_report_options(group: argparse._ArgumentGroup) -> None:

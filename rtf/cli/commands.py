@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.arguments import Parser, add_lenient_option, key_value
+from rtf.cli.arguments import add_lenient_option
+from rtf.cli.parser import Parser, key_value
 from rtf.testing.verdict import ExitCode, Severity
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from rtf.cli.arguments import Parser
+from rtf.cli.parser import Parser
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.arguments import Parser, count
+from rtf.cli.parser import Parser, count
 from rtf.errors import RtfError
 from rtf.testing.history import History, default_place, trends
 from rtf.testing.verdict import ExitCode

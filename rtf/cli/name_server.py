@@ -8,7 +8,7 @@ import sys
 from argparse import ArgumentTypeError
 from typing import TYPE_CHECKING
 
-from rtf.cli.arguments import Parser
+from rtf.cli.parser import Parser
 from rtf.errors import RtfError
 from rtf.testing.verdict import ExitCode
 

@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.arguments import Parser, add_place_options
+from rtf.cli.arguments import add_place_options
+from rtf.cli.parser import Parser
 from rtf.testing.reporting import ReportError
 from rtf.testing.verdict import ExitCode
 

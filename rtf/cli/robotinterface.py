@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from rtf.bottle import as_string
-from rtf.cli.arguments import Parser, seconds
+from rtf.cli.parser import Parser, seconds
 from rtf.errors import RtfError
 from rtf.resources import ResourceFinder, parse_arguments
 from rtf.robot.interface.program import FAILED, FINE, WRONG, Teller

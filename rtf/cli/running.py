@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rtf.cli.device import device_record
 from rtf.testing import run_folder
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files, plugin_files, suite_files, suite_of_plugins
 from rtf.testing.plugins import facts_of
@@ -99,10 +100,12 @@ def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple
             filters[f"-k {options.names!r}"] = selection.name_filter(options.names)
         if options.tags:
             filters[f"--tags {options.tags!r}"] = selection.tag_filter(options.tags)
+        last = Path(options.runs) / run_folder.LATEST
         if options.last_failed:
-            last = Path(options.runs) / run_folder.LATEST
-            failed = selection.id_filter(_failed_last_time(last))
+            failed = selection.id_filter(_failed_in(last, "--last-failed"))
             filters[f"--last-failed (what did not pass in {last.resolve()})"] = failed
+        if options.stepwise and last.exists():
+            filters["--stepwise"] = selection.id_filter(_from_first(suites, _failed_in(last, "--stepwise")))
     if filters:
         selected = selection.select(suites, [*filters.values()], with_required=True)
         if not selected:
@@ -115,12 +118,19 @@ def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple
     return suites
 
 
-def _failed_last_time(folder: Path) -> frozenset[str]:
+def _from_first(suites: tuple[TestSuite, ...], failed: frozenset[str]) -> list[str]:
+    """The tests from the first one on that did not pass; all of them, if none of those is in the plan."""
+    ids = [test.id for suite in suites for test in suite.tests]
+    first = next((index for index, test in enumerate(ids) if test in failed), 0)
+    return ids[first:]
+
+
+def _failed_in(folder: Path, option: str) -> frozenset[str]:
     from rtf.testing import replay
     from rtf.testing.results import RunResult
 
     if not folder.exists():
-        raise SuiteError(f"--last-failed: there is no earlier run in {folder.parent}")
+        raise SuiteError(f"{option}: there is no earlier run in {folder.parent}")
     results = RunResult()
     for event in replay.as_one_run(folder):
         results.apply(event)
@@ -177,7 +187,7 @@ def show_diagnostics(diagnostics: tuple[Diagnosed, ...]) -> None:
 
 
 def make_run_folder(options: argparse.Namespace, plan: Plan) -> Path:
-    """Make the folder of a new run, named by time, robot and suite, and point ``latest`` to it."""
+    """Make the folder of a new run, named by time, robot and suite."""
     if options.run_folder:
         folder = Path(options.run_folder).absolute()
         try:
@@ -213,7 +223,8 @@ def run_options(options: argparse.Namespace, folder: Path, words: list[str]) -> 
         isolation=Isolation(options.isolation) if options.isolation else None,
         repetition=options.repetition,
         retries=options.retries,
-        fail_fast=options.fail_fast,
+        maxfail=options.maxfail or int(options.stepwise),
+        device=device_record(options),
         allow_empty=options.allow_empty,
         robot=options.robot,
         station=options.station,
@@ -235,7 +246,8 @@ def _memory(mebibytes: int | None) -> int:
 def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: Launched | None = None) -> ExitCode:
     """Open reporters and journal, run, and close everything. ``launched`` is a fork server that is getting ready."""
     from rtf.testing.journal import FILE_NAME, Journal
-    from rtf.testing.reporting import Broadcast
+    from rtf.testing.reporting import Broadcast, ReportOptions
+    from rtf.testing.run_folder import LatestRun
     from rtf.testing.runner import Run
 
     path = run.run_folder / FILE_NAME
@@ -243,7 +255,10 @@ def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: 
         raise SuiteError(f"{run.run_folder} holds a run already; go on with it by --resume, or name another folder")
     journal = Journal(path, resume=run.resumed)  # before any report is touched: the run may still be going on
     reporters = open_reporters(options, run.run_folder, run.control)
-    broadcast = Broadcast(journal, [*reporters])
+    link = (
+        [] if options.run_folder or run.resumed else [LatestRun(ReportOptions(target=None, run_folder=run.run_folder))]
+    )
+    broadcast = Broadcast(journal, [*reporters, *link])
     if run.resumed:
         broadcast.resume(path)
     code = Run(plan.suites, run, broadcast, launched).execute(plan.diagnostics)

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.arguments import Parser, count, key_value, seconds
+from rtf.cli.parser import Parser, count, key_value, seconds
 from rtf.errors import RtfError
 from rtf.testing.verdict import ExitCode
 

@@ -131,6 +131,7 @@ def _resume(options: argparse.Namespace) -> int:
         return int(ExitCode.USAGE)
     done = replay.finished_tests(journal.read(folder))
     original = build_parser().parse_args(list(started.command))
+    original.device, original.device_file, original.device_ask = [*started.device.items()], None, False
     original.planned = replay.planned_tests(journal.read(folder))  # whatever it was that selected them then
     for name in _OF_REPORTING:
         if getattr(options, name) != build_parser().get_default(name):

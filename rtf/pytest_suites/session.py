@@ -20,7 +20,7 @@ from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files
 from rtf.testing.report.text import near_path
 from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, load_reporter
 from rtf.testing.run_control import Control
-from rtf.testing.run_folder import make_run_folder
+from rtf.testing.run_folder import LatestRun, make_run_folder
 from rtf.testing.runner import RunOptions, most_memory
 from rtf.testing.suite.model import Timeouts, suite_id_of
 from rtf.testing.suite.values import NameBook
@@ -109,7 +109,8 @@ class SuiteSession:
         folder = make_run_folder(settings.runs.resolve(), settings.robot, "pytest", self.worker)
         self.run_folder = folder
         control = Control()
-        self._listener = Listener(ReportOptions(target=None, run_folder=folder))
+        options = ReportOptions(target=None, run_folder=folder)
+        self._listener = Listener(options)
         journal = Journal(folder / FILE_NAME)
         try:
             self._open_reporters(folder, control)
@@ -117,7 +118,7 @@ class SuiteSession:
             journal.close()
             raise
         suites = planned_suites(session.items)
-        broadcast = Broadcast(journal, [self._listener, *self._reporters])
+        broadcast = Broadcast(journal, [self._listener, *self._reporters, LatestRun(options)])
         conductor = Conductor(suites, self._options(folder, control), broadcast, self._diagnostics)
         conductor.start()
         return conductor

@@ -59,6 +59,9 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 class RunOptions:
     """What a run is told beside its plan. Times in seconds, memory in bytes (0: no limit).
 
+    After ``maxfail`` tests that did not pass no further test is started (0: no limit). ``device`` is the record of the
+    device under test.
+
     ``grace`` is how long a test that is asked to stop may take to begin its teardown before it is killed. ``control``
     is the door through which people stop the run. ``conduct`` says, instead of the order of the plan, what the run's
     one suite worker does next. Without ``plan_ahead`` a test is told of when whoever conducts calls :meth:`Run.plan`,
@@ -76,7 +79,7 @@ class RunOptions:
     isolation: Isolation | None = None
     repetition: int | None = None
     retries: int | None = None
-    fail_fast: bool = False
+    maxfail: int = 0
     allow_empty: bool = False
     done: frozenset[str] = frozenset()
     resumed: bool = False
@@ -106,7 +109,8 @@ class Run:
         self.suites = suites
         self.options = options
         self.interrupts = Interrupts()
-        self.failed_fast = threading.Event()
+        self._failures = 0
+        self._counting = threading.Lock()
         self._broadcast = broadcast
         self._limits: dict[str, Limits] = {}
         self._launched = [] if launched is None else [launched]
@@ -331,7 +335,14 @@ class Run:
         if self.interrupts.stage:
             self.interrupts.announce(self.emit)
             return "the run was interrupted"
-        return "a test failed before (--fail-fast)" if self.failed_fast.is_set() else ""
+        if 0 < self.options.maxfail <= self._failures:
+            return f"{self._failures} test{'s' if self._failures != 1 else ''} failed before (--maxfail)"
+        return ""
+
+    def count_failure(self) -> None:
+        """Count a test that did not pass, for ``maxfail``. From any thread."""
+        with self._counting:
+            self._failures += 1
 
 
 def _next_of(waiting: deque[list[PlannedSuite]]) -> list[PlannedSuite]:

@@ -197,8 +197,8 @@ class SuiteWorker:
             self._never_started(test, *obstacle)
         else:
             self._run_attempts(test)
-        if self._run.options.fail_fast and not self._verdict_is_good(test):
-            self._run.failed_fast.set()
+        if not self._verdict_is_good(test):
+            self._run.count_failure()
 
     def bring_up(self, test: PlannedTest) -> bool:
         """Have what a test stands on up. False when it cannot be started; :meth:`run_test` then says at once why."""

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import pty
 import re
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from harness import Command, run_command, write_files
 from rtf.cli.arguments import build_parser
+from rtf.testing import journal
+from rtf.testing.events import RunStarted
 from rtf.testing.verdict import ExitCode, Verdict
 from waiting import eventually
 
@@ -291,3 +297,93 @@ def test_what_failed_last_can_be_interrupted_and_resumed(folder: Path):
     resumed = run_command(folder, "--resume", "rtf-runs/latest")
     assert set(resumed.results.tests) == {"mixed/bad", "mixed/slow"}
     assert resumed.exit_code == ExitCode.FAILURES
+
+
+@pytest.mark.parametrize(
+    "refused", [("--junit", "/proc/no/x.xml"), ("-k", "nonesuch"), ("-w", "--web-host", "192.0.2.1")]
+)
+def test_a_run_that_did_not_start_is_not_the_latest(folder: Path, refused: tuple[str, ...]):
+    """``latest`` moves when something begins: ``--last-failed`` finds the failures of the run before."""
+    before = run_command(folder, "-s", "both.xml").folder.resolve()
+    assert run_command(folder, "-s", "both.xml", *refused).exit_code in (ExitCode.USAGE, ExitCode.NOTHING_RAN)
+    assert (folder / "rtf-runs" / "latest").resolve() == before
+    assert [*run_command(folder, "-s", "both.xml", "--last-failed").results.tests] == ["both/bad"]
+
+
+@pytest.fixture
+def steps(folder: Path) -> Path:
+    """A suite of four tests, of which the second and the third fail as long as a file is there."""
+    for name in ("b", "c"):
+        (folder / f"{name}.py").write_text(
+            f"from pathlib import Path\nfrom rtf.testing import TestCase\nclass {name.upper()}(TestCase):\n"
+            f"    def run(self):\n        self.check(not Path({str(folder / name)!r}).exists(), 'is mended')\n"
+        )
+        (folder / name).touch()
+    tests = "".join(f"<test>{name}</test>" for name in ("fine.py", "b.py", "c.py", "bad.py"))
+    (folder / "steps.xml").write_text(f'<suite name="steps">{tests}</suite>')
+    return folder
+
+
+def test_stepwise_goes_on_where_it_stopped(steps: Path):
+    """It stops at the first failure, begins there the next time, and begins with the first again after a good run."""
+
+    def ran() -> list[str]:
+        tests = run_command(steps, "-s", "steps.xml", "--stepwise").results.tests.values()
+        return [test.name for test in tests if test.verdict is not Verdict.NOT_RUN]
+
+    assert ran() == ["fine", "b"]
+    assert ran() == ["b"]
+    (steps / "b").unlink()
+    assert ran() == ["b", "c"]
+    (steps / "c").unlink()
+    (steps / "bad.py").write_text((steps / "bad.py").read_text().replace("False", "True"))
+    assert ran() == ["c", "bad"]
+    assert ran() == ["fine", "b", "c", "bad"]
+
+
+def test_maxfail_stops_after_so_many(steps: Path):
+    """As pytest's; ``-x`` is one."""
+    for words, ran in ((("--maxfail", "2"), 3), (("-x",), 2), ((), 4)):
+        done = run_command(steps, "-s", "steps.xml", *words)
+        assert sum(test.verdict is not Verdict.NOT_RUN for test in done.results.tests.values()) == ran
+
+
+def test_the_device_is_recorded(folder: Path):
+    """From a file, and from options, which win."""
+    (folder / "device.toml").write_text('serial = "old"\nfirmware = 1.5\n')
+    words = ("--device-file", "device.toml", "--device", "serial=A7", "--device", "rack=3")
+    (started,) = run_command(folder, "-s", "fine.xml", *words).of(RunStarted)
+    assert started.device == {"serial": "A7", "firmware": "1.5", "rack": "3"}
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--device", "serial"), "not of the form key=value"),
+        (("--device", "serial="), "serial: the value must be printable text"),
+        (("--device", "a b=1"), "'a b' is no key"),
+        (("--device-file", "lost.toml"), "--device-file lost.toml: No such file"),
+        (("--device-file", "fine.xml"), "--device-file fine.xml: "),
+        (("--device-ask",), "--device-ask needs a terminal"),
+    ],
+)
+def test_a_wrong_record_of_the_device_is_told(folder: Path, words: tuple[str, ...], said: str):
+    """Before anything runs."""
+    done = run_command(folder, "-s", "fine.xml", *words)
+    assert done.exit_code == ExitCode.USAGE
+    assert said in done.stderr
+    assert not done.events
+
+
+def test_the_operator_is_asked_for_the_device(folder: Path):
+    """At the terminal, for what no option says; Enter leaves it out."""
+    near, far = pty.openpty()
+    os.write(near, b"A7\n\n1.5\n\n\n")
+    command = [sys.executable, "-m", "rtf.cli.testrunner", "fine.xml", "--device", "batch=9", "--device-ask"]
+    command[3:4] = ["-s", "fine.xml"]
+    done = subprocess.run(command, cwd=folder, stdin=far, capture_output=True, text=True, timeout=60, check=False)
+    os.close(near)
+    os.close(far)
+    assert "serial number of the device (Enter: not recorded)? " in done.stdout
+    started = next(event for event in journal.read(folder / "rtf-runs" / "latest") if isinstance(event, RunStarted))
+    assert started.device == {"serial": "A7", "firmware": "1.5", "batch": "9"}

@@ -4,15 +4,33 @@ from __future__ import annotations
 
 import pytest
 
-from rtf.testing.run_folder import LATEST, make_run_folder
+from rtf.testing.events import FixtureChanged, RunStarted, TestStarted
+from rtf.testing.reporting import ReportOptions
+from rtf.testing.results import RunResult
+from rtf.testing.run_folder import LATEST, LatestRun, make_run_folder
+from rtf.testing.verdict import FixtureState
+
+STARTED = RunStarted(run="r", version="1")
+SERVER = FixtureChanged(fixture="server", suite="s", generation=1, state=FixtureState.STARTING)
+TEST = TestStarted(test="s/t")
 
 
 def test_runs_of_one_second_have_folders_of_their_own(tmp_path):
-    """However quickly they follow each other, no two share a folder, and ``latest`` is the last."""
+    """However quickly they follow each other, no two share a folder."""
     made = [make_run_folder(tmp_path / "runs", "robot", "suite") for _ in range(20)]
     assert len({*made}) == 20
     assert all(folder.is_dir() and "_robot_suite" in folder.name for folder in made)
-    assert (tmp_path / "runs" / LATEST).resolve() == made[-1]
+
+
+def test_latest_moves_when_something_is_done(tmp_path):
+    """A run of which nothing begins leaves the link at the run before."""
+    results = RunResult()
+    before, refused = (make_run_folder(tmp_path) for _ in range(2))
+    for folder, events in ((before, [SERVER, TEST]), (refused, [STARTED])):
+        link = LatestRun(ReportOptions(target=None, run_folder=folder))
+        for event in events:
+            link.handle(event, results)
+    assert (tmp_path / LATEST).resolve() == before
 
 
 def test_name_of_a_robot_does_not_lead_out_of_the_folder(tmp_path):

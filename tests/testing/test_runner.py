@@ -263,7 +263,7 @@ def test_what_is_not_begun_any_more_costs_nothing(tmp_path: Path, monkeypatch: p
         ForkServerClient, "start", lambda fork_server: [started.append(fork_server), start(fork_server)]
     )
     suites = {f"s{index}": "<test>t.py</test>" for index in range(12)}
-    outcome = run_suites(tmp_path, suites, jobs=2, fail_fast=True, t__py=test_file("self.check(False, 'no')"))
+    outcome = run_suites(tmp_path, suites, jobs=2, maxfail=1, t__py=test_file("self.check(False, 'no')"))
     assert outcome.exit_code == ExitCode.FAILURES
     assert len(outcome.of(SuiteEnded)) == len(outcome.results.tests) == 12
     assert {test.verdict for test in outcome.results.tests.values()} == {Verdict.FAILED, Verdict.NOT_RUN}
@@ -361,7 +361,7 @@ def test_fail_fast_starts_nothing_after_the_first_bad_verdict(tmp_path: Path):
             "a": "<fixture>rig.py</fixture><test>good.py</test><test>bad.py</test><test>good.py</test>",
             "b": "<test>good.py</test>",
         },
-        fail_fast=True,
+        maxfail=1,
         good__py=test_file("pass"),
         bad__py=test_file("self.assert_fail('x')"),
         rig__py=rig_file(),
@@ -369,7 +369,7 @@ def test_fail_fast_starts_nothing_after_the_first_bad_verdict(tmp_path: Path):
     tests = [*outcome.results.tests.values()]
     assert [test.verdict for test in tests] == [Verdict.PASSED, Verdict.FAILED, Verdict.NOT_RUN, Verdict.NOT_RUN]
     assert tests[2].last is not None
-    assert tests[2].last.detail == "a test failed before (--fail-fast)"
+    assert tests[2].last.detail == "1 test failed before (--maxfail)"
     assert log_of(tmp_path) == ["up", "down"]
     assert outcome.exit_code == ExitCode.FAILURES
 
@@ -382,7 +382,7 @@ def test_fail_fast_does_not_mind_good_verdicts(tmp_path: Path):
             "a": '<test>skip.py</test><test retries="1">flaky.py</test>'
             '<test expected="fail" reason="x">bad.py</test><test>t.py</test>'
         },
-        fail_fast=True,
+        maxfail=1,
         skip__py=test_file("self.skip('x')"),
         flaky__py=test_file("note('try'); self.assert_true(LOG.read_text().count('try') > 1, 'x')"),
         bad__py=test_file("self.assert_fail('x')"),

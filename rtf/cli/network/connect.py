@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from argparse import Namespace
     from collections.abc import Sequence
 
-    from rtf.cli.arguments import Parser
+    from rtf.cli.parser import Parser
     from rtf.middleware.names import Contact
     from rtf.middleware.network import Network
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.cli.arguments import count
 from rtf.cli.network.options import add_timeout, contact, make_network, make_parser
 from rtf.cli.network.terminal import complain, progress, say
+from rtf.cli.parser import count
 from rtf.middleware import remote
 from rtf.middleware.errors import MiddlewareError
 from rtf.testing.verdict import ExitCode
@@ -15,7 +15,7 @@ from rtf.testing.verdict import ExitCode
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.cli.arguments import Parser
+    from rtf.cli.parser import Parser
     from rtf.middleware.names import Contact
     from rtf.middleware.network import Network
 

@@ -17,7 +17,7 @@ from rtf.testing.verdict import ExitCode
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.cli.arguments import Parser
+    from rtf.cli.parser import Parser
 
 _LINE = "=" * 57
 _MOST = 65535

@@ -6,7 +6,7 @@ import argparse
 import textwrap
 from typing import TYPE_CHECKING
 
-from rtf.cli.arguments import Parser, seconds
+from rtf.cli.parser import Parser, seconds
 from rtf.middleware.errors import AddressError
 from rtf.middleware.names import Contact
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.bottle import Value
-    from rtf.cli.arguments import Parser
+    from rtf.cli.parser import Parser
     from rtf.middleware.delivery import Delivery
 
 _KEYWORDS = ("envelope", "envelope2", "once")

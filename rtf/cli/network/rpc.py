@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
-    from rtf.cli.arguments import Parser
+    from rtf.cli.parser import Parser
     from rtf.middleware.names import Contact
     from rtf.middleware.network import Network
 

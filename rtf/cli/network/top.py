@@ -7,10 +7,10 @@ import sys
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.cli.arguments import seconds
 from rtf.cli.network.options import contact, make_network, make_parser
 from rtf.cli.network.table import Table, show
 from rtf.cli.network.terminal import ENDING
+from rtf.cli.parser import seconds
 from rtf.middleware.monitor import Flow, Tap, Traffic, survey
 from rtf.testing.verdict import ExitCode
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.bottle import Bottle
-from rtf.cli.arguments import seconds
 from rtf.cli.network.options import add_carrier, contact, make_network, make_parser, own_name
 from rtf.cli.network.terminal import complain, opened, progress, typed
+from rtf.cli.parser import seconds
 from rtf.middleware.port import Port
 from rtf.testing.verdict import ExitCode
 

@@ -1,0 +1,69 @@
+"""What all command lines have in common: a parser that ends with our exit code, and the types of words."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import NoReturn
+
+from rtf.errors import RtfError
+from rtf.testing.verdict import ExitCode
+
+_LAST_PORT = 65535
+
+
+class UsageError(RtfError, ValueError):
+    """The command line asks for something that cannot be done."""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose usage errors end with our exit code."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print usage and the error to stderr, and exit."""
+        self.print_usage(sys.stderr)
+        self.exit(int(ExitCode.USAGE), f"{self.prog}: {message}\nTry '{self.prog} --help'.\n")
+
+
+def key_value(text: str) -> tuple[str, str]:
+    """Read ``key=value``."""
+    key, separator, value = text.partition("=")
+    if not separator or not key.strip():
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form key=value")
+    return key.strip(), value
+
+
+def seconds(text: str) -> float:
+    """Read a positive duration such as ``20``, ``500ms``, ``2min``."""
+    units = {"ms": 0.001, "min": 60.0, "s": 1.0, "h": 3600.0}
+    number, factor = text.strip(), 1.0
+    for name, value in units.items():
+        if number.endswith(name):
+            number, factor = number[: -len(name)], value
+            break
+    try:
+        duration = float(number) * factor
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no duration; write seconds, or 500ms, 2min, 1h") from None
+    if not 0 < duration < float("inf"):
+        raise argparse.ArgumentTypeError(f"a duration must be positive, not {text}")
+    return duration
+
+
+def count(text: str) -> int:
+    """Read a whole number, zero or more."""
+    try:
+        number = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"must not be negative, but is {text}")
+    return number
+
+
+def port(text: str) -> int:
+    """Read the number of a port; 0 stands for any that is free."""
+    number = count(text)
+    if number > _LAST_PORT:
+        raise argparse.ArgumentTypeError(f"{text} is no port; the last one is {_LAST_PORT}")
+    return number
