@@ -25,6 +25,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, ClassVar
 
+from rtf.testing.interrupts import FIXTURES_LIMIT
 from rtf.testing.outcome import FixtureCollapsed
 from rtf.testing.parameters import Declared
 from rtf.testing.verdict import Severity
@@ -42,11 +43,16 @@ class FixtureManager(Declared):
 
     ``plugin_name`` is the name suites use (default: the class name), ``aliases`` are further ones. What it ``occupies``
     is there once, such as ``robot``: suites with fixtures that occupy the same never run at the same time.
+
+    ``stop_limit`` is how many seconds ``enter_safe_state`` and ``teardown`` may take together when the run is ended by
+    SIGTERM or SIGHUP. A run ends within eight seconds then, with four for its fixtures; one that needs longer declares
+    it, and the run says that it waits.
     """
 
     plugin_name: ClassVar[str] = ""
     aliases: ClassVar[tuple[str, ...]] = ()
     occupies: ClassVar[str] = ""
+    stop_limit: ClassVar[float] = FIXTURES_LIMIT
 
     _host: Host
     _environment: str = ""

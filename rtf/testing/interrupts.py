@@ -1,15 +1,15 @@
-"""Being asked to stop: how strongly, by whom, and how those who wait hear of it."""
+"""Requests to stop a run: how strong they are, who made them, and until when the run has to end."""
 
 from __future__ import annotations
 
+import signal
 import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from rtf.testing.events import (
-    Event,
-    Interrupted,
-)
+from rtf import clock
+from rtf.testing.events import Event, Interrupted
+from rtf.testing.isolation import processes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -19,16 +19,24 @@ if TYPE_CHECKING:
 
 #: The stage at which nothing is waited for any more.
 KILL_STAGE = 3
+_NOW_STAGE = 2
+#: Seconds that the running test, with its teardown, has to end after SIGTERM or SIGHUP; and then all fixtures together,
+#: unless one declares that it needs longer. Who sends these kills ten seconds later, and reports are to be written yet.
+TEST_LIMIT = 2.5
+FIXTURES_LIMIT = 4.0
 
 
 class Interrupts:
     """How strongly the run has been asked to stop: 0 not at all, 1 after the running test, 2 now, 3 by force.
+
+    ``test_deadline`` is the moment at which the running test is killed, since a signal asked the run to end at once.
 
     Safe to raise from a signal handler or any thread; each suite worker notices at its next turn.
     """
 
     def __init__(self) -> None:
         self.stage = 0
+        self.test_deadline = clock.Deadline()
         self._requests: list[Interrupted] = []
         self._announced = 0
         self._reactors: list[Reactor] = []
@@ -46,6 +54,25 @@ class Interrupts:
     def leave(self, reactor: Reactor) -> None:
         """Stop waking it."""
         self._reactors.remove(reactor)
+
+    def signalled(self, signum: int) -> None:
+        """Note a signal. SIGINT asks for one stage more; SIGTERM and SIGHUP ask the run to end at once, and in time."""
+        if signum == signal.SIGINT:
+            self.request(processes.signal_name(signum))
+            return
+        if not self.in_a_hurry:
+            self.test_deadline = clock.Deadline.after(TEST_LIMIT)
+        self.request(processes.signal_name(signum), stage=0 if self.stage >= _NOW_STAGE else _NOW_STAGE)
+
+    @property
+    def in_a_hurry(self) -> bool:
+        """Whether the run has to end at once, and in time."""
+        return self.test_deadline.at != clock.FOREVER
+
+    def fixtures_deadline(self, more: float) -> clock.Deadline:
+        """When fixtures are killed that have not come down; ``more`` is what some need beyond the limit, in seconds."""
+        limit = FIXTURES_LIMIT + more
+        return clock.Deadline(self.test_deadline.at + limit, TEST_LIMIT + limit)
 
     def request(self, source: str, *, stage: int = 0) -> None:
         """Ask for one stage more, or for a stage at least."""

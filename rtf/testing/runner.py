@@ -260,9 +260,7 @@ class Run:
         taken: list[tuple[signal.Signals, Any]] = []
         for signum in _SIGNALS:
             if signal.getsignal(signum) is not signal.SIG_IGN:
-                handler = signal.signal(
-                    signum, lambda number, _frame: self.interrupts.request(processes.signal_name(number))
-                )
+                handler = signal.signal(signum, lambda number, _frame: self.interrupts.signalled(number))
                 taken.append((signum, handler))
         return taken
 

@@ -19,7 +19,7 @@ from rtf.testing.events import (
     SuiteStarted,
     TestEnded,
 )
-from rtf.testing.interrupts import KILL_STAGE, alarm
+from rtf.testing.interrupts import FIXTURES_LIMIT, KILL_STAGE, alarm
 from rtf.testing.isolation.attempt import Attempt, Outcome, Stop
 from rtf.testing.isolation.job import Job
 from rtf.testing.isolation.reactor import Reactor
@@ -61,6 +61,7 @@ class SuiteWorker:
         self._suite_folder = ""
         self._suite: PlannedSuite = suites[0] if suites else None  # type: ignore[assignment]  # no suite, no test
         self._suite_deadline = clock.Deadline()
+        self._fixtures_deadline = clock.Deadline()  # of a run that has to end at once
         self._interrupts_before = 0  # what comes after these ends a fixture's teardown by force
         self._aborted = ""
         self._shared: Child | None = None
@@ -79,6 +80,7 @@ class SuiteWorker:
             running_test=lambda: self._test,
             stop_now=self._start_nothing,
             kill_now=self._use_force,
+            stop_by=self._stop_by,
         )
 
     def run(self) -> None:
@@ -167,7 +169,24 @@ class SuiteWorker:
     def _use_force(self) -> bool:
         interrupts = self._run.interrupts
         interrupts.announce(self._emit)
-        return interrupts.stage >= KILL_STAGE and interrupts.count > self._interrupts_before
+        forced = interrupts.stage >= KILL_STAGE and interrupts.count > self._interrupts_before
+        return forced or self._stop_by().expired
+
+    def _stop_by(self) -> clock.Deadline:
+        """When fixtures have to be down, once the run has to end at once. It is told if that is later than usual."""
+        interrupts = self._run.interrupts
+        if interrupts.in_a_hurry and self._fixtures_deadline.at == clock.FOREVER:
+            slow = self._supervisor.slow_to_stop()
+            more = sum(slow.values()) - len(slow) * FIXTURES_LIMIT
+            self._fixtures_deadline = interrupts.fixtures_deadline(more)
+            for name, seconds in slow.items():
+                text = f"fixture {name} needs up to {seconds:g} s to be brought down safely; the run waits for it"
+                self._emit(Diagnosed(severity=Severity.WARNING, text=text, suite=self._suite.suite.id))
+        return self._fixtures_deadline
+
+    def _kill_test(self) -> bool:
+        interrupts = self._run.interrupts
+        return interrupts.stage >= KILL_STAGE or interrupts.test_deadline.expired
 
     def _take_down(self, names: list[str]) -> None:
         """Tear fixtures down. The force that ended the running test is not used on them; they must be asked first."""
@@ -300,7 +319,7 @@ class SuiteWorker:
                 self._emit,
                 tick=lambda: self._tick(names),
                 next_tick=self._next_tick,
-                kill_now=lambda: self._run.interrupts.stage >= KILL_STAGE,
+                kill_now=self._kill_test,
                 ask=self._run.options.ask,
                 fixtures=self._supervisor.generations(names),
             )
@@ -359,7 +378,9 @@ class SuiteWorker:
         return Stop(Verdict.ERROR, "aborted", self._aborted) if self._aborted else None
 
     def _next_tick(self) -> clock.Deadline:
-        return self._supervisor.deadline().earliest(self._suite_deadline)
+        deadline = self._supervisor.deadline().earliest(self._suite_deadline)
+        hurry = self._run.interrupts.test_deadline
+        return deadline if hurry.expired else deadline.earliest(hurry)
 
     def _ended(
         self,

@@ -1,12 +1,14 @@
 """Interrupts of the real command: once, twice, three times, and at the worst moments.
 
-The first lets the running test finish, the second stops it, the third kills it. Always: fixtures are torn down, reports
-written, the journal closed, and the exit code says that the run was interrupted.
+The first SIGINT lets the running test finish, the second stops it, the third kills it; SIGTERM and SIGHUP stop it at
+once. Always: fixtures are torn down, reports written, the journal closed, and the exit code says that the run was
+interrupted.
 """
 
 from __future__ import annotations
 
 import signal
+import subprocess
 from typing import TYPE_CHECKING
 
 import pytest
@@ -14,7 +16,15 @@ from junitparser import JUnitXml
 
 from harness import Command, Outcome, write_files
 from rtf import clock
-from rtf.testing.events import FixtureChanged, Interrupted, PhaseStarted, RunEnded, TestEnded, TestStarted
+from rtf.testing.events import (
+    FixtureChanged,
+    FixtureIncident,
+    Interrupted,
+    PhaseStarted,
+    RunEnded,
+    TestEnded,
+    TestStarted,
+)
 from rtf.testing.verdict import FixtureState, Phase, Verdict
 
 if TYPE_CHECKING:
@@ -40,9 +50,14 @@ RIG = (
     COMMON
     + """
 class Rig(FixtureManager):
+    stop_limit = STOP_LIMIT
+
     def setup(self):
         note("rig up")
         HOOK_UP
+
+    def enter_safe_state(self):
+        HOOK_SAFE
 
     def teardown(self):
         note("rig going down")
@@ -73,7 +88,14 @@ class Scene:
         self.folder = folder
 
     def start(
-        self, run: str = "pass", *arguments: str, teardown: str = "pass", up: str = "pass", down: str = "pass"
+        self,
+        run: str = "pass",
+        *arguments: str,
+        teardown: str = "pass",
+        up: str = "pass",
+        safe: str = "pass",
+        down: str = "pass",
+        stop_limit: float = 4.0,
     ) -> Command:
         """Begin the run; the first test does ``run``, the others nothing."""
         suite = (
@@ -84,7 +106,10 @@ class Scene:
             self.folder,
             {
                 "suite.xml": f'<suite name="s">{suite}</suite>',
-                "rig.py": RIG.replace("HOOK_UP", up).replace("HOOK_DOWN", down),
+                "rig.py": RIG.replace("HOOK_UP", up)
+                .replace("HOOK_SAFE", safe)
+                .replace("HOOK_DOWN", down)
+                .replace("STOP_LIMIT", str(stop_limit)),
                 "a.py": test,
                 "b.py": TEST.replace("HOOK_TEARDOWN", "pass").replace("HOOK", "pass"),
             },
@@ -146,18 +171,76 @@ def check_end(command: Command, scene: Scene, **verdicts: Verdict) -> Outcome:
     return outcome
 
 
-@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda signum: signum.name)
-def test_first_interrupt_lets_the_running_test_finish(scene: Scene, signum: int):
+def test_first_interrupt_lets_the_running_test_finish(scene: Scene):
     """The running test ends as it would have, with its teardown; no other one is started."""
     command = scene.start("wait_for_go()")
     scene.wait_until_noted("run")
-    interrupt(command, 1, signum)
+    interrupt(command)
     command.wait_for(stage(1))
     scene.go()
     outcome = check_end(command, scene, a=Verdict.PASSED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
     assert scene.log == ["rig up", "run", "teardown", "torn down", "rig going down", "rig down"]
     (told,) = outcome.of(Interrupted)
-    assert (told.source, told.stage) == (signum.name, 1)
+    assert (told.source, told.stage) == ("SIGINT", 1)
+
+
+LOCKED = (
+    "lock = ctypes.create_string_buffer(128); wait = ctypes.PyDLL(None).pthread_mutex_lock; "
+    "wait(lock); note('locked'); wait(lock)"
+)
+
+
+def stop_as_docker_does(command: Command, signum: int, limit: float = 10.0) -> float:
+    """Ask the run to end, and kill it ``limit`` seconds later; returns how long it took."""
+    began = clock.monotonic()
+    command.signal(signum)
+    try:
+        command.process.wait(limit)
+    except subprocess.TimeoutExpired:
+        command.process.kill()
+    return clock.monotonic() - began
+
+
+@pytest.mark.parametrize("signum", [signal.SIGTERM, signal.SIGHUP], ids=lambda signum: signum.name)
+def test_sigterm_ends_a_run_before_it_is_killed(scene: Scene, signum: signal.Signals):
+    """A long test is stopped at once and torn down, the fixture enters its safe state, and every report is there."""
+    command = scene.start("time.sleep(40)", safe="note('safe')")
+    scene.wait_until_noted("run")
+    assert stop_as_docker_does(command, signum) < 8
+    outcome = check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+    assert scene.log == ["rig up", "run", "teardown", "torn down", "safe", "rig going down", "rig down"]
+    (told,) = outcome.of(Interrupted)
+    assert (told.source, told.stage) == (signum.name, 2)
+
+
+def test_sigterm_ends_a_run_in_which_everything_hangs(scene: Scene):
+    """The test, its fixture's safe state and its fixture's teardown are all cut short, and the reports are there."""
+    command = scene.start(LOCKED, "--grace", "30", safe="time.sleep(40)", down=LOCKED.replace("locked", "stuck"))
+    scene.wait_until_noted("locked")
+    assert stop_as_docker_does(command, signal.SIGTERM) < 9  # nothing ends sooner than its limit here
+    outcome = check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+    causes = [event.cause for event in outcome.of(FixtureIncident)]
+    assert causes[0] == "enter_safe_state() did not come back and was interrupted"
+    assert causes[1].startswith(("killed before the end of teardown()", "teardown() did not come back within"))
+
+
+def test_sigterm_cuts_a_teardown_short_that_takes_too_long(scene: Scene):
+    """A test in its teardown, which a second SIGINT waits for, is not waited for either."""
+    command = scene.start("pass", teardown="time.sleep(20)")
+    scene.wait_until_noted("teardown")
+    assert stop_as_docker_does(command, signal.SIGTERM) < 8
+    check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+
+
+def test_a_fixture_that_needs_longer_than_a_run_has_says_so(scene: Scene):
+    """What it declares is waited for, and told with the seconds."""
+    command = scene.start("time.sleep(40)", safe="time.sleep(4)", stop_limit=6)
+    scene.wait_until_noted("run")
+    assert 4 <= stop_as_docker_does(command, signal.SIGTERM) < 10
+    outcome = check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
+    assert scene.log[-1] == "rig down"
+    assert "fixture rig needs up to 6 s to be brought down safely" in outcome.stderr
+    assert not outcome.of(FixtureIncident)
 
 
 def test_first_interrupt_is_the_last_attempt(scene: Scene):
@@ -202,11 +285,7 @@ def test_failure_found_before_the_second_interrupt_stands(scene: Scene):
 
 def test_second_interrupt_kills_a_test_that_hangs_in_native_code(scene: Scene):
     """What does not react to being stopped is killed after the grace, and the rig still comes down."""
-    hang = (
-        "lock = ctypes.create_string_buffer(128); wait = ctypes.PyDLL(None).pthread_mutex_lock; "
-        "wait(lock); note('locked'); wait(lock)"
-    )
-    command = scene.start(hang)
+    command = scene.start(LOCKED)
     scene.wait_until_noted("locked")
     interrupt(command, 2)
     outcome = check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)

@@ -120,7 +120,8 @@ class Host:
             up = self._set_up(manager)
             if up:
                 parks = type(manager).enter_safe_state is not FixtureManager.enter_safe_state
-                self.say(host="ready", of_robot=bool(manager.occupies) and parks)
+                robot = bool(manager.occupies) and parks
+                self.say(host="ready", of_robot=robot, stop_limit=manager.stop_limit)
                 self._watch(manager)
             self._come_down(manager, up=up)
         self.say(host="done")

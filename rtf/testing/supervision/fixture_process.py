@@ -36,6 +36,8 @@ CHECK_LIMIT = 10.0
 #: How long a fixture may take to leave what it is doing when it is to be torn down.
 GRACE = 2.0
 _VANISH = 6.0
+#: How much of its time to come down, when the run has to end at once, a fixture may spend on one thing.
+_PART_OF_STOP = 0.75
 
 #: Bytes a second of a fixture's output that the journal takes in the long run: 29 MB an hour.
 _OUTPUT_RATE = 8192.0
@@ -63,12 +65,14 @@ class FixtureProcess:
         fork_server: ForkServerClient,
         wait: Callable[[Callable[[], bool], clock.Deadline], None],
         kill_now: Callable[[], bool],
+        stop_by: Callable[[], clock.Deadline] = clock.Deadline,
     ) -> None:
         self._fixture = fixture
         self._notes = notes
         self._fork_server = fork_server
         self._wait = wait
         self._kill_now = kill_now
+        self._stop_by = stop_by
         self._child: Child = fork_server.take()
         self.pid = self._child.pid
         self.answered = False
@@ -205,7 +209,9 @@ class FixtureProcess:
         """It does not come to its end: interrupt it, or kill it where that is no use."""
         if self._kill_now():
             self._kill()
-            self._problem("killed before the end of teardown(), because the run was ended by force", Phase.TEARDOWN)
+            by = self._stop_by()
+            why = f"the run had to end within {by.limit:g} s" if by.expired else "the run was ended by force"
+            self._problem(f"killed before the end of teardown(), because {why}", Phase.TEARDOWN)
         elif self._doing != "teardown()" and not self._pressed:
             self._interrupt()
         else:
@@ -313,6 +319,7 @@ class FixtureProcess:
         else:
             if kind == "ready":
                 self._fixture.secures_robot = message["of_robot"] is True
+                self._fixture.stop_limit = float(message["stop_limit"])
             self._hear_of_life(kind)
 
     def _provides(self, variables: dict[str, str]) -> None:
@@ -353,7 +360,10 @@ class FixtureProcess:
         self._phase = Phase.TEARDOWN
         self._pressed = False
         limit = self._fixture.entry.timeouts.teardown or TEARDOWN_LIMIT
-        self.deadline = clock.Deadline.after(SAFE_STATE_LIMIT if what == "enter_safe_state()" else limit)
+        limit = SAFE_STATE_LIMIT if what == "enter_safe_state()" else limit
+        if self._stop_by().at != clock.FOREVER:  # a part is left for what comes after it
+            limit = min(limit, _PART_OF_STOP * min(self._fixture.stop_limit, self._stop_by().remaining()))
+        self.deadline = clock.Deadline.after(limit)
 
     def _cause_from(self, message: dict[str, Any]) -> Cause:
         status = message.get("exit_status")

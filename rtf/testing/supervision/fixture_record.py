@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from rtf.testing.events import FixtureChanged, FixtureIncident, Message, OutputCaptured, StackDumped
+from rtf.testing.interrupts import FIXTURES_LIMIT
 from rtf.testing.verdict import FixtureState, Phase, Severity
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ class Fixture:
     owes_safe_state: bool = False
     #: Whether it puts back something of which there is only one, such as a robot; it says so when it is up.
     secures_robot: bool = False
+    #: Seconds it may take to come down when the run has to end at once; it says so when it is up.
+    stop_limit: float = FIXTURES_LIMIT
     failure: str = ""
     last_cause: str = ""
     process: FixtureProcess | None = None

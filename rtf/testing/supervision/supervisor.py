@@ -25,6 +25,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf import clock
+from rtf.testing.interrupts import FIXTURES_LIMIT
 from rtf.testing.isolation.worker_pool import ForkServerLostError
 from rtf.testing.supervision.fixture_process import FixtureProcess
 from rtf.testing.supervision.fixture_record import Cause, Fixture, Notes
@@ -47,7 +48,8 @@ _INTERRUPTED = "interrupted"
 class Supervisor:
     """Keeps a set of fixtures up. One thread's, with the reactor that thread waits in; each suite worker has its own.
 
-    ``stop_now`` says that nothing is to be started any more, ``kill_now`` that nothing is to be waited for either.
+    ``stop_now`` says that nothing is to be started any more, ``kill_now`` that nothing is to be waited for either, and
+    ``stop_by`` when everything has to be down, of a run that has to end at once.
     """
 
     def __init__(
@@ -59,12 +61,14 @@ class Supervisor:
         running_test: Callable[[], str],
         stop_now: Callable[[], bool],
         kill_now: Callable[[], bool] = lambda: False,
+        stop_by: Callable[[], clock.Deadline] = clock.Deadline,
     ) -> None:
         self._fork_server = fork_server
         self._notes = Notes(emit, running_test)
         self._make_job = make_job
         self._stop_now = stop_now
         self._kill_now = kill_now
+        self._stop_by = stop_by
         self._fixtures: dict[str, Fixture] = {}
         self._settling = False  # what a test left is being put right, which only force keeps from being done
         self._unsettled: set[tuple[str, PluginRef | None]] = set()  # what was forgotten while it owed a park
@@ -121,6 +125,14 @@ class Supervisor:
                 return f"{name}: {fixture.last_cause or fixture.state}"
         return ""
 
+    def slow_to_stop(self) -> dict[str, float]:
+        """The fixtures that declare that they need more time to come down than usual, with the seconds they need."""
+        return {
+            fixture.name: fixture.stop_limit
+            for fixture in self._fixtures.values()
+            if fixture.stop_limit > FIXTURES_LIMIT and (fixture.process is not None or fixture.owes_safe_state)
+        }
+
     def bring_up(self, names: Iterable[str]) -> str:
         """Have these fixtures and what they depend on up, restarting what collapsed; says what is not usable.
 
@@ -151,12 +163,14 @@ class Supervisor:
     def enter_safe_state(self, names: Iterable[str]) -> None:
         """Have what a stopped or killed test left brought into a safe state, dependents first.
 
-        A fixture that is not up, or is lost meanwhile, is asked as soon as it is up again.
+        A fixture that is not up, or is lost meanwhile, is asked as soon as it is up again. When the run has to end at
+        once, all are asked when they come down, which is next.
         """
         self.watch()
         for name in reversed([*names]):
             self._fixtures[name].owes_safe_state = True
-            self._enter_safe_state(name)
+            if not self._in_a_hurry():
+                self._enter_safe_state(name)
 
     def take_down(self, names: Iterable[str] | None = None) -> None:
         """Tear down these fixtures (default: all), dependents first; whatever goes wrong with one, all are done.
@@ -242,7 +256,7 @@ class Supervisor:
         fixture.last_cause = ""
         fixture.variables.clear()
         try:
-            process = FixtureProcess(fixture, self._notes, self._fork_server, self._wait, self._kill_now)
+            process = FixtureProcess(fixture, self._notes, self._fork_server, self._wait, self._kill_now, self._stop_by)
         except ForkServerLostError as error:
             fixture.state = FixtureState.STARTING
             self._notes.collapse(fixture, Cause(text=str(error), phase=Phase.SETUP))
@@ -260,8 +274,15 @@ class Supervisor:
         process = self._up(name)
         if process is not None:
             process.ask("enter_safe_state")
-            self._wait(lambda: process.answered or not process.up or (self._settling and self._kill_now()))
+            self._wait(lambda: process.answered or not process.up or self._stops_waiting())
             self._fixtures[name].owes_safe_state = not (process.answered and process.up)
+
+    def _stops_waiting(self) -> bool:
+        """Whether a fixture is not to be waited for that enters its safe state; it does so again when it comes down."""
+        return self._kill_now() if self._settling else self._in_a_hurry()
+
+    def _in_a_hurry(self) -> bool:
+        return self._stop_by().at != clock.FOREVER
 
     def _backed_off(self, fixture: Fixture) -> bool:
         """Let the time before a restart pass. False when meanwhile the run is to stop, or what it needs collapsed."""
@@ -299,7 +320,9 @@ class Supervisor:
             self.watch()
             if until():
                 return
-            self._fork_server.reactor.run_once(limit.earliest(self.deadline()))
+            stop_by = self._stop_by()
+            deadline = limit.earliest(self.deadline())
+            self._fork_server.reactor.run_once(deadline if stop_by.expired else deadline.earliest(stop_by))
 
     # Down --------------------------------------------------------------------------------------------------------
 
@@ -308,8 +331,8 @@ class Supervisor:
 
         One that was only handed the debt of an earlier suite's, and that nobody needed, passes it on untold.
         """
-        if not _owes_safe_state(fixture) or fixture.generation == 0:
-            return
+        if not _owes_safe_state(fixture) or fixture.generation == 0 or fixture.ready:
+            return  # one that is up enters its safe state when it is stopped
         problem = "" if _used_up(fixture) else self._bring_up_for_safe_state(fixture)
         if fixture.owes_safe_state:
             why = problem or _why_given_up(fixture)
