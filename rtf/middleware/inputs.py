@@ -144,8 +144,9 @@ class Input(Connection):
         self.link = link = carrier.accept(stream, self.port)
         if self._closing:  # whoever said so found no link to close
             return False
-        stream.limit_waiting(None)
         self.port.joined(self)
+        link.welcome(stream, self.port)
+        stream.limit_waiting(None)
         return self._receive_all(link, link.receive())
 
     def _receive_all(self, link: InputLink, message: Message) -> bool:

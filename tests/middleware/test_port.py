@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import socket
 import threading
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Bottle
+from rtf.middleware import wire
 from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.errors import ConnectError, MiddlewareError, PortClosedError, WaitTimeoutError
 from rtf.middleware.names import Contact
@@ -18,6 +20,7 @@ from waiting import eventually, open_descriptors
 
 if TYPE_CHECKING:
     from rtf.middleware.delivery import Delivery
+    from rtf.middleware.inputs import Input
     from rtf.middleware.network import Network
 
 
@@ -43,6 +46,29 @@ class TestConnecting:
                 written = in_thread(writer.write, Bottle([number]))
                 assert reader.read(timeout=5) == Bottle([number])
                 written.join(5)
+
+    @pytest.mark.parametrize(
+        "handshake",
+        [wire.header(0), wire.header(3), b"CONNECT ", b"CONNACK "],
+        ids=["udp", "fast_tcp", "text", "text_ack"],
+    )
+    def test_a_caller_is_listed_before_it_gets_its_reply(self, network: Network, handshake: bytes, monkeypatch):
+        """Whoever has connected finds itself among the inputs: until the port lists the caller, no reply is sent."""
+        early: list[bool] = []
+        joined = Port.joined
+
+        def join(port: Port, caller: Input) -> None:
+            early.append(bool(select.select([connection], [], [], 0.05)[0]))
+            joined(port, caller)
+
+        monkeypatch.setattr(Port, "joined", join)
+        with Port("/reader", network=network) as reader:
+            connection = socket.create_connection((reader.contact.host, reader.contact.port), timeout=10)
+            with connection:
+                connection.sendall(handshake + (b"/me\r\n" if handshake.startswith(b"CON") else wire.sender("/me")))
+                assert connection.recv(8)
+                assert [one.sender for one in reader.inputs] == ["/me"]
+        assert early == [False]
 
 
 class TestReading:

@@ -39,6 +39,12 @@ class InputLink(ABC):
     reuses: float = float("inf")
     endpoint: sockets.socket | None = None
 
+    def welcome(self, stream: Stream, port: Port) -> None:  # noqa: B027 - some carriers have no reply to the handshake
+        """Reply to the handshake. Called once, when the port counts the caller among its inputs.
+
+        So a peer that has connected finds itself there. In the thread of the connection.
+        """
+
     @abstractmethod
     def receive(self) -> Message:
         """Wait for the next message. Its data may lie in a buffer that is used again for the next one.

@@ -120,8 +120,11 @@ class DatagramInput(InputLink):
     endpoint: socket.socket
     reuses = 0
 
-    def __init__(self, carrier: Carrier, receiving: socket.socket, sender: str, modifiers: str) -> None:
+    def __init__(
+        self, carrier: Carrier, receiving: socket.socket, sender: str, modifiers: str, reply: bytes = b""
+    ) -> None:
         self.carrier = carrier
+        self._reply = reply
         self.sender = sender
         self.modifiers = modifiers
         self.endpoint = receiving
@@ -133,6 +136,11 @@ class DatagramInput(InputLink):
         self._poll.register(self._bell, select.POLLIN)
         self._closed = False
         self._ending = threading.Lock()  # the number of a bell that is gone is soon somebody else's
+
+    def welcome(self, stream: Stream, port: Port) -> None:  # noqa: ARG002 - the reply has the number of the datagrams
+        if self._reply:
+            stream.send(self._reply)
+        stream.close()
 
     def receive(self) -> Message:
         while True:
@@ -243,9 +251,7 @@ class Udp(Datagrams):
         receiving.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
         receiving.bind((stream.socket.getsockname()[0] or port.contact.host, 0))
         receiving.connect(stream.socket.getpeername()[:2])
-        stream.send(wire.yarp_number(receiving.getsockname()[1]))
-        stream.close()
-        return DatagramInput(self, receiving, sender, modifiers)
+        return DatagramInput(self, receiving, sender, modifiers, reply=wire.yarp_number(receiving.getsockname()[1]))
 
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
         """Send from the address of the handshake."""
@@ -327,7 +333,6 @@ class Mcast(Datagrams):
         except OSError as error:
             receiving.close()
             raise ConnectError(f"cannot join {socket.inet_ntoa(group)}:{number}: {error.strerror}") from None
-        stream.close()
         return DatagramInput(self, receiving, sender, modifiers)
 
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:

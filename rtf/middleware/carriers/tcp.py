@@ -40,6 +40,9 @@ class TcpInput(StreamInput, GatheredLink):
     reuses = CHUNK
     acknowledgement = _ACK
 
+    def welcome(self, stream: Stream, port: Port) -> None:
+        stream.send(wire.yarp_number(port.contact.port))
+
     def receive(self) -> Message:
         """See the base.
 
@@ -194,10 +197,9 @@ class Tcp(Carrier):
         code, flag = self._bits
         return number >= 0 and number % 16 == code and number & 128 == flag
 
-    def accept(self, stream: Stream, port: Port) -> InputLink:
+    def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002 - the reply comes later
         """Take the sender's name, and answer with the number of the own port."""
         sender, modifiers = read_sender(stream)
-        stream.send(wire.yarp_number(port.contact.port))
         return TcpInput(self, stream, sender, modifiers)
 
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002

@@ -29,6 +29,9 @@ class TextInput(StreamInput):
 
     acknowledgement = _ACK
 
+    def welcome(self, stream: Stream, port: Port) -> None:  # noqa: ARG002 - the reply has the name of the caller
+        stream.send(f"Welcome {self.sender}\r\n".encode("utf-8", "surrogateescape"))
+
     def receive(self) -> Message:
         """See the base. Lines are joined while a parenthesis or quote is open."""
         line = _text(self._stream.take_line())
@@ -100,7 +103,6 @@ class Text(Carrier):
     def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002 - it answers with the caller's name
         """Take the caller's name from the rest of the line, and say welcome."""
         name, _, modifiers = _text(stream.take_line())[: wire.MAX_NAME].strip().partition(" ")
-        stream.send(f"Welcome {name}\r\n".encode("utf-8", "surrogateescape"))
         return TextInput(self, stream, name, modifiers)
 
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
