@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
+
+from msgspec.structs import replace
 
 from rtf.testing.events import KINDS, RunEnded, RunStarted, SuitePlanned, TestPlanned
 
@@ -85,9 +86,9 @@ def _events_with(text: str, links: dict[str, str]) -> Iterator[Event]:
         if kind in ("run_started", "run_ended"):
             continue
         members = {
-            field.name: links[field.name] if field.name in _LINKS else _value(field.name, str(field.type), text)
-            for field in fields(cls)
-            if field.name not in ("time", "seq")
+            name: links[name] if name in _LINKS else _value(name, annotation, text)
+            for name, annotation in cls.__annotations__.items()
+            if name in cls.__struct_fields__
         }
         yield cls(**members)
 
@@ -103,13 +104,13 @@ def _value(name: str, annotation: str, text: str) -> Any:
         return {
             "tuple[str, ...]": (text, text),
             "dict[str, str]": {text: text},
-            "dict[str, int]": {text: 1},
+            "dict[str, Count]": {text: 1},
             "tuple[dict[str, str], ...]": (row, row),
         }.get(plain, text)
-    return {"bool": True, "int": 1, "float": 0.5, "dict[str, int]": {text: 1}}.get(plain, ([0.0, 1.0], [2.0, 3.0]))
+    return {"bool": True, "Count": 1, "float": 0.5, "dict[str, Count]": {text: 1}}.get(plain, ([0.0, 1.0], [2.0, 3.0]))
 
 
 def _with_text(event: Event, text: str) -> Event:
     """The event with every text made long that neither links nor chooses."""
-    texts = [field.name for field in fields(type(event)) if str(field.type) in ("str", "str | None")]
+    texts = [name for name, annotation in type(event).__annotations__.items() if annotation in ("str", "str | None")]
     return replace(event, **{name: text for name in texts if name not in (*_LINKS, "form")})

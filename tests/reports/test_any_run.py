@@ -7,7 +7,6 @@ import io
 import json
 import re
 import tempfile
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,6 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from junitparser import xunit2
 from lxml import etree
+from msgspec.structs import replace
 
 from rtf.testing import events as e
 from rtf.testing import journal, plugins

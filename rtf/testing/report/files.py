@@ -30,7 +30,7 @@ from rtf.testing.events import (
     SubResultEnded,
     TestEnded,
     TestStarted,
-    schema_of,
+    to_record,
 )
 from rtf.testing.report.text import joined
 
@@ -198,16 +198,7 @@ class TestEvents:
 
 def members(event: Event, *without: str) -> dict[str, Any]:
     """The members of an event as a JSON-able object: its time, and what differs from the defaults."""
-    schema = schema_of(type(event))
-    record: dict[str, Any] = {"time": round(event.time, 6)}
-    defaults = schema.defaults
-    for name in schema.names:
-        if name == "seq" or name in without:
-            continue
-        value = getattr(event, name)
-        if name not in defaults or value != defaults[name]:
-            record[name] = value
-    return record
+    return {name: value for name, value in to_record(event).items() if name not in ("event", "seq", *without)}
 
 
 _encode = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"), check_circular=False, allow_nan=False).encode

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from rtf.testing.events import FixtureChanged, FixtureIncident, Message, OutputCaptured, StackDumped
 from rtf.testing.interrupts import FIXTURES_LIMIT
