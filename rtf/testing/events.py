@@ -63,7 +63,6 @@ class RunStarted(Event, tag="run_started", frozen=True, kw_only=True):
     ``batch``, and any other key that the station uses.
     """
 
-
     run: str
     version: str
     format: Count = FORMAT
