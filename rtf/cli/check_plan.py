@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.testing.events import Diagnosed
-from rtf.testing.inspection import inspect_uses
+from rtf.testing.inspection import Use, inspect_plugins
 from rtf.testing.plugins import shipped_folder
 from rtf.testing.suite.model import TestEntry
 from rtf.testing.verdict import Severity
@@ -15,20 +15,20 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
     from rtf.cli.running import Plan
-    from rtf.testing.inspection import Inspection
+    from rtf.testing.inspection import Trial
     from rtf.testing.plan import PlannedSuite
     from rtf.testing.plugins import PluginRef
     from rtf.testing.suite.model import FixtureEntry
 
 
-class _Use(NamedTuple):
-    """An entry of a suite, what stands behind its name, and what it would be given."""
+class _Planned(NamedTuple):
+    """An entry of a suite, its plug-in or why there is none, and what that would be given."""
 
     planned: PlannedSuite
     what: str
     entry: TestEntry | FixtureEntry
     plugin: PluginRef | str
-    values: dict[str, Any]
+    use: Use
 
 
 def problems_of(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[Diagnosed]:
@@ -40,11 +40,11 @@ def problems_of(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[Di
         if isinstance(use.plugin, str):
             yield _diagnosed(use.planned, use.entry, Severity.ERROR, use.plugin)
             continue
-        inspection = found[use.plugin][tuple(use.values.values())]
-        values = {row["name"]: row["value"].strip('"') for row in inspection.values}
-        for problem in inspection.problems:
+        trial, problems = found[use.plugin, use.use]
+        values = {row["name"]: row["value"].strip('"') for row in trial.values}
+        for problem in (*problems, *trial.problems):
             yield _diagnosed(use.planned, use.entry, Severity.ERROR, f"{use.what}: {problem}")
-        for warning in inspection.warnings:
+        for warning in trial.warnings:
             yield _diagnosed(use.planned, use.entry, Severity.WARNING, f"{use.what}: {warning}")
         if values and Path(use.plugin.path) == shipped_folder("fixture") / "simulator.py":
             simulated[use.planned.suite.id, use.entry.name] = values
@@ -86,35 +86,37 @@ def _parts_of(robot: dict[str, str]) -> Collection[str]:
     return PARTS
 
 
-def _uses(plan: Plan, overrides: tuple[tuple[str, str], ...]) -> Iterator[_Use]:
+def _uses(plan: Plan, overrides: tuple[tuple[str, str], ...]) -> Iterator[_Planned]:
     for planned in plan.suites:
         for fixture, plugin in planned.fixtures:
-            yield _Use(planned, f"fixture {fixture.name}", fixture, plugin, _values(fixture, ()))
+            yield _Planned(planned, f"fixture {fixture.name}", fixture, plugin, _use(fixture, ()))
         for test in planned.tests:
             behind = test.plugin if test.plugin is not None else test.problem
-            yield _Use(planned, f"test {test.entry.name}", test.entry, behind, _values(test.entry, overrides))
+            yield _Planned(planned, f"test {test.entry.name}", test.entry, behind, _use(test.entry, overrides))
 
 
-def _values(entry: TestEntry | FixtureEntry, overrides: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+def _use(entry: TestEntry | FixtureEntry, overrides: tuple[tuple[str, str], ...]) -> Use:
+    return Use(
+        param=entry.param,
+        parameters=entry.parameters,
+        overrides=overrides,
+        environment=entry.environment,
+        place=str(entry.location) if entry.location.file else "",
+        folder=str(Path(entry.location.file).parent) if entry.location.file else "",
+    )
+
+
+def _inspected(planned: Sequence[_Planned]) -> dict[tuple[PluginRef, Use], tuple[Trial, tuple[str, ...]]]:
+    """The trial of each use of each plug-in, and why that could not be loaded."""
+    wanted: dict[PluginRef, dict[Use, None]] = {}
+    for one in planned:
+        if not isinstance(one.plugin, str):
+            wanted.setdefault(one.plugin, {})[one.use] = None
+    found = inspect_plugins({plugin: [*uses] for plugin, uses in wanted.items()})
     return {
-        "param": entry.param,
-        "parameters": entry.parameters,
-        "overrides": overrides,
-        "environment": entry.environment,
-        "place": str(entry.location) if entry.location.file else "",
-        "folder": str(Path(entry.location.file).parent) if entry.location.file else "",
-    }
-
-
-def _inspected(uses: Sequence[_Use]) -> dict[PluginRef, dict[object, Inspection]]:
-    """Look into each plug-in once, because to load it takes longer than all the rest."""
-    wanted: dict[PluginRef, dict[object, dict[str, Any]]] = {}
-    for use in uses:
-        if not isinstance(use.plugin, str):
-            wanted.setdefault(use.plugin, {})[tuple(use.values.values())] = use.values
-    return {
-        plugin: dict(zip(values, inspect_uses(plugin, [*values.values()]), strict=True))
-        for plugin, values in wanted.items()
+        (plugin, use): (trial, found[plugin].problems)
+        for plugin, uses in wanted.items()
+        for use, trial in zip(uses, found[plugin].trials, strict=True)
     }
 
 

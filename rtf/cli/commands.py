@@ -1,4 +1,4 @@
-"""The commands beside running: describe, validate, report, where."""
+"""The commands beside running: validate, report, where."""
 
 from __future__ import annotations
 
@@ -15,50 +15,7 @@ if TYPE_CHECKING:
 
     from rtf.testing.events import Diagnosed
     from rtf.testing.plan import Loaded
-    from rtf.testing.plugins import PluginRef
     from rtf.testing.suite.model import TestSuite
-
-
-def describe(words: Sequence[str]) -> ExitCode:
-    """Print what a plug-in is for, and its parameters."""
-    from rtf.testing import plugins
-    from rtf.testing.inspection import describe_in_text, inspect_plugin, markdown
-
-    parser = Parser(
-        prog="testrunner describe",
-        description="Which tests or fixtures there are; or of one, by its name, what it is for and its parameters.",
-    )
-    parser.add_argument("name", nargs="?", metavar="NAME", help="name or file of a plug-in; without it all are listed")
-    parser.add_argument("--fixture", action="store_true", help="fixture managers, not tests")
-    parser.add_argument("--markdown", action="store_true", help="the parameters as a Markdown table")
-    options = parser.parse_args(words)
-    kind = "fixture" if options.fixture else "test"
-    if options.name is None:
-        return _list_plugins(kind)
-    ref = plugins.find(kind, options.name, beside=Path.cwd())
-    found = inspect_plugin(ref)
-    if found.problems:
-        print(f"{ref.path}: {'; '.join(found.problems)}", file=sys.stderr)
-        return ExitCode.USAGE
-    print(markdown(found) if options.markdown else "\n".join(_with_safety(ref, describe_in_text(ref, found))))
-    return ExitCode.PASSED
-
-
-def _with_safety(ref: PluginRef, lines: list[str]) -> list[str]:
-    """What a test does to the robot, as ``--list`` says it, below its name and file."""
-    from rtf.testing.plugins import facts_of
-
-    facts = facts_of(ref)
-    return [*lines[:2], f"  safety: {facts.safety}", *lines[2:]] if facts is not None and facts.safety else lines
-
-
-def _list_plugins(kind: str) -> ExitCode:
-    from rtf.testing import plugins
-
-    for path in plugins.all_files(kind, Path.cwd()):
-        for facts in dict.fromkeys(plugins.declared_names(path).values()):
-            print(f"{facts.class_name}  {facts.description}")
-    return ExitCode.PASSED
 
 
 def validate(words: Sequence[str]) -> ExitCode:
@@ -93,7 +50,7 @@ def validate(words: Sequence[str]) -> ExitCode:
         loaded = _loaded(Path(name), dict(options.define), lenient=options.lenient)
         suites += loaded.suites
         found += loaded.diagnostics
-    planner = Planner()
+    planner = Planner(options.overrides)
     plan = Plan(planner.plan(planner.complete(number_suites(suites))), (), refused=False)
     found += problems_of(plan, options.overrides)
     show_diagnostics(tuple(found))

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from rtf.cli.device import device_record
 from rtf.testing import run_folder
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files, plugin_files, suite_files, suite_of_plugins
-from rtf.testing.plugins import facts_of
 from rtf.testing.suite.model import Isolation, SuiteError, TestSuite, Timeouts, number_suites
 from rtf.testing.verdict import ExitCode, Severity
 
@@ -38,7 +37,7 @@ class Plan:
 def make_plan(options: argparse.Namespace) -> Plan:
     """Load, complete, select and order. Raises SuiteError for what the command line gets wrong."""
     loaded = _load(options)
-    planner = Planner()
+    planner = Planner(options.overrides)
     suites = planner.plan(_select(planner.complete(loaded.suites), options))
     if options.list or options.dry_run:
         return Plan(suites, loaded.diagnostics, loaded.has_errors)
@@ -161,8 +160,7 @@ def show_plan(plan: Plan) -> None:
             total += 1
             tags = f"  [{' '.join(test.entry.tags)}]" if test.entry.tags else ""
             missing = "  NOT FOUND" if test.plugin is None else ""
-            facts = facts_of(test.plugin) if test.plugin is not None else None
-            safety = f"  safety: {facts.safety}" if facts is not None and facts.safety else ""
+            safety = f"  safety: {test.spec.safety}" if test.spec.safety else ""
             print(f"  {test.entry.id}  {test.entry.name}{tags}{safety}{missing}")
     print(f"{total} test{'s' if total != 1 else ''}")
 

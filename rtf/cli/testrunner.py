@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 #: The commands beside running, and the module of each.
 COMMANDS = {
-    **dict.fromkeys(("describe", "validate", "report", "where"), "commands"),
+    **dict.fromkeys(("validate", "report", "where"), "commands"),
+    "describe": "describe",
     "history": "history",
     "page": "page",
 }

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 from lxml import etree
 
 from rtf.robot_testing.safety import Safety
-from rtf.testing.plugins import declared_names, find, load_test, shipped_folder
+from rtf.testing.plugin_source import declared_names
+from rtf.testing.plugins import find, load_test, shipped_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -43,8 +44,8 @@ def entries() -> list[Entry]:
     places = _places(shipped_folder("suites") / "icub")
     found: dict[str, Entry] = {}
     for path in sorted(folder.glob("*.py")):
-        for name, facts in declared_names(path).items():
-            if name == facts.class_name and not name.startswith("_"):
+        for name, class_name in declared_names(path).items():
+            if name == class_name:
                 found[name] = _entry(name, folder, places)
     order = list(places)
     return sorted(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rtf.testing.case import TestCase
     from rtf.testing.fixture import FixtureManager, FixtureUnusable
+    from rtf.testing.matrix import Matrix
     from rtf.testing.measurement import Measurement, Unit
     from rtf.testing.outcome import FixtureCollapsed, Inconclusive, SkipTest, TestFailure, TestProblem
     from rtf.testing.parameters import Parameter
@@ -20,6 +21,7 @@ __all__ = [
     "FixtureManager",
     "FixtureUnusable",
     "Inconclusive",
+    "Matrix",
     "Measurement",
     "Parameter",
     "Reporter",
@@ -35,6 +37,7 @@ _HOMES = {
     "FixtureManager": "fixture",
     "FixtureUnusable": "fixture",
     "Inconclusive": "outcome",
+    "Matrix": "matrix",
     "Measurement": "measurement",
     "Parameter": "parameters",
     "Reporter": "reporting",

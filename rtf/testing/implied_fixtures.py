@@ -9,21 +9,21 @@ run.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
-from rtf.testing.declared_safety import may_move
 from rtf.testing.events import Diagnosed
-from rtf.testing.plugins import load_test, safety_of, shipped_folder
-from rtf.testing.session import text_of
+from rtf.testing.plugins import shipped_folder
 from rtf.testing.suite.model import FixtureEntry
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rtf.testing.inspection import Trial, Use
     from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.plugins import PluginRef
-    from rtf.testing.suite.model import TestEntry, TestSuite
+    from rtf.testing.suite.model import TestSuite
 
 #: A fixture that is asked for: its plug-in, and its parameters in order.
 _Wanted = tuple[str, tuple[tuple[str, str], ...]]
@@ -38,26 +38,23 @@ class Stands(NamedTuple):
 
 def with_fixtures(planned: PlannedSuite, overrides: Sequence[tuple[str, str]]) -> Stands:
     """A suite without fixtures with those that its tests ask for; the others stand on none."""
-    asking = {test.entry.id: test for test in planned.tests if _is_asked(test)}
+    asking = [test for test in planned.tests if test.plugin is not None and test.spec.may_move]
     if not asking:
         return Stands(planned.suite, ())
-    answers = _answers([*asking.values()], overrides)
+    trials = _trials(asking, overrides)
     entries: dict[_Wanted, FixtureEntry] = {}
     diagnostics, tests = [], []
     for test in planned.suite.tests:
-        answer = answers.get(test.id, [])
-        if isinstance(answer, str):
-            text = f"{test.name} was not asked what puts right what it may leave behind: {answer}"
+        trial = trials.get(test.id)
+        if trial is not None and trial.no_answer:
+            text = f"{test.name} was not asked what puts right what it may leave behind: {trial.no_answer}"
             diagnostics.append(Diagnosed(severity=Severity.WARNING, text=text))
             tests.append(replace(test, problem=text))
             continue
-        tests.append(replace(test, fixtures=tuple(_entry(wanted, entries).name for wanted in answer)))
+        asked = () if trial is None else trial.fixtures
+        tests.append(replace(test, fixtures=tuple(_entry(wanted, entries).name for wanted in asked)))
     suite = replace(planned.suite, tests=tuple(tests), fixtures=tuple(entries.values()))
     return Stands(suite, tuple(diagnostics))
-
-
-def _is_asked(test: PlannedTest) -> bool:
-    return test.plugin is not None and may_move(safety_of(test.plugin))
 
 
 def _entry(wanted: _Wanted, entries: dict[_Wanted, FixtureEntry]) -> FixtureEntry:
@@ -74,41 +71,23 @@ def _entry(wanted: _Wanted, entries: dict[_Wanted, FixtureEntry]) -> FixtureEntr
     return entries[wanted]
 
 
-def _answers(tests: Sequence[PlannedTest], overrides: Sequence[tuple[str, str]]) -> dict[str, list[_Wanted] | str]:
-    """What each test wants, by its id, or why it could not be asked: at once, for what they import takes the time."""
-    if not tests:
-        return {}
-    from rtf.testing.inspection import LOAD_LIMIT  # with all about parameters, which few runs need here
-    from rtf.testing.isolation.isolated_child import run_isolated
+def _trials(tests: Sequence[PlannedTest], overrides: Sequence[tuple[str, str]]) -> dict[str, Trial]:
+    """What each test asks for, by its id. One that cannot be loaded or filled asks for nothing; its run says why."""
+    from rtf.testing.inspection import Use, inspect_plugins  # with all about parameters, which few runs need here
 
-    answer = run_isolated(
-        lambda: {test.entry.id: _ask(test.plugin, test.entry, overrides) for test in tests}, LOAD_LIMIT
-    )
-    if isinstance(answer, str):
-        if len(tests) == 1:
-            return {tests[0].entry.id: answer}
-        return {name: found for test in tests for name, found in _answers([test], overrides).items()}
-    return {name: found if isinstance(found, str) else _as_tuples(found) for name, found in answer.items()}
-
-
-def _as_tuples(found: list[Any]) -> list[_Wanted]:
-    return [(plugin, tuple((key, value) for key, value in values)) for plugin, values in found]
-
-
-def _ask(ref: PluginRef | None, entry: TestEntry, overrides: Sequence[tuple[str, str]]) -> list[Any] | str:
-    """In the child: names and parameters, as lists, or why it did not say.
-
-    A test that cannot be loaded or filled says so when it is run.
-    """
-    assert ref is not None
-    try:
-        test = load_test(ref)
-        test.resolve_parameters(
-            param=entry.param, parameters=entry.parameters, overrides=overrides, environment=entry.environment
+    wanted: dict[PluginRef, dict[str, Use]] = {}
+    for test in tests:
+        entry = test.entry
+        use = Use(
+            param=entry.param,
+            parameters=entry.parameters,
+            overrides=tuple(overrides),
+            environment=entry.environment,
+            folder=str(Path(entry.location.file).parent) if entry.location.file else "",
         )
-    except (Exception, SystemExit):  # noqa: BLE001 - it ends the test as well, and is told there
-        return []
-    try:
-        return [[name, [*values.items()]] for name, values in test.implied_fixtures()]
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever it is, there is no answer
-        return f"{type(error).__name__}: {text_of(error)}"
+        assert test.plugin is not None
+        wanted.setdefault(test.plugin, {})[entry.id] = use
+    found = inspect_plugins({ref: [*uses.values()] for ref, uses in wanted.items()}, ask=True)
+    return {
+        test_id: trial for ref, uses in wanted.items() for test_id, trial in zip(uses, found[ref].trials, strict=True)
+    }

@@ -1,18 +1,31 @@
 """From suite files and plug-in names to a plan: which tests will run, in which order, with which plug-in files.
 
-Nothing of a plug-in is executed here. A test or fixture whose plug-in cannot be found stays in the plan with the
-reason, so that no report can lose it.
+A test or fixture whose plug-in cannot be found stays in the plan with the reason, so that no report can lose it.
+Plug-ins are described by their text; only one that hides there whether it has a matrix or several classes is loaded, in
+an isolated child.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.testing.events import Diagnosed
-from rtf.testing.plugins import ClassFacts, PluginError, PluginRef, facts_of, find
-from rtf.testing.suite.model import FixtureEntry, SuiteError, TestEntry, TestSuite, number_suites, suite_id_of
+from rtf.testing.matrix import combinations
+from rtf.testing.plugin_spec import UNKNOWN, PluginSpec
+from rtf.testing.plugins import PluginError, PluginRef, find, spec_of
+from rtf.testing.suite.model import (
+    TEST_REQUIREMENT,
+    FixtureEntry,
+    SuiteError,
+    TestEntry,
+    TestSuite,
+    number_suites,
+    suite_id_of,
+)
+from rtf.testing.suite.values import NameBook, plugin_stem, slug
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
@@ -23,12 +36,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PlannedTest:
-    """A test of the plan: its entry, its plug-in or why there is none, and its author's time-out in seconds."""
+    """A test of the plan: its entry, its plug-in or why there is none, and what that says of itself."""
 
     entry: TestEntry
     plugin: PluginRef | None
     problem: str = ""
-    timeout: float | None = None
+    spec: PluginSpec = UNKNOWN
+
+    @property
+    def timeout(self) -> float | None:
+        """Its author's limit for one run of the body, in seconds."""
+        return self.spec.timeout
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,32 +128,39 @@ def suite_of_plugins(
     """A suite without a file, for plug-ins that were named on the command line (name, type)."""
     suite_id = suite_id_of(name)
     tests: list[TestEntry] = []
-    taken: set[str] = set()
+    ids = NameBook()
     for plugin, type_ in plugins:
-        stem = Path(plugin).stem if "/" in plugin or plugin.endswith((".py", ".lua", ".so")) else plugin
-        count = 1
-        test_id = f"{suite_id}/{stem}"
-        while test_id in taken:
-            count += 1
-            test_id = f"{suite_id}/{stem}~{count}"
-        taken.add(test_id)
+        stem = plugin_stem(plugin)
+        file, _, class_name = stem.partition("::")
+        test_id = ids.unique(f"{suite_id}/{file}{'-' * bool(class_name)}{slug(class_name, '')}")
         tests.append(TestEntry(id=test_id, name=stem, plugin=plugin, type=type_, param=param, environment=environment))
     return TestSuite(id=suite_id, name=name, environment=environment, tests=tuple(tests))
 
 
 class Planner:
-    """Finds the plug-in of every test and fixture once, and lays what authors declared beside what the suites say."""
+    """Finds the plug-in of every test and fixture once, and joins what authors declared with what the suites say.
 
-    def __init__(self) -> None:
+    ``overrides`` are the parameters that the command line sets; a matrix does not vary them.
+    """
+
+    def __init__(self, overrides: Iterable[tuple[str, str]] = ()) -> None:
+        self._overrides = frozenset(name for name, _ in overrides)
         self._found: dict[tuple[str, str, str | None, str], PluginRef | str] = {}
-        self._facts: dict[PluginRef, ClassFacts | None] = {}
+        self._specs: dict[PluginRef, PluginSpec] = {}
 
     def complete(self, suites: Iterable[TestSuite]) -> tuple[TestSuite, ...]:
-        """The suites with the tags, requirements and descriptions that the plug-ins' authors gave, to select by."""
-        return tuple(suite.with_tests(self._completed(entry) for entry in suite.tests) for suite in suites)
+        """The suites with a test for each class and each combination of a matrix, to select from.
+
+        Each has the tags, requirements and description that its author gave.
+        """
+        suites = tuple(suites)
+        self._describe(entry for suite in suites for entry in suite.tests)
+        return tuple(self._completed_suite(suite) for suite in suites)
 
     def plan(self, suites: Iterable[TestSuite]) -> tuple[PlannedSuite, ...]:
         """Every test and fixture with its plug-in. What is not found is in it with all places that were tried."""
+        suites = tuple(suites)
+        self._describe(entry for suite in suites for entry in suite.tests)
         return tuple(
             PlannedSuite(
                 suite,
@@ -145,29 +170,75 @@ class Planner:
             for suite in suites
         )
 
-    def _completed(self, entry: TestEntry) -> TestEntry:
+    def _describe(self, entries: Iterable[TestEntry]) -> None:
+        """Have the description of each test's plug-in, and of each class where it is a file with several."""
+        found = {self._find("test", entry) for entry in entries}
+        refs = {ref for ref in found if not isinstance(ref, str)}
+        while refs := {ref for ref in refs if ref not in self._specs}:
+            specs = {ref: spec_of(ref) for ref in sorted(refs)}
+            unknown = {ref: () for ref, spec in specs.items() if spec.matrix is None}
+            if unknown:
+                from rtf.testing.inspection import inspect_plugins
+
+                specs |= {ref: inspection.spec for ref, inspection in inspect_plugins(unknown).items()}
+            self._specs |= specs
+            refs = {ref._replace(class_name=name) for ref, spec in specs.items() for name in spec.classes}
+
+    def _completed_suite(self, suite: TestSuite) -> TestSuite:
+        tests: list[TestEntry] = []
+        made: dict[str, list[str]] = {}
+        ids = NameBook()
+        for entry in suite.tests:
+            completed = [one for member in self._of_classes(entry) for one in self._of_matrix(member)]
+            completed = [replace(one, id=ids.unique(one.id)) for one in completed]
+            made[entry.id] = [one.id for one in completed]
+            tests += completed
+        return suite.with_tests(_with_requirements(entry, made) for entry in tests)
+
+    def _of_classes(self, entry: TestEntry) -> list[TestEntry]:
+        """The test, or one for each class where it names a file with several."""
         found = self._find("test", entry)
-        facts = None if isinstance(found, str) else self._facts_of(found)
-        if facts is None:
-            return entry
-        return replace(
+        names = () if isinstance(found, str) else self._specs[found].classes
+        return [
+            replace(
+                entry,
+                id=f"{entry.id}-{slug(name, 'class')}",
+                name=f"{entry.name}::{name}",
+                plugin=f"{entry.plugin}::{name}",
+            )
+            for name in names
+        ] or [entry]
+
+    def _of_matrix(self, entry: TestEntry) -> list[TestEntry]:
+        """The test as its author describes it, once for each combination of its matrix."""
+        found = self._find("test", entry)
+        if isinstance(found, str):
+            return [entry]
+        spec = self._specs[found]
+        entry = replace(
             entry,
-            tags=tuple(dict.fromkeys((*entry.tags, *facts.tags))),
-            requires=tuple(dict.fromkeys((*entry.requires, *facts.requires))),
-            description=entry.description or facts.description,
+            tags=tuple(dict.fromkeys((*entry.tags, *spec.tags))),
+            requires=tuple(dict.fromkeys((*entry.requires, *spec.requires))),
+            description=entry.description or spec.summary,
         )
+        if not spec.matrix:
+            return [entry]
+        given = {*self._overrides, *(name for name, _ in entry.parameters), *_KEY.findall(entry.param)}
+        return [
+            replace(
+                entry,
+                id=entry.id + _UNSAFE.sub("-", f"[{label}]") if label else entry.id,
+                name=f"{entry.name}[{label}]" if label else entry.name,
+                parameters=(*entry.parameters, *parameters),
+            )
+            for label, parameters in combinations(spec.matrix, given)
+        ]
 
     def _planned(self, entry: TestEntry) -> PlannedTest:
         found = self._find("test", entry)
         if isinstance(found, str) or entry.problem:
             return PlannedTest(entry, None, entry.problem or str(found))
-        facts = self._facts_of(found)
-        return PlannedTest(entry, found, "", None if facts is None else facts.timeout)
-
-    def _facts_of(self, found: PluginRef) -> ClassFacts | None:
-        if found not in self._facts:
-            self._facts[found] = facts_of(found)
-        return self._facts[found]
+        return PlannedTest(entry, found, "", self._specs[found])
 
     def _find(self, kind: str, entry: TestEntry | FixtureEntry) -> PluginRef | str:
         key = (kind, entry.plugin, entry.type, entry.location.file)
@@ -180,3 +251,19 @@ class Planner:
                 found = str(error)
             self._found[key] = found
         return found
+
+
+#: A key of a parameter string, and what an id of a test does not contain.
+_KEY = re.compile(r"(?<!\S)--(\S+)")
+_UNSAFE = re.compile(r"[^\w.:+\[\]-]+", re.ASCII)
+
+
+def _with_requirements(entry: TestEntry, made: Mapping[str, list[str]]) -> TestEntry:
+    """The test with the ids of those that were made of a test that it requires."""
+    if not entry.required_tests:
+        return entry
+    requires: list[str] = []
+    for token in entry.requires:
+        other = token.removeprefix(TEST_REQUIREMENT)
+        requires += [token] if other == token else [TEST_REQUIREMENT + one for one in made.get(other, [other])]
+    return replace(entry, requires=tuple(requires))

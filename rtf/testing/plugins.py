@@ -15,28 +15,27 @@ The file is loaded, in the process that needs it, as ``rtf_plugins.<kind>.<stem>
 
 from __future__ import annotations
 
-import ast
-import contextlib
 import importlib.machinery
 import importlib.util
 import os
-import re
 import sys
-from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import rtf
-from rtf.testing.declared_safety import Source
+from rtf.testing import plugin_source
 from rtf.testing.outcome import TestingError
+from rtf.testing.plugin_source import declared_names
 from rtf.testing.source_location import PLUGINS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from types import ModuleType
 
     from rtf.testing.case import TestCase
     from rtf.testing.fixture import FixtureManager
+    from rtf.testing.plugin_spec import PluginSpec
 
 P = TypeVar("P", bound=object)
 
@@ -58,7 +57,6 @@ LANGUAGES = {
     "exit": "executable:exit",
 }
 _SUFFIXES = {".py": "python", ".lua": "lua"}
-_DECLARING = re.compile(r"^\s+(plugin_name|aliases)\b|^class\s+(\w+)", re.MULTILINE)
 
 
 class PluginError(TestingError, ImportError):
@@ -117,11 +115,14 @@ def user_folder(kind: str) -> Path:
 def find(kind: str, name: str, type_: str | None = None, *, beside: Path | None = None) -> PluginRef:
     """Find the plug-in that a suite's ``name`` and ``type`` mean; raises PluginNotFoundError with all places tried.
 
-    ``beside`` is the suite's folder. No plug-in's code is run.
+    ``beside`` is the suite's folder. ``file.py::Class`` means one class of a file. No plug-in's code is run.
     """
     name = os.path.expandvars(os.path.expanduser(name.strip()))  # noqa: PTH111 - the name may be no path
     if not name:
         raise PluginNotFoundError("a plug-in needs a name")
+    file, separator, class_name = name.partition("::")
+    if separator:
+        return _with_class(find(kind, file, type_, beside=beside), class_name)
     language = _language(type_, name)
     tried: list[str] = []
     for folder in dict.fromkeys(folder.absolute() for folder in search_path(kind, beside)):
@@ -135,6 +136,14 @@ def find(kind: str, name: str, type_: str | None = None, *, beside: Path | None 
         return found
     hint = _near_names(kind, name, beside)
     raise PluginNotFoundError(f"no {kind} plug-in {name!r}{_of_type(type_)}{hint}", tried)
+
+
+def _with_class(ref: PluginRef, class_name: str) -> PluginRef:
+    declared = declared_names(Path(ref.path)) if ref.language == "python" else {}
+    if class_name not in declared and (declared or ref.language != "python"):
+        known = f"; it has {', '.join(dict.fromkeys(declared.values()))}" if declared else ", for it is no Python file"
+        raise PluginNotFoundError(f"{ref.path} has no class {class_name!r}{known}")
+    return ref._replace(class_name=declared.get(class_name, class_name))
 
 
 def _of_type(type_: str | None) -> str:
@@ -195,118 +204,16 @@ def _declaring_file(kind: str, name: str, folder: Path, tried: list[str]) -> Plu
     if not folder.is_dir():
         return None
     for path in sorted(folder.glob("*.py")):
-        facts = declared_names(path).get(name)
-        if facts is not None:
-            return PluginRef(kind, name, str(path.resolve()), "python", facts.class_name)
+        class_name = declared_names(path).get(name)
+        if class_name is not None:
+            return PluginRef(kind, name, str(path.resolve()), "python", class_name)
     tried.append(f"{folder}/*.py: none declares the name {name!r}")
     return None
 
 
-@dataclass(frozen=True, slots=True)
-class ClassFacts:
-    """What a class says of itself in plain literals, known without running its file."""
-
-    class_name: str
-    tags: tuple[str, ...] = ()
-    requires: tuple[str, ...] = ()
-    timeout: float | None = None
-    description: str = ""
-    occupies: str = ""
-    #: Where it is defined.
-    definition: tuple[Source, ast.ClassDef] | None = field(default=None, repr=False, compare=False)
-
-    @property
-    def safety(self) -> str | None:
-        """What it does to its surroundings, in a word; empty if nobody says so, None if it cannot be told."""
-        return None if self.definition is None else self.definition[0].safety_of(self.definition[1])
-
-
-_declared: dict[tuple[str, int], dict[str, ClassFacts]] = {}
-
-
-def declared_names(path: Path) -> dict[str, ClassFacts]:
-    """The plug-in names a Python file declares, and the class of each, read without running it.
-
-    A class declares its own name, its ``plugin_name`` and its ``aliases``, as far as they are written as plain strings.
-    One whose name begins with ``_`` is no plug-in, nor is one that derives only from what comes with Python.
-    """
-    key = (str(path), path.stat().st_mtime_ns)
-    found = _declared.get(key)
-    if found is None:
-        found = _declared[key] = _read_names(path)
-    return found
-
-
-def _read_names(path: Path) -> dict[str, ClassFacts]:
-    try:
-        source = path.read_text(encoding="utf-8")
-        if not _DECLARING.search(source):
-            return {}
-        tree = ast.parse(source)
-    except (OSError, ValueError, SyntaxError):
-        return {}  # whoever names this file gets the error; a search must not stumble over it
-    names: dict[str, ClassFacts] = {}
-    file = Source(tree)
-    for node in file.classes:
-        if node.bases and not node.name.startswith("_") and not file.is_no_test(node):
-            facts, also = _class_facts(node, file)
-            for name in (node.name, *also):
-                names[name] = facts
-    return names
-
-
-def _class_facts(node: ast.ClassDef, file: Source) -> tuple[ClassFacts, list[str]]:
-    literals: dict[str, Any] = {}
-    for statement in node.body:
-        if isinstance(statement, ast.Assign) and len(statement.targets) == 1:
-            target, value = statement.targets[0], statement.value
-        elif isinstance(statement, ast.AnnAssign) and statement.value is not None:
-            target, value = statement.target, statement.value
-        else:
-            continue
-        if isinstance(target, ast.Name) and target.id in _FACTS:
-            with contextlib.suppress(ValueError):  # a value that must be computed is no fact yet
-                literals[target.id] = ast.literal_eval(value)
-    timeout = literals.get("timeout")
-    facts = ClassFacts(
-        node.name,
-        _strings(literals.get("tags")),
-        _strings(literals.get("requires")),
-        float(timeout) if isinstance(timeout, int | float) else None,
-        (ast.get_docstring(node) or "").partition("\n")[0],
-        str(literals.get("occupies", "")),
-        (file, node),
-    )
-    return facts, [*_strings(literals.get("plugin_name")), *_strings(literals.get("aliases"))]
-
-
-_FACTS = frozenset({"plugin_name", "aliases", "tags", "requires", "timeout", "occupies"})
-
-
-def _strings(value: object) -> tuple[str, ...]:
-    if isinstance(value, str):
-        return (value,) if value else ()
-    return tuple(str(item) for item in value) if isinstance(value, tuple | list) else ()
-
-
-def facts_of(ref: PluginRef) -> ClassFacts | None:
-    """What the class of a Python plug-in says of itself; None for other languages and where it cannot be read."""
-    if ref.language != "python":
-        return None
-    names = declared_names(Path(ref.path))
-    for wanted in (ref.class_name, bare_name(ref.name)):
-        if wanted in names:
-            return names[wanted]
-    classes = {facts.class_name: facts for facts in names.values()}
-    return next(iter(classes.values())) if len(classes) == 1 else None
-
-
-def safety_of(ref: PluginRef) -> str | None:
-    """What a test does to its surroundings, in a word; empty if it declares nothing, None if that cannot be told."""
-    if ref.language.partition(":")[0] in ("lua", "executable"):
-        return ""  # they have no way to declare it
-    facts = facts_of(ref)
-    return None if facts is None else facts.safety
+def spec_of(ref: PluginRef) -> PluginSpec:
+    """The description of a plug-in as far as its file's text tells."""
+    return plugin_source.spec_of(ref, bare_name(ref.name))
 
 
 def _on_path(kind: str, name: str, language: str | None, tried: list[str]) -> PluginRef | None:
@@ -374,40 +281,58 @@ def load_module(ref: PluginRef) -> ModuleType:
 
 def load_test(ref: PluginRef) -> TestCase:
     """Make the test that a reference stands for; raises PluginError, or what the plug-in itself raises."""
+    return test_maker(ref)()
+
+
+def test_maker(ref: PluginRef) -> Callable[[], TestCase]:
+    """Load a test plug-in; each call of the result makes a test."""
     from rtf.testing.case import TestCase
 
     language, _, mode = ref.language.partition(":")
     if language == "lua":
         from rtf.testing.languages.lua_plugin import load_lua
 
-        return load_lua(ref)
+        return partial(load_lua, ref)
     if language == "executable":
         from rtf.testing.languages.executable import ExecutableTest
 
-        return ExecutableTest(Path(ref.path), mode)
+        return partial(ExecutableTest, Path(ref.path), mode)
     if language == "entry point":
-        return _from_entry_point(ref, TestCase)()
+        return _from_entry_point(ref, TestCase)
     from rtf.testing.languages import legacy_python
 
     legacy_python.install()  # a script of the C++ framework may import what the C++ framework provided
     module = load_module(ref)
     old = getattr(module, "TestCase", None)
     if isinstance(old, type) and not issubclass(old, TestCase):
-        return legacy_python.adapt(ref, module, old)
-    return choose_class(ref, module, TestCase)()
+        return partial(legacy_python.adapt, ref, module, old)
+    return choose_class(ref, module, TestCase)
 
 
 def load_fixture(ref: PluginRef) -> FixtureManager:
     """Make the fixture manager that a reference stands for; raises PluginError, or what the plug-in itself raises."""
+    return fixture_maker(ref)()
+
+
+def fixture_maker(ref: PluginRef) -> type[FixtureManager]:
+    """Load a fixture plug-in."""
     from rtf.testing.fixture import FixtureManager
 
     if ref.language == "entry point":
-        return _from_entry_point(ref, FixtureManager)()
+        return _from_entry_point(ref, FixtureManager)
     if ref.language != "python":
         raise PluginError(
             f"{ref.path}: a fixture manager is written in Python; to run a program, use the fixture 'process'"
         )
-    return choose_class(ref, load_module(ref), FixtureManager)()
+    return choose_class(ref, load_module(ref), FixtureManager)
+
+
+class SeveralClassesError(PluginError):
+    """A file has several classes, and none of them is named."""
+
+    def __init__(self, text: str, classes: Sequence[str]) -> None:
+        super().__init__(text)
+        self.classes = tuple(classes)
 
 
 def choose_class(ref: PluginRef, module: ModuleType, base: type[P]) -> type[P]:
@@ -422,12 +347,12 @@ def choose_class(ref: PluginRef, module: ModuleType, base: type[P]) -> type[P]:
     if named:
         return named[-1]
     leaves = [cls for cls in own if not any(other is not cls and issubclass(other, cls) for other in own)]
-    if len(leaves) == 1:
+    leaves = [cls for cls in leaves if not cls.__name__.startswith("_")] or leaves
+    if len(leaves) == 1 and not ref.class_name:
         return leaves[0]
     found = ", ".join(cls.__name__ for cls in leaves) or "none"
-    raise PluginError(
-        f"{ref.path} must have one class derived from {base.__name__}, or one named {wanted!r}; found: {found}"
-    )
+    text = f"{ref.path} must have one class derived from {base.__name__}, or one named {wanted!r}; found: {found}"
+    raise SeveralClassesError(text, () if ref.class_name else [cls.__name__ for cls in leaves])
 
 
 def _names_of(cls: type[Any]) -> set[str]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from rtf.testing.declared_safety import may_move
-from rtf.testing.plugins import declared_names, facts_of, safety_of
+from rtf.testing.plugin_source import declared_names
+from rtf.testing.plugins import spec_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,10 +45,9 @@ def uses(planned: PlannedSuite) -> list[Use]:
 
 def _moves_what_is_there(planned: PlannedSuite) -> bool:
     simulators = {entry.name for entry, plugin in planned.fixtures if _is_simulator(plugin)}
-    plugins = {test.plugin for test in planned.tests if test.plugin is not None}
-    moving = {plugin for plugin in plugins if may_move(safety_of(plugin))}
     return any(
-        test.plugin in moving
+        test.plugin is not None
+        and test.spec.may_move
         and simulators.isdisjoint(fixture.name for fixture in planned.suite.fixtures_of(test.entry))
         for test in planned.tests
     )
@@ -57,17 +56,15 @@ def _moves_what_is_there(planned: PlannedSuite) -> bool:
 def _is_simulator(plugin: PluginRef | str) -> bool:
     if isinstance(plugin, str) or plugin.language != "python":
         return False
-    facts = facts_of(plugin)
-    return facts is not None and declared_names(Path(plugin.path)).get(_SIMULATOR) == facts
+    class_name = spec_of(plugin).class_name
+    return bool(class_name) and declared_names(Path(plugin.path)).get(_SIMULATOR) == class_name
 
 
 def _use(entry: FixtureEntry, plugin: PluginRef | str) -> Use:
     if isinstance(plugin, str):  # there is none of that name
         return Use(entry.plugin, entry.param)
-    facts = facts_of(plugin)
-    if facts is not None and facts.occupies:
-        return Use(facts.occupies, "")
-    return Use(f"{plugin.path}:{facts.class_name if facts is not None else ''}", entry.param)
+    spec = spec_of(plugin)
+    return Use(spec.occupies, "") if spec.occupies else Use(f"{plugin.path}:{spec.class_name}", entry.param)
 
 
 def groups_sharing_fixtures(suites: Sequence[PlannedSuite]) -> list[list[PlannedSuite]]:

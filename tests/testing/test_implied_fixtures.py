@@ -51,7 +51,7 @@ def test_it_is_asked_unless_it_plainly_moves_nothing(tmp_path: Path, text: str):
         ("import os; os._exit(3)", "exit status 3"),
         ("import os; os.abort()", "SIGABRT"),
         ("raise OSError('no idea')", "OSError: no idea"),
-        ("return (('rig', {'height': object()}),)", "object is not JSON serializable"),
+        ("return (('rig', {'height': object()}),)", "Expected `str`, got `object`"),
     ],
 )
 def test_without_an_answer_it_is_not_run(tmp_path: Path, how: str, reason: str):

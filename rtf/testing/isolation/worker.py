@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from rtf import clock
 from rtf.testing import plugins
 from rtf.testing.case import TestCase
-from rtf.testing.declared_safety import may_move
 from rtf.testing.events import Event, Measured, ParametersResolved, PhaseStarted, line_of, to_line
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.fork_server_protocol import DUMP_FD, DUMP_SIGNAL, NUDGE_SIGNAL, SOCKET_FD, STOP_SIGNAL
 from rtf.testing.isolation.job import HEADER, JOB_MARK, Job
 from rtf.testing.outcome import TestProblem, TestStopped
+from rtf.testing.plugin_spec import may_move
 from rtf.testing.plugins import PluginRef
 from rtf.testing.session import Session, text_of
 from rtf.testing.statistics import median, wilson_interval

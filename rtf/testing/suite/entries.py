@@ -71,6 +71,11 @@ class EntryReader:
         self._budget.spend(element.location, tests=1, steps=len(around.defaults.parameters))
         defaults = around.defaults
         plugin = self._plugin(fields)
+        class_name = fields.text("class").strip()
+        if class_name and "::" in plugin:
+            fields.fail(f"this <test> names a class twice: {quote(plugin)} and {quote(class_name)}", "class")
+        elif class_name:
+            plugin = f"{plugin}::{class_name}"
         param = fields.text("param")
         name = fields.text("name").strip() or _test_name(plugin, param, around.loop_values)
         expected, reason = self._expectation(fields)

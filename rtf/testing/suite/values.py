@@ -123,9 +123,10 @@ def substitute(text: str, bindings: Mapping[str, str]) -> str:
 
 
 def plugin_stem(plugin: str) -> str:
-    """The name of a plug-in without folder and file ending: ``checks/encoders.py`` gives ``encoders``."""
+    """The name of a plug-in without folder and file ending: ``checks/arms.py::Left`` gives ``arms::Left``."""
+    plugin, separator, class_name = plugin.partition("::")
     name = plugin.replace("\\", "/").rstrip("/").rpartition("/")[2] or plugin
-    return _SUFFIX.sub("", name, count=1) or name
+    return (_SUFFIX.sub("", name, count=1) or name) + separator + class_name
 
 
 def parameter_file_stem(param: str) -> str:

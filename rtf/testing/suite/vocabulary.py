@@ -48,7 +48,7 @@ RULES: Mapping[str, Rule] = {
     ),
     "test": Rule(
         _names(
-            "name description type param repetition retries timeout setup-timeout teardown-timeout total-timeout "
+            "name description type class param repetition retries timeout setup-timeout teardown-timeout total-timeout "
             "tags expected reason requires isolation fixtures on-lost",
         ),
         _names("parameter environment"),

@@ -86,7 +86,7 @@ def test_plugin_that_starts_processes_at_import_leaves_none(tmp_path: Path, text
     path.write_text(text + CASE)
     began = clock.monotonic()
     found = inspect_plugin(PluginRef("test", "leaver", str(path), "python"))
-    assert (found.class_name, found.problems) == ("Leaver", ())
+    assert (found.spec.class_name, found.problems) == ("Leaver", ())
     assert clock.monotonic() - began < 10
     if text is DAEMON:
         assert not alive(int((tmp_path / "daemon").read_text()))

@@ -1,0 +1,111 @@
+"""The description of a plug-in that listing, describing, validating, planning and sharing have in common.
+
+It has two sources: the text of the file, which is read without running it (:mod:`rtf.testing.plugin_source`), and the
+loaded class, in an isolated child (:mod:`rtf.testing.inspection`), which alone knows the parameters.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from rtf.testing.matrix import Axis, Matrix
+
+if TYPE_CHECKING:
+    from rtf.testing.parameters import Declared
+
+#: The classes of safety of tests that move nothing; most tests declare none.
+_HARMLESS = ("", "still")
+
+
+class ParameterSpec(msgspec.Struct, frozen=True):
+    """A declared parameter in words for people."""
+
+    name: str
+    aliases: str
+    type: str
+    unit: str
+    default: str
+    range: str
+    description: str
+
+
+class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """What a plug-in says of itself.
+
+    ``safety`` is a word in small letters, empty where the plug-in declares none, and None where the text does not tell;
+    ``matrix`` is None likewise. A file with several test classes, of which none is named, has them in ``classes`` and
+    nothing else. ``parameters`` are those of a loaded plug-in.
+    """
+
+    class_name: str = ""
+    names: tuple[str, ...] = ()
+    description: str = ""
+    tags: tuple[str, ...] = ()
+    requires: tuple[str, ...] = ()
+    timeout: float | None = None
+    occupies: str = ""
+    safety: str | None = ""
+    matrix: tuple[Axis, ...] | None = ()
+    classes: tuple[str, ...] = ()
+    parameters: tuple[ParameterSpec, ...] = ()
+
+    @property
+    def summary(self) -> str:
+        """The first line of the description."""
+        return self.description.partition("\n")[0]
+
+    @property
+    def may_move(self) -> bool:
+        """Whether a test may move something; what cannot be told is taken for the worst."""
+        return may_move(self.safety)
+
+
+#: A plug-in of which nothing is known.
+UNKNOWN = PluginSpec(safety=None)
+
+
+def may_move(safety: object) -> bool:
+    """Whether a test with this ``safety``, a word, a member of an enumeration or None, may move something."""
+    return str(getattr(safety, "name", safety)).lower() not in _HARMLESS
+
+
+def spec_of_class(cls: type[Declared]) -> PluginSpec:
+    """The description of a class that was loaded."""
+    safety, matrix = getattr(cls, "safety", ""), getattr(cls, "matrix", None)
+    return PluginSpec(
+        class_name=cls.__name__,
+        names=tuple(name for name in (getattr(cls, "plugin_name", ""), *getattr(cls, "aliases", ())) if name),
+        description=(cls.__doc__ or "").strip(),
+        tags=as_strings(getattr(cls, "tags", ())),
+        requires=as_strings(getattr(cls, "requires", ())),
+        timeout=as_seconds(getattr(cls, "timeout", None)),
+        occupies=str(getattr(cls, "occupies", "")),
+        safety=str(getattr(safety, "name", safety)).lower(),
+        matrix=matrix.axes if isinstance(matrix, Matrix) else (),
+        parameters=tuple(
+            ParameterSpec(
+                name=parameter.key,
+                aliases=", ".join(parameter.aliases),
+                type=parameter.type_name,
+                unit=parameter.unit,
+                default=parameter.default_text(),
+                range=parameter.range_text(),
+                description=parameter.description,
+            )
+            for parameter in cls.parameter_table()
+        ),
+    )
+
+
+def as_strings(value: Any) -> tuple[str, ...]:  # whatever an author has written
+    """One string or several."""
+    if isinstance(value, str):
+        return (value,) if value else ()
+    return tuple(str(item) for item in value) if isinstance(value, tuple | list) else ()
+
+
+def as_seconds(value: Any) -> float | None:  # likewise
+    """A time-out; None where it is no number."""
+    return float(value) if isinstance(value, int | float) else None
