@@ -42,7 +42,8 @@ class TestCase(Declared):
     """A test. Derive from it, declare parameters as class attributes, and write ``run``.
 
     ``plugin_name`` is the name suites use (default: the class name); ``aliases`` are further ones; ``tags`` and
-    ``requires`` are added to those of the suite; ``timeout`` is the author's limit for one ``run`` in seconds, used
+    ``requires`` are added to those of the suite, as are the words in ``occupies``, which name what there is once: tests
+    that occupy the same never run at the same time. ``timeout`` is the author's limit for one ``run`` in seconds, used
     where the suite says none.
     """
 
@@ -52,6 +53,7 @@ class TestCase(Declared):
     aliases: ClassVar[tuple[str, ...]] = ()
     tags: ClassVar[tuple[str, ...]] = ()
     requires: ClassVar[tuple[str, ...]] = ()
+    occupies: ClassVar[str] = ""
     timeout: ClassVar[float | None] = None
 
     name = Parameter(str, "name under which the test reports", default="")

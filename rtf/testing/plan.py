@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rtf.testing.dispatch import numbered_copy
 from rtf.testing.events import Diagnosed
 from rtf.testing.matrix import combinations
 from rtf.testing.plugin_spec import UNKNOWN, PluginSpec
@@ -162,10 +163,13 @@ class Planner:
         suites = tuple(suites)
         self._describe(entry for suite in suites for entry in suite.tests)
         return tuple(
-            PlannedSuite(
-                suite,
-                tuple(self._planned(entry) for entry in suite.tests),
-                tuple((entry, self._find("fixture", entry)) for entry in suite.fixtures),
+            numbered_copy(
+                PlannedSuite(
+                    suite,
+                    tuple(self._planned(entry) for entry in suite.tests),
+                    tuple((entry, self._find("fixture", entry)) for entry in suite.fixtures),
+                ),
+                1,
             )
             for suite in suites
         )
@@ -219,6 +223,7 @@ class Planner:
             entry,
             tags=tuple(dict.fromkeys((*entry.tags, *spec.tags))),
             requires=tuple(dict.fromkeys((*entry.requires, *spec.requires))),
+            occupies=tuple(dict.fromkeys((*entry.occupies, *spec.occupies.split()))),
             description=entry.description or spec.summary,
         )
         if not spec.matrix:

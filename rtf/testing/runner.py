@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 import rtf
 from rtf import clock
+from rtf.testing.dispatch import Dispatcher, copies_of
 from rtf.testing.events import (
     Diagnosed,
     InternalError,
@@ -37,7 +38,7 @@ from rtf.testing.isolation import processes
 from rtf.testing.isolation.attempt import GRACE, Limits
 from rtf.testing.sharing import groups_sharing_fixtures
 from rtf.testing.suite.model import Isolation, TestEntry, Timeouts
-from rtf.testing.verdict import ExitCode, Verdict
+from rtf.testing.verdict import ExitCode, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -109,6 +110,7 @@ class Run:
         self.suites = suites
         self.options = options
         self.interrupts = Interrupts()
+        self.dispatcher = Dispatcher(suites, options.done)
         self._failures = 0
         self._counting = threading.Lock()
         self._broadcast = broadcast
@@ -267,8 +269,8 @@ class Run:
     # Suite workers ----------------------------------------------------------------------------------------------------
 
     def _run_workers(self) -> None:
-        groups = groups_sharing_fixtures(self.suites)
-        if self.options.jobs <= 1 or len(groups) <= 1 or self.options.conduct is not None:
+        groups = self._groups() if self.options.jobs > 1 and self.options.conduct is None else []
+        if len(groups) <= 1:
             self._run_worker(self.suites)
             return
         waiting = deque(groups)
@@ -280,6 +282,24 @@ class Run:
                         break
                     except TimeoutError:
                         continue
+
+    def _groups(self) -> list[list[PlannedSuite]]:
+        """What may run at the same time: suites that share a fixture are one group, copies of a suite are several."""
+        groups = []
+        for suites in groups_sharing_fixtures(self.suites):
+            copies = copies_of(suites[0], self.options.jobs) if len(suites) == 1 else []
+            if any(suite.suite.copies > 1 for suite in suites) and len(copies) <= 1:
+                self._say_no_copies(suites)
+            groups += [[copy] for copy in copies] or [suites]
+        return groups
+
+    def _say_no_copies(self, suites: list[PlannedSuite]) -> None:
+        for planned in suites:
+            if planned.suite.copies > 1 and len(planned.tests) > 1:
+                text = "copies has no effect: what its tests stand on is there once, or is used by another suite"
+                hint = "write ${copy} in the param of each fixture, such as --namespace /bench${copy}"
+                suite = planned.suite
+                self.emit(Diagnosed(severity=Severity.WARNING, text=text, hint=hint, suite=suite.id, file=suite.file))
 
     def _run_groups(self, waiting: deque[list[PlannedSuite]]) -> None:
         """Run one group after the other, a suite worker for each, as long as some are waiting; several threads do."""

@@ -54,6 +54,7 @@ class SuiteWorker:
         self._run = run
         self._suites = suites
         self._emit = run.emit
+        self._dispatcher = run.dispatcher
         self._reactor = Reactor()
         self._test = ""
         self._run_folder = str(run.options.run_folder)
@@ -90,11 +91,24 @@ class SuiteWorker:
             for index, planned in enumerate(self._suites):
                 if planned.tests and all(test.entry.id in done for test in planned.tests):
                     self._end_suite(planned, 0.0)
-                    continue
-                with self.suite(planned, self._suites[index + 1 :]):
-                    for test in planned.tests:
-                        if test.entry.id not in done:
-                            self.run_test(test)
+                elif not planned.tests or not self._dispatcher.is_empty(planned.suite.id):
+                    with self.suite(planned, self._suites[index + 1 :]):
+                        self._run_tests(planned)
+
+    def _run_tests(self, planned: PlannedSuite) -> None:
+        """Run the tests of a suite that nobody else runs."""
+        dispatcher, suite = self._dispatcher, planned.suite.id
+        tests = {test.entry.id: test for test in planned.tests}
+        while not dispatcher.is_empty(suite):
+            taken = dispatcher.take(suite, stopping=bool(self._stop_reason()))
+            if not taken:
+                self._supervisor.watch()
+                self._reactor.run_once(self._next_tick())
+                continue
+            try:
+                self.run_test(tests[taken])
+            finally:
+                dispatcher.ended(suite, taken)
 
     @contextmanager
     def at_work(self) -> Iterator[None]:
@@ -140,14 +154,14 @@ class SuiteWorker:
         suite = planned.suite
         self._suite = planned
         self._suite_folder = str(Path(suite.file).parent) if suite.file else ""
-        self._suite_deadline = clock.Deadline.after(suite.timeout)
         self._supervisor.suite = suite.id
         self._supervisor.adopt(
             Fixture(entry, ref if not isinstance(ref, str) else None, ref if isinstance(ref, str) else "")
             for entry, ref in planned.fixtures
         )
-        began = clock.monotonic()
-        self._emit(SuiteStarted(suite=suite.id))
+        first, self._suite_deadline = self._dispatcher.enter(suite, self._reactor.wake)
+        if first:
+            self._emit(SuiteStarted(suite=suite.id))
         try:
             with alarm(suite.timeout, self._reactor.wake):
                 yield
@@ -158,7 +172,9 @@ class SuiteWorker:
             mine = [entry.name for entry in suite.fixtures if entry.name not in kept]
             self._take_down(mine)
             self._supervisor.forget(mine)
-            self._end_suite(planned, clock.monotonic() - began)
+            last, duration = self._dispatcher.leave(suite.id, self._reactor.wake)
+            if last:
+                self._end_suite(planned, duration)
 
     # What the supervisor asks each time something happened while it waits; so an interrupt is told of at once.
 

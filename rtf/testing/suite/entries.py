@@ -102,6 +102,7 @@ class EntryReader:
             expected=expected,
             expected_reason=reason,
             requires=self._requirements(fields),
+            occupies=fields.words("occupies") or (),
             isolation=fields.choice("isolation", Isolation) or defaults.isolation,
             fixtures=None if fixtures is None else tuple(dict.fromkeys(fixtures)),
             on_lost=fields.choice("on-lost", LostPolicy) or defaults.on_lost,

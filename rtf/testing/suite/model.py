@@ -105,6 +105,7 @@ class TestEntry:
     ``id`` is ``<suite id>/<slug of the name>`` and unique in a run. ``repetition`` counts the additional runs of the
     body, ``retries`` the additional attempts after a failure. ``parameters`` holds the suite's values first, so that
     the last of a name wins. ``requires`` entries that begin with ``test:`` name an earlier test by its id.
+    Tests that ``occupies`` the same thing never run at the same time.
     ``fixtures`` None means all fixtures of the suite. With a ``problem`` it is an error that is not started.
     """
 
@@ -124,6 +125,7 @@ class TestEntry:
     expected: Expected = Expected.PASS
     expected_reason: str = ""
     requires: tuple[str, ...] = ()
+    occupies: tuple[str, ...] = ()
     isolation: Isolation = Isolation.TEST
     fixtures: tuple[str, ...] | None = None
     on_lost: LostPolicy = LostPolicy.RERUN
@@ -143,7 +145,9 @@ class TestSuite:
 
     ``fixtures`` are in starting order: each stands behind those it depends on. ``timeouts`` are the defaults of the
     tests, ``timeout`` (seconds) bounds the whole suite. ``environment`` is the last one of the file; each test carries
-    the one that applies to it. Building an inconsistent suite raises SuiteError, so that a runner need not check.
+    the one that applies to it. With ``copies`` so many suite workers may run its tests at the same time, each with
+    fixtures of its own, whose ``param`` contains ``${copy}``. Building an inconsistent suite raises SuiteError, so that
+    a runner need not check.
     """
 
     __test__ = False
@@ -157,6 +161,7 @@ class TestSuite:
     timeout: float | None = None
     tags: tuple[str, ...] = ()
     preload: tuple[str, ...] = ()
+    copies: int = 1
     fixtures: tuple[FixtureEntry, ...] = ()
     tests: tuple[TestEntry, ...] = ()
     location: Location = _NOWHERE

@@ -32,7 +32,7 @@ def _names(names: str) -> frozenset[str]:
 
 RULES: Mapping[str, Rule] = {
     "suite": Rule(
-        _names("name timeout retries isolation tags on-lost preload"),
+        _names("name timeout retries isolation tags on-lost preload copies"),
         _names("description environment timeout parameter fixture test for include"),
         text=False,
     ),
@@ -49,7 +49,7 @@ RULES: Mapping[str, Rule] = {
     "test": Rule(
         _names(
             "name description type class param repetition retries timeout setup-timeout teardown-timeout total-timeout "
-            "tags expected reason requires isolation fixtures on-lost",
+            "tags expected reason requires occupies isolation fixtures on-lost",
         ),
         _names("parameter environment"),
     ),

@@ -43,6 +43,7 @@ SCHEMA = Path(__file__).with_name("suite.xsd")
 """The schema for editors and for ``xmllint``; the loader does not need it."""
 
 _UNNAMED = "unknown"  # what the C++ framework calls a suite without a name
+_MAX_COPIES = 64
 _MAX_INCLUDE_DEPTH = 16
 _MAX_LOOP_DEPTH = 16  # both keep the recursion far from the interpreter's limit
 _NOT_RELATIVE = re.compile(r"[/\\~]|[A-Za-z][A-Za-z0-9+.-]*:")
@@ -178,6 +179,7 @@ class _Loader:
             timeouts=read_timeouts(root, self._variables, self._entries),
             timeout=timeout,
             tags=around.defaults.tags,
+            copies=max(1, fields.integer("copies", 1, _MAX_COPIES)),
             preload=tuple(self._preload),
             fixtures=fixtures,
             tests=tuple(resolve_requirements(tests, suite_id, self._problems, self._budget)),

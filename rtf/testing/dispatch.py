@@ -1,0 +1,149 @@
+"""Which test a suite worker runs next: each test of the run is handed out once.
+
+A suite that may have ``copies`` of its fixtures is run by several suite workers at the same time. A test waits for
+those that it requires, and for those that occupy what it occupies, in whatever suite they are.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from rtf import clock
+from rtf.testing.sharing import groups_sharing_fixtures
+from rtf.testing.suite.values import substitute
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Sequence
+
+    from rtf.testing.plan import PlannedSuite, PlannedTest
+    from rtf.testing.suite.model import FixtureEntry, TestEntry, TestSuite
+
+#: The variable in the ``param`` of a fixture that differs from copy to copy.
+COPY = "copy"
+
+
+@dataclass(slots=True)
+class _Queue:
+    """The tests of one suite."""
+
+    waiting: list[PlannedTest]
+    running: dict[str, PlannedTest] = field(default_factory=dict)
+    workers: int = 0
+    began: float = 0.0
+    deadline: clock.Deadline = field(default_factory=clock.Deadline)
+
+
+class Dispatcher:
+    """Hands out tests, in the order of the plan as far as nothing is to be waited for. Any thread may ask."""
+
+    def __init__(self, suites: Sequence[PlannedSuite], done: Collection[str]) -> None:
+        self._lock = threading.Lock()
+        self._queues = {
+            planned.suite.id: _Queue([test for test in planned.tests if test.entry.id not in done])
+            for planned in suites
+        }
+        self._occupied: set[str] = set()
+        self._wakers: list[Callable[[], None]] = []
+
+    def is_empty(self, suite: str) -> bool:
+        """Whether all tests of a suite have been handed out."""
+        return not self._queues[suite].waiting
+
+    def enter(self, suite: TestSuite, wake: Callable[[], None]) -> tuple[bool, clock.Deadline]:
+        """Note that a worker begins with a suite: whether it is the first one, and when the suite has to end.
+
+        ``wake`` is called whenever a test has ended that others may have waited for.
+        """
+        with self._lock:
+            queue = self._queues[suite.id]
+            first = queue.workers == 0
+            queue.workers += 1
+            self._wakers.append(wake)
+            if first:
+                queue.began = clock.monotonic()
+                queue.deadline = clock.Deadline.after(suite.timeout)
+            return first, queue.deadline
+
+    def leave(self, suite: str, wake: Callable[[], None]) -> tuple[bool, float]:
+        """Note that a worker is through with a suite: whether it is the last one, and the seconds since the first."""
+        with self._lock:
+            queue = self._queues[suite]
+            queue.workers -= 1
+            self._wakers.remove(wake)
+            return queue.workers == 0, clock.monotonic() - queue.began
+
+    def take(self, suite: str, *, stopping: bool) -> str:
+        """The id of the next test of a suite, or an empty text when none may begin now.
+
+        When the run is ``stopping`` none is waited for: it is only told that it was not run.
+        """
+        with self._lock:
+            queue = self._queues[suite]
+            alone = stopping or not (queue.running or self._occupied)
+            chosen = next((test for test in queue.waiting if stopping or self._may_begin(test.entry, queue)), None)
+            if chosen is None and alone and queue.waiting:
+                chosen = queue.waiting[0]  # it requires one behind it, and is told so
+            if chosen is None:
+                return ""
+            queue.waiting.remove(chosen)
+            queue.running[chosen.entry.id] = chosen
+            self._occupied.update(chosen.entry.occupies)
+            return chosen.entry.id
+
+    def _may_begin(self, entry: TestEntry, queue: _Queue) -> bool:
+        unfinished = {*queue.running, *(test.entry.id for test in queue.waiting)}
+        return self._occupied.isdisjoint(entry.occupies) and unfinished.isdisjoint(entry.required_tests)
+
+    def ended(self, suite: str, test: str) -> None:
+        """Note the end of a test, and wake those who may have waited for it."""
+        with self._lock:
+            entry = self._queues[suite].running.pop(test).entry
+            self._occupied.difference_update(entry.occupies)
+            wakers = [*self._wakers]
+        for wake in wakers:
+            wake()
+
+
+def copies_of(planned: PlannedSuite, most: int) -> list[PlannedSuite]:
+    """The suite as it is run by each of at most ``most`` suite workers at the same time.
+
+    It is one alone if its fixtures are there once: those that say so, such as a robot, and those whose ``param`` is the
+    same in every copy.
+    """
+    count = min(planned.suite.copies, most, len(planned.tests))
+    copies = [planned, *(numbered_copy(planned, number) for number in range(2, count + 1))]
+    return copies if len(groups_sharing_fixtures(copies)) == len(copies) else [planned]
+
+
+def numbered_copy(planned: PlannedSuite, number: int) -> PlannedSuite:
+    """A suite with a copy of its fixtures; from the second one on their names end with the number."""
+    plugins = {entry.name: plugin for entry, plugin in planned.fixtures}
+    entries = tuple(_copied(entry, number) for entry in planned.suite.fixtures)
+    fixtures = tuple((entry, plugins[old.name]) for entry, old in zip(entries, planned.suite.fixtures, strict=True))
+    if number == 1:  # the entries of the suite stay as they are written, for further copies
+        return replace(planned, fixtures=fixtures)
+    tests = tuple(
+        test
+        if test.entry.fixtures is None
+        else replace(test, entry=replace(test.entry, fixtures=tuple(_numbered(n, number) for n in test.entry.fixtures)))
+        for test in planned.tests
+    )
+    suite = replace(planned.suite, fixtures=entries, tests=tuple(test.entry for test in tests))
+    return replace(planned, suite=suite, tests=tests, fixtures=fixtures)
+
+
+def _copied(entry: FixtureEntry, number: int) -> FixtureEntry:
+    variables = {COPY: str(number)}
+    return replace(
+        entry,
+        name=_numbered(entry.name, number),
+        depends=tuple(_numbered(name, number) for name in entry.depends),
+        param=substitute(entry.param, variables),
+        parameters=tuple((name, substitute(value, variables)) for name, value in entry.parameters),
+    )
+
+
+def _numbered(name: str, number: int) -> str:
+    return name if number == 1 else f"{name}~{number}"
