@@ -1,1 +1,1 @@
-"""The core: ports that speak YARP's wire protocol, the names by which they are found, and what travels between them."""
+"""Ports that speak YARP's wire protocol, the registration of their names, and the types of their messages."""

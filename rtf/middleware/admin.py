@@ -1,4 +1,4 @@
-"""The admin protocol, by which tools connect, disconnect and question any port: bottles in, bottles out."""
+"""The admin protocol: bottles by which tools connect, disconnect and query any port."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _COMMANDS = (
 
 
 def answer(port: Port, request: Bottle) -> Bottle:
-    """Do what is asked for, in the caller's thread."""
+    """Execute an admin request and return the reply. Runs in the thread of the input."""
     handler = _HANDLERS.get(_word(request.get(0)))
     if handler is None:
         return Bottle([_FAIL, "send [help] for list of valid commands"])
@@ -43,7 +43,7 @@ def answer(port: Port, request: Bottle) -> Bottle:
 
 
 def _word(value: Value | None) -> str:
-    """A command: a vocab, or the first four characters of a string."""
+    """Return the command word: a vocab, or the first four characters of a string."""
     return value.text if isinstance(value, Vocab) else as_string(value)[:4]
 
 
@@ -86,7 +86,7 @@ def _list(port: Port, request: Bottle) -> Bottle:
 
 
 def _modify(port: Port, request: Bottle) -> Bottle:
-    """Carriers of ours have nothing to set, so asking for a connection's settings only tells whether there is one."""
+    """Answer ``get`` and ``set``. Our carriers have no settings, so only the existence of the connection is checked."""
     inward = _word(request.get(1)) == "in"
     name = as_string(request.get(2))
     if not name:
@@ -96,7 +96,7 @@ def _modify(port: Port, request: Bottle) -> Bottle:
     known: Sequence[qos.Connection] = port.inputs if inward else port.outputs
     way = "from" if inward else "to"
     if all(connection.peer != name for connection in known):
-        # YARP calls them incoming both ways, and programs may look for that.
+        # YARP writes "incoming" for both directions, and programs may look for that text.
         return Bottle([-1, f"Could not find an incoming connection {way} {name}\r\n"])
     if _word(request.get(0)) == "get":
         return Bottle([Property()])
@@ -106,11 +106,11 @@ def _modify(port: Port, request: Bottle) -> Bottle:
 def _attach(_port: Port, request: Bottle) -> Bottle:
     if _word(request.get(1)) not in ("in", "out"):
         return Bottle([_FAIL, "attach command must be followed by [out] or [in]"])
-    return Bottle([_FAIL, "this port takes no monitors"])
+    return Bottle([_FAIL, "port monitors are not supported"])
 
 
 def _detach(_port: Port, request: Bottle) -> Bottle:
-    """There is never a monitor to take away."""
+    """Refuse: ports of this library never have a monitor attached."""
     if _word(request.get(1)) not in ("in", "out"):
         return Bottle([_FAIL, "detach command must be followed by [out] or [in]"])
     return Bottle([_FAIL])
@@ -141,7 +141,7 @@ def _get_property(port: Port, key: str) -> Bottle:
 
 
 def _set_property(port: Port, key: str, request: Bottle) -> Bottle:
-    """Whatever the key is, it becomes a property; with the name of a port it is a request as well."""
+    """Store the property; if the key is the name of a port, also apply the request to its connections."""
     value = request.get(3)
     port.properties.put(key, *([] if value is None else [value]))
     if not key.startswith("/"):
@@ -157,7 +157,7 @@ def _set_property(port: Port, key: str, request: Bottle) -> Bottle:
 
 
 def _connections(port: Port, name: str) -> list[qos.Connection]:
-    """Both ways: two ports may send to each other."""
+    """Return the connections with a port, in both directions: two ports may send to each other."""
     everything: list[qos.Connection] = [*port.outputs, *port.inputs]
     return [connection for connection in everything if connection.peer == name]
 

@@ -1,4 +1,4 @@
-"""The buffered port: a queue between the network and its readers, and threads between its writers and the network."""
+"""The buffered port: a queue between the network and its readers, and a sender thread for each output."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 from rtf import clock
 from rtf.middleware.codecs import BOTTLE
 from rtf.middleware.errors import PortClosedError, WaitTimeoutError
-from rtf.middleware.outgoing import Outgoing
+from rtf.middleware.outgoing_message import OutgoingMessage
 from rtf.middleware.port import Port
 from rtf.middleware.sender import Sender
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.middleware.codecs import Codec
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.network import Network
     from rtf.middleware.outputs import Output
 
@@ -27,7 +27,7 @@ _CLOSING = 5.0
 
 
 class Received(NamedTuple, Generic[T]):
-    """An object that has arrived, the port it is from, and the envelope that came with it."""
+    """A received object, the name of the port that sent it, and the envelope of its message."""
 
     value: T
     sender: str
@@ -35,11 +35,11 @@ class Received(NamedTuple, Generic[T]):
 
 
 class BufferedPort(Port, Generic[T]):
-    """A port of objects of one type, which neither readers nor writers wait for.
+    """A port of objects of one type that blocks neither the sender nor the writer.
 
-    What arrives is kept until it is read: only the newest object, or, when ``strict``, all of them in order. A
-    ``callback`` is called with each in a thread of its own instead. ``replier`` answers messages that want a reply.
-    A message that is no such object costs its sender the connection.
+    A received object is stored until it is read: only the newest, or, if ``strict``, all of them in order. With a
+    ``callback``, each object is passed to it in a separate thread instead. ``replier`` answers messages that want a
+    reply. A message that the codec cannot decode closes the sender's connection.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class BufferedPort(Port, Generic[T]):
         *,
         strict: bool = False,
         callback: Callable[[Received[T]], None] | None = None,
-        replier: Callable[[Delivery], None] | None = None,
+        replier: Callable[[IncomingMessage], None] | None = None,
         network: Network | None = None,
         inputs: bool = True,
         outputs: bool = True,
@@ -73,34 +73,34 @@ class BufferedPort(Port, Generic[T]):
 
     @property
     def pending(self) -> int:
-        """How many objects wait to be read."""
+        """The number of objects that wait to be read."""
         return len(self._queue)
 
     def read(self, timeout: float | None = None) -> T:  # type: ignore[override]  # its objects are of one type
-        """The next object. Raises WaitTimeoutError, and PortClosedError when the port is interrupted or closed."""
+        """Return the next object. Raises WaitTimeoutError, and PortClosedError if the port is interrupted or closed."""
         return self.receive(timeout).value
 
     def poll(self) -> T | None:
-        """The next object if one is there."""
+        """Return the next object, or None if there is none. Does not wait."""
         with contextlib.suppress(IndexError):
             return self._queue.popleft().value
         return None
 
     def receive(self, timeout: float | None = None) -> Received[T]:
-        """The next object with its sender and envelope; errors as for ``read``."""
+        """Return the next object with its sender and envelope. Raises the same errors as ``read``."""
         deadline = clock.Deadline.after(timeout)
         before = self.interruptions
         with self._arrived:
             while not self._queue:
                 if self.interrupted or self.interruptions > before:
                     raise PortClosedError(f"{self.name} was interrupted while it was read")
-                if deadline.expired:  # and nothing is there: what woke it last may have been for it alone
-                    raise WaitTimeoutError(f"nothing came to {self.name} within {timeout:g} s")
+                if deadline.expired:  # checked after the queue: another reader may have taken the object
+                    raise WaitTimeoutError(f"no message arrived at {self.name} within {timeout:g} s")
                 self._arrived.wait(None if timeout is None else deadline.remaining())
             return self._queue.popleft()
 
-    def deliver(self, delivery: Delivery) -> None:
-        """Keep what has arrived; the sender does not wait for it to be read. In the thread of the input."""
+    def deliver(self, delivery: IncomingMessage) -> None:
+        """Store the received object. The sender does not wait until it is read. Runs in the thread of the input."""
         if self.interrupted:
             return
         if delivery.wants_reply and self._replier is not None:
@@ -137,10 +137,10 @@ class BufferedPort(Port, Generic[T]):
     def write(  # type: ignore[override]  # the type of its objects is settled
         self, value: T, *, envelope: str | None = None, strict: bool = False
     ) -> int:
-        """Send an object in the background; returns how many outputs take it.
+        """Send an object in the background. Returns the number of outputs that accepted it.
 
-        An output that is still busy with the one before is skipped, unless ``strict``: then all of them are waited for
-        first. The object may be changed afterwards, except by readers of this process that share it.
+        An output that is still sending the previous message is skipped; if ``strict``, the call waits for all of them
+        first. The object may be changed after the call, except while a ``local`` reader in this process uses it.
         """
         self._check_open()
         if envelope is not None:
@@ -149,7 +149,7 @@ class BufferedPort(Port, Generic[T]):
             senders = [*self._senders.values()]
         if not senders:
             return 0
-        message = Outgoing("D", value, self.codec, self.network.dialect, self.envelope)
+        message = OutgoingMessage("D", value, self.codec, self.network.dialect, self.envelope)
         message.freeze()
         if strict:
             for sender in senders:
@@ -157,16 +157,16 @@ class BufferedPort(Port, Generic[T]):
         return sum([sender.offer(message, patiently=strict) for sender in senders])
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait until everything that was written is sent; False when that takes too long."""
+        """Wait until all written messages are sent. Return False if ``timeout`` seconds pass first."""
         deadline = clock.Deadline.after(timeout)
         with self._lock:
             senders = [*self._senders.values()]
         return all(sender.wait(None if timeout is None else deadline.remaining()) for sender in senders)
 
     def connected(self, output: Output) -> None:
-        """See Port: each output gets a thread."""
+        """Start a sender thread for the output."""
         with self._lock:
-            if output in self._outputs:  # and has not been removed meanwhile
+            if output in self._outputs:  # it may have been removed in the meantime
                 self._senders[output] = Sender(output, self._lost)
 
     def disconnected(self, output: Output) -> None:

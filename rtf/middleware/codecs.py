@@ -1,8 +1,8 @@
-"""Codecs: how an object becomes the bytes of a message, and the other way round.
+"""Codecs: the conversion between an object and the bytes of a message.
 
-Everything that YARP's programs exchange is, byte for byte, a bottle, so anything can be shown and typed as one. A
-codec makes the same bytes without going through one. The types of this package have theirs in ``rtf.middleware.types``;
-nothing of it is loaded before an object or its owner asks for it.
+Every message of YARP is, byte for byte, a bottle, so it can be printed and typed as one. A codec produces the same
+bytes without building the bottle. The codecs of the types in ``rtf.middleware.types`` are in that package, and each is
+imported on first use.
 """
 
 from __future__ import annotations
@@ -25,34 +25,36 @@ T = TypeVar("T")
 
 
 class Codec(Protocol[T]):
-    """Writes and reads one type of object. ``promise`` is the name under which ports announce it: ``yarp/image``."""
+    """Encodes and decodes one type of object. ``promise`` is the type name that ports announce: ``yarp/image``."""
 
     promise: str
 
     def encode(self, value: T, dialect: Dialect) -> Sequence[Buffer]:
-        """The bytes of an object, in blocks that need not be copied together. Large ones may be its own memory."""
+        """Return the bytes of an object as a sequence of blocks. A large block may be the object's own memory."""
 
     def decode(self, data: Buffer, dialect: Dialect) -> T:
-        """The object in a message. Its own memory: ``data`` is used again. Raises a RtfError for what is none."""
+        """Decode a message into memory of its own: ``data`` is reused. Raises an RtfError if it cannot be decoded."""
 
     def adopt(self, data: Buffer, dialect: Dialect) -> T:
-        """The same from bytes that nobody else will use or change: the object may keep them instead of a copy."""
+        """Decode a message whose bytes nothing else uses or changes: the object may keep them instead of a copy."""
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[T, int]:
-        """The object that bytes begin with, in its own memory, and where it ends: for replies, which have no frame.
+        """Decode the object at the start of ``data`` into memory of its own; return it and its end offset.
 
-        Raises TruncatedBottleError, too, when more bytes are needed.
+        Used for replies, which have no length prefix.
+
+        Raises TruncatedBottleError if more bytes are needed.
         """
 
     def to_text(self, value: T) -> str:
         """The object as a person would type it."""
 
     def from_text(self, text: str) -> T:
-        """The object that was typed. Raises a RtfError for what is none."""
+        """Parse an object from its text form. Raises an RtfError if the text is invalid."""
 
 
 class TextCodec(ABC, Generic[T]):
-    """Base of codecs whose text is that of the bottle that the bytes are, and whose bytes tell where they end."""
+    """Base class of codecs whose text form is that of a bottle, and whose bytes are self-delimiting."""
 
     promise = ""
 
@@ -65,11 +67,11 @@ class TextCodec(ABC, Generic[T]):
         """See Codec."""
 
     def decode(self, data: Buffer, dialect: Dialect) -> T:
-        """The object that the message begins with; what follows it is passed over, as YARP does."""
+        """Decode the object at the start of the message and ignore what follows it, as YARP does."""
         return self.decode_from(data, dialect)[0]
 
     def adopt(self, data: Buffer, dialect: Dialect) -> T:
-        """As ``decode``, unless a codec has something to gain."""
+        """Same as ``decode``. Overridden by codecs that can avoid a copy."""
         return self.decode(data, dialect)
 
     def to_text(self, value: T) -> str:
@@ -82,17 +84,17 @@ class TextCodec(ABC, Generic[T]):
 
 
 class BottleCodec(TextCodec[Bottle]):
-    """Bottles; a property is written as one."""
+    """Codec of bottles. A property is encoded as a bottle."""
 
     def encode(self, value: Bottle | Property, dialect: Dialect) -> Sequence[Buffer]:
-        """One block, and one more for each large blob."""
+        """Return one block, and one more for each large blob."""
         return encode_blocks(value, dialect)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Bottle, int]:
         return decode_from(data, 0, dialect)
 
     def decode(self, data: Buffer, dialect: Dialect) -> Bottle:
-        """The bottle that the message begins with."""
+        """Decode the bottle at the start of the message."""
         return decode_from(data, 0, dialect)[0]
 
     def to_text(self, value: Bottle | Property) -> str:
@@ -100,7 +102,7 @@ class BottleCodec(TextCodec[Bottle]):
         return value.to_text()
 
     def from_text(self, text: str) -> Bottle:
-        """The text form, read as YARP reads it."""
+        """Parse the text form by YARP's rules."""
         return Bottle.parse(text)
 
 
@@ -108,18 +110,18 @@ BOTTLE = BottleCodec()
 
 
 class RawCodec(TextCodec[bytes]):
-    """Bytes as they are: for those who pass messages on, and for tests."""
+    """Codec that does no conversion: for programs that forward messages, and for tests."""
 
     def encode(self, value: bytes, dialect: Dialect) -> Sequence[Buffer]:  # noqa: ARG002 - bytes have no dialect
         """One block."""
         return (value,)
 
     def decode(self, data: Buffer, dialect: Dialect) -> bytes:  # noqa: ARG002
-        """A copy of everything."""
+        """Return a copy of the whole message."""
         return bytes(data)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[bytes, int]:
-        """A copy of the bottle that the bytes begin with."""
+        """Return a copy of the bottle at the start of the bytes."""
         end = extent(data, 0, dialect)
         return bytes(data[:end]), end
 
@@ -128,10 +130,10 @@ RAW = RawCodec()
 
 
 class Arriving(Generic[T]):
-    """Reads one object out of bytes that are still arriving: a reply, or a message of a carrier without frames.
+    """Decodes one object from bytes that are still arriving: a reply, or a message without a length prefix.
 
-    Usually everything is there at once. If not, the rest is awaited without reading anything twice, so a peer that
-    sends byte by byte costs no more than another one::
+    Usually all bytes are available at once. If not, the rest is awaited and no byte is scanned twice, so a peer that
+    sends byte by byte costs no more than any other::
 
         arriving = Arriving(codec, dialect)
         while True:
@@ -139,7 +141,7 @@ class Arriving(Generic[T]):
                 value, end = arriving.read(stream.window())
                 break
             except TruncatedBottleError as error:
-                stream.peek(error.needed)  # after comparing it with what may be kept
+                stream.peek(error.needed)  # after a check against the size limit
     """
 
     __slots__ = ("_codec", "_dialect", "_scanner", "_tried")
@@ -151,20 +153,23 @@ class Arriving(Generic[T]):
         self._tried = False
 
     def read(self, data: Buffer) -> tuple[T, int]:
-        """The object and where it ends; ``data`` are all bytes that are there. Errors as for ``decode_from``."""
+        """Decode the object; return it and its end offset. ``data`` is all bytes received so far.
+
+        Raises the same errors as ``decode_from``.
+        """
         if self._tried and self._scanner is not None:
             try:
                 self._scanner.end(data)
             except TruncatedBottleError:
                 raise
-            except BottleSyntaxError:  # some answers of services are no bottles; their codecs know how long they are
+            except BottleSyntaxError:  # some service replies are not bottles; only their codec knows the length
                 self._scanner = None
         self._tried = True
         return self._codec.decode_from(data, self._dialect)
 
 
 _KNOWN: dict[type, Codec[Any]] = {Bottle: BOTTLE, Property: BOTTLE}
-#: The codecs of types that cannot carry theirs: module and name in ``rtf.middleware.types``.
+#: The codecs of built-in types: module and name in ``rtf.middleware.types``.
 _HOMES: tuple[tuple[Any, str, str], ...] = (
     (str, "plain", "STRING"),
     ((bytes, bytearray, memoryview), "plain", "BYTES"),
@@ -173,21 +178,21 @@ _HOMES: tuple[tuple[Any, str, str], ...] = (
 
 
 def other_dialect(dialect: Dialect) -> Dialect:
-    """The one of the two that this is not."""
+    """Return the other of the two dialects."""
     return Dialect.YARP4 if dialect is Dialect.YARP3 else Dialect.YARP3
 
 
-def codec_of(value: object) -> Codec[Any]:  # of whatever type the value has
-    """The codec for an object that is given to a port without saying which. Raises ProtocolError."""
+def codec_of(value: object) -> Codec[Any]:  # Any: the type of the value
+    """Return the codec for a value that was given to a port without a codec. Raises ProtocolError."""
     known = _KNOWN.get(type(value))
     if known is not None:
         return known
     if type(value).__name__ == "ndarray":
         return import_module("rtf.middleware.types.arrays").codec_of_array(value)  # type: ignore[no-any-return]
-    codec = getattr(value, "codec", None)  # the types of ours carry theirs
+    codec = getattr(value, "codec", None)  # the types of this package have a codec attribute
     if codec is not None:
         return codec  # type: ignore[no-any-return]
     for types, module, name in _HOMES:
         if isinstance(value, types):
             return getattr(import_module(f"rtf.middleware.types.{module}"), name)  # type: ignore[no-any-return]
-    raise ProtocolError(f"no way is known to send a {type(value).__name__}; give a codec, or a Bottle of its values")
+    raise ProtocolError(f"no codec for the type {type(value).__name__}; pass a codec, or a Bottle of its values")

@@ -1,4 +1,4 @@
-"""What a port says of itself to people who typed ``*`` or ``?``, and the commands that only change connections."""
+"""Text commands that a port answers, such as ``*`` and ``?``, and the commands that only change connections."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from rtf.middleware.port import Port
 
 _HELP = (
-    "This port can be talked to with these commands, one a line:",
-    "  d            data for its owner follow on the next line; a reply may come",
+    "Commands of this port, one per line:",
+    "  d            data for its owner follow on the next line; it may reply",
     "  D            the same, without a reply",
-    "  a            a question of administration follows on the next line, such as [help]",
+    "  a            an admin command follows on the next line, such as [help]",
     "  /name        send output to a port, also as carrier:/name",
     "  !/name       send no more output to a port",
     "  ~/name       take no more input from a port",
-    "  r            turn this connection round: the port sends to it from now on",
+    "  r            reverse this connection: the port sends to it from now on",
     "  *            what this port is connected to",
     "  q            end this connection",
     "  ?            this text",
@@ -29,7 +29,7 @@ _UNREACHABLE = "Cannot connect to "
 
 
 def answer(port: Port, key: str, text: str) -> str:
-    """Obey a command that is neither data nor administration; returns lines for whoever typed it."""
+    """Execute a command that is neither data nor an admin request. Return the lines of the reply."""
     if key == "*":
         lines: tuple[str, ...] = tuple(connections(port))
     elif key in ("?", "h"):
@@ -46,7 +46,7 @@ def answer(port: Port, key: str, text: str) -> str:
 
 
 def connections(port: Port) -> list[str]:
-    """The port's address and connections, a line each."""
+    """Return the port's address and connections, one per line."""
     lines = [f"This is {port.name} at {port.contact.by('tcp')}"]
     outputs, inputs = port.outputs, port.inputs
     lines += [
@@ -59,7 +59,7 @@ def connections(port: Port) -> list[str]:
 
 
 def add(port: Port, target: str, carrier: str = "") -> str:
-    """Connect an output, and say in YARP's words what came of it."""
+    """Connect an output. Return the result in YARP's words."""
     try:
         contact = Contact.parse(target)
         wanted = contact.by(carrier or contact.carrier)
@@ -68,20 +68,20 @@ def add(port: Port, target: str, carrier: str = "") -> str:
         text = str(error)
         if not text.startswith(_UNREACHABLE):
             return text
-        port.network.report(text)  # YARP's programs know these words without a reason, so that is told here
+        port.network.report(text)  # YARP's programs compare this text without the reason, which is reported here
         return text.partition(": ")[0]
     return f"Added connection from {port.name} to {target if not carrier else f'{carrier}:/{contact.name}'}"
 
 
 def remove_output(port: Port, name: str) -> str:
-    """Disconnect an output, likewise."""
+    """Disconnect an output. Return the result in YARP's words."""
     if port.remove_output(name):
         return f"Removed connection from {port.name} to {name}"
     return f"Could not find an outgoing connection to {name}"
 
 
 def remove_input(port: Port, name: str) -> str:
-    """Hang up on an input, likewise."""
+    """Disconnect an input. Return the result in YARP's words."""
     if port.remove_input(name):
         return f"Removing connection from {name} to {port.name}"
     return f"Could not find an incoming connection from {name}"

@@ -1,4 +1,4 @@
-"""What can go wrong between ports: one base error, and leaves that are built-ins as well."""
+"""The errors of the middleware: one base class, and subclasses that are also built-in exceptions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from rtf.errors import RtfError
 
 
 class MiddlewareError(RtfError):
-    """Something about a port, a name or a connection; the message names it and what would fix it."""
+    """An error of a port, a name or a connection. The message names it and says how to fix it."""
 
 
 class NameNotFoundError(MiddlewareError, LookupError):
@@ -14,20 +14,20 @@ class NameNotFoundError(MiddlewareError, LookupError):
 
 
 class AddressError(MiddlewareError, ValueError):
-    """A text that is no port name or contact."""
+    """A text that is not a port name or contact."""
 
 
 class ConnectError(MiddlewareError, ConnectionError):
-    """Two ports cannot be connected, or their connection broke."""
+    """Two ports cannot be connected, or their connection was lost."""
 
 
 class ProtocolError(MiddlewareError, ConnectionError):
-    """A peer said something that the protocol does not allow, or more than it may."""
+    """A peer violated the protocol, or exceeded one of its limits."""
 
 
 class PortClosedError(MiddlewareError, OSError):
-    """The port is closed or interrupted, so nothing can be read or written."""
+    """The port is closed or interrupted: nothing can be read or written."""
 
 
 class WaitTimeoutError(MiddlewareError, TimeoutError):
-    """Something did not happen in time."""
+    """An operation did not finish within its timeout."""

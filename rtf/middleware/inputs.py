@@ -1,9 +1,10 @@
-"""A connection that a port receives from, from the first byte of the handshake to the end.
+"""An incoming connection of a port, from the first byte of the handshake to the end.
 
-It has a thread of its own, which waits for messages, has the port deal with them, and answers. Where that takes no
-time, because the port only keeps what comes (see :class:`~rtf.middleware.port.Port`), the thread ends after the first
-message and the connection is *gathered*: one thread reads all of them. A dozen streams would else be a dozen threads
-that get into each other's way. What is more than a small message of data gives a connection its own thread back.
+Each connection starts with a thread of its own, which waits for messages, passes them to the port and replies. If the
+port's callback never blocks (``nonblocking``, see :class:`~rtf.middleware.port.Port`), that thread ends after the first
+message and one *shared reader* thread serves the connection: a dozen streams would otherwise be a dozen threads that
+compete for the interpreter. A connection returns to a thread of its own as soon as it carries anything but small
+messages of data.
 """
 
 from __future__ import annotations
@@ -14,12 +15,12 @@ from typing import TYPE_CHECKING
 
 from rtf.errors import RtfError
 from rtf.middleware.carriers import registry
-from rtf.middleware.carriers.base import GatheredLink
+from rtf.middleware.carriers.base import PollableInputLink
 from rtf.middleware.errors import ProtocolError
 from rtf.middleware.naming import authentication
 from rtf.middleware.qos import Connection
+from rtf.middleware.socket_watcher import SocketWatcher
 from rtf.middleware.stream import CHUNK, Stream, StreamClosedError
-from rtf.middleware.watching import Watcher
 
 if TYPE_CHECKING:
     import socket as sockets
@@ -28,37 +29,38 @@ if TYPE_CHECKING:
     from rtf.middleware.carriers.base import InputLink, Message
     from rtf.middleware.port import Port
 
-#: Seconds that a caller may take to say what it wants. People type handshakes by hand, so it is long.
+#: Seconds that a caller may take for the handshake. People type handshakes by hand, so it is long.
 _PATIENCE = 60.0
 _HEADER = 8
-#: Commands after which nothing more is received.
+#: Commands after which no further message is received.
 _LAST = frozenset("qr")
-#: Reads all connections that are gathered.
-_GATHERER = Watcher("rtf-gatherer")
+#: The shared reader: reads all connections of non-blocking ports.
+_SHARED_READER = SocketWatcher("rtf-shared-reader")
 
 
 class Input(Connection):
-    """One caller of a port. Until its handshake is done it has no ``link``."""
+    """One incoming connection of a port. ``link`` is None until the handshake is done."""
 
-    instead = "one thread reads all streams that are only kept"
+    instead = "one thread reads all streams of non-blocking ports"
 
     def __init__(self, port: Port, connection: sockets.socket) -> None:
         self.port = port
         self.link: InputLink | None = None
-        self.official = False  # the port has been told of it
+        self.announced = False  # the port has reported it as an input
         self._closing = False
-        #: What the caller is taken to speak; found out as soon as it says something that is only possible in one.
+        #: The dialect that the caller is assumed to speak; corrected when it sends something that only the other one
+        #: allows.
         self.dialect = port.network.dialect
-        self._turned = False  # the stream is an output's now
-        self._gathered = False
-        self._changing = threading.Lock()  # between being gathered and not
+        self._turned = False  # the stream belongs to an output now
+        self._shared = False
+        self._changing = threading.Lock()  # guards the change between own thread and shared reader
         self._ended = threading.Event()
         self._stream = Stream(connection)
         self._thread = self._new_thread(self._serve)
 
     @property
     def sender(self) -> str:
-        """The name of the caller, or an empty text while it has not said."""
+        """The name of the caller; empty before the handshake is done."""
         return "" if self.link is None else self.link.sender
 
     @property
@@ -79,23 +81,23 @@ class Input(Connection):
 
     @property
     def is_here(self) -> bool:
-        """Whether this is the thread that deals with it."""
-        return _GATHERER.is_here if self._gathered else self._thread is threading.current_thread()
+        """Whether the current thread is the one that serves this connection."""
+        return _SHARED_READER.is_here if self._shared else self._thread is threading.current_thread()
 
     def start(self) -> None:
-        """Begin to listen to the caller."""
+        """Start the thread that serves the connection."""
         self._thread.start()
 
     def close(self) -> None:
-        """Hang up. Its thread notices, which is at once unless it is in a callback, and ends it."""
+        """Close the connection. Its thread ends at once, or when the callback that is running returns."""
         with self._changing:
             self._closing = True
-            if not self._gathered and self.link is not None:
+            if not self._shared and self.link is not None:
                 self.link.close()
         self._stream.wake()
 
     def join(self, timeout: float) -> None:
-        """Wait for its end; not in the thread that deals with it."""
+        """Wait until the connection has ended. Returns at once in the thread that serves it."""
         if not self.is_here and self._ended.wait(timeout) and self._thread is not threading.current_thread():
             self._thread.join(timeout)
 
@@ -109,26 +111,26 @@ class Input(Connection):
         return threading.Thread(target=run, name=f"rtf-input {self.port.name}", daemon=True)
 
     def _do(self, work: Callable[[], bool]) -> None:
-        """Do some of its work, and end it unless that says that it goes on."""
+        """Run ``work`` and report its errors. End the connection unless ``work`` returns True."""
         goes_on = False
         try:
             with contextlib.suppress(StreamClosedError):
                 goes_on = work()
         except RtfError as error:
-            self.port.complain(self, error)
+            self.port.report_broken_input(self, error)
         finally:
             if not goes_on:
                 self._end()
 
     def _end(self) -> None:
-        if self._gathered:
-            _GATHERER.remove(self._stream.socket)
+        if self._shared:
+            _SHARED_READER.remove(self._stream.socket)
         if not self._turned:
             if self.link is not None:
                 self.link.close()
                 self.link.release()
             self._stream.close()
-        self.port.left(self)
+        self.port.input_closed(self)
         self._ended.set()
 
     def _serve(self) -> bool:
@@ -140,61 +142,61 @@ class Input(Connection):
         carrier = registry.for_header(header)
         if carrier is None:
             stream.send(_UNKNOWN)
-            raise ProtocolError(f"{header!r} begins no carrier that is known here")
+            raise ProtocolError(f"{header!r} is not the header of a known carrier")
         self.link = link = carrier.accept(stream, self.port)
-        if self._closing:  # whoever said so found no link to close
+        if self._closing:  # ``close`` was called before there was a link to close
             return False
-        self.port.joined(self)
+        self.port.input_opened(self)
         link.welcome(stream, self.port)
         stream.limit_waiting(None)
         return self._receive_all(link, link.receive())
 
     def _receive_all(self, link: InputLink, message: Message) -> bool:
-        """Deal with messages, this one first; returns whether the connection goes on elsewhere."""
+        """Handle messages, starting with this one. Return whether the connection continues in another thread."""
         receive, answer, dispatch = link.receive, link.answer, self.port.dispatch
-        gathers = self.port.keeps and isinstance(link, GatheredLink)
-        # What one that was hung up on has sent before is older than what comes from whoever took its place.
+        pollable = self.port.nonblocking and isinstance(link, PollableInputLink)
+        # A closed connection stops here: its unread messages are older than those of the one that replaced it.
         while not self._closing:
             key, text, data = message
-            if key in _LAST and (key == "q" or text in ("", "r")):  # and not a word that happens to begin so
+            if key in _LAST and (key == "q" or text in ("", "r")):  # not a longer word with the same first letter
                 answer()
                 if key == "r":
                     self._turn_round(link)
                 return False
             answer(*dispatch(self, key, text, data))
-            del message, data  # whoever keeps it now makes it theirs
-            if gathers and key == "D" and 0 < link.missing() <= CHUNK:  # type: ignore[attr-defined]  # see gathers
-                return self._be_gathered()
+            del message, data  # a callback that stored the data now owns them
+            if pollable and key == "D" and 0 < link.missing() <= CHUNK:  # type: ignore[attr-defined]  # see pollable
+                return self._move_to_shared_thread()
             message = receive()
         return False
 
     def _turn_round(self, link: InputLink) -> None:
-        from rtf.middleware.reversing import turned_round
+        from rtf.middleware.reverse_connection import output_from_input
 
-        self.port.adopt(turned_round(link, self._stream))
+        self.port.adopt(output_from_input(link, self._stream))
         self._turned = True
 
-    def _be_gathered(self) -> bool:
-        """Leave this thread; False when the connection has been closed."""
+    def _move_to_shared_thread(self) -> bool:
+        """Hand the connection over to the shared reader. Return False if it has been closed."""
         with self._changing:
             if self._closing:
                 return False
-            self._gathered = True
+            self._shared = True
             self.thread = 0
-            _GATHERER.add(self._stream.socket, self._ready)
+            _SHARED_READER.add(self._stream.socket, self._ready)
             return True
 
-    # In the thread that reads all that are gathered -----------------------------------------------------------------
+    # In the shared reader thread ------------------------------------------------------------------------------------
 
     def _ready(self) -> None:
-        """Something has come, or the end."""
-        if self._gathered and not self._ended.is_set():
-            self._do(self._gather)
+        """Handle what has arrived, which may be the end of the connection."""
+        if self._shared and not self._ended.is_set():
+            self._do(self._receive_available)
 
-    def _gather(self) -> bool:
-        """Deal with all messages that are there as a whole."""
+    def _receive_available(self) -> bool:
+        """Handle all messages that have arrived completely."""
         link, dispatch = self.link, self.port.dispatch
-        assert isinstance(link, GatheredLink)
+        assert isinstance(link, PollableInputLink)
         link.fill()
         dealt = 0
         while not (missing := link.missing()):
@@ -204,26 +206,26 @@ class Input(Connection):
             key, text, data = message
             if key != "D":
                 link.acknowledge(dealt)
-                return self._take_thread(message)
+                return self._move_to_own_thread(message)
             dispatch(self, key, text, data)
             dealt += 1
         link.acknowledge(dealt)
-        return missing <= CHUNK or self._take_thread(None)
+        return missing <= CHUNK or self._move_to_own_thread(None)
 
-    def _take_thread(self, message: Message | None) -> bool:
-        """Have a thread of its own go on, with a message that has been received already, or with the next one."""
+    def _move_to_own_thread(self, message: Message | None) -> bool:
+        """Continue in a thread of its own, with a message that was already received, or with the next one."""
         link = self.link
         assert link is not None
         with self._changing:
-            _GATHERER.remove(self._stream.socket)
-            self._gathered = False
+            _SHARED_READER.remove(self._stream.socket)
+            self._shared = False
             self._thread = self._new_thread(lambda: self._receive_all(link, message or link.receive()))
             self._thread.start()
         return True
 
 
 _UNKNOWN = (
-    b"* Error. This is a port of a robot's network, and what you sent begins no carrier it knows.\r\n"
+    b"* Error. This is a port of a robot's network; it knows no carrier with this header.\r\n"
     b"* With telnet, type CONNECT and a name first, then d and a line of data, or ? for help.\r\n"
     b"* Goodbye.\r\n"
 )

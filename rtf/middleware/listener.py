@@ -1,11 +1,11 @@
-"""One thread that accepts connections for all ports of the process: five hundred idle ports cost one thread."""
+"""A thread that accepts connections for all ports of the process: five hundred idle ports cost one thread."""
 
 from __future__ import annotations
 
 from functools import partial
 from typing import TYPE_CHECKING
 
-from rtf.middleware.watching import Watcher
+from rtf.middleware.socket_watcher import SocketWatcher
 
 if TYPE_CHECKING:
     import socket
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
 
 
 class Listener:
-    """Waits on any number of listening sockets."""
+    """Accepts connections on any number of listening sockets."""
 
     def __init__(self) -> None:
-        self._watcher = Watcher("rtf-listener")
+        self._watcher = SocketWatcher("rtf-listener")
 
     def add(self, listening: socket.socket, take: Taker) -> None:
-        """Call ``take`` with each connection to a socket; in the listener's thread, so it must be quick."""
+        """Call ``take`` with each accepted connection, in the listener's thread: it must not block."""
         listening.setblocking(False)
         self._watcher.add(listening, partial(_accept, listening, take))
 
     def remove(self, listening: socket.socket) -> None:
-        """Stop waiting on a socket, and close it."""
+        """Stop accepting on a socket and close it."""
         self._watcher.remove(listening)
         listening.close()
 
@@ -35,10 +35,10 @@ def _accept(listening: socket.socket, take: Taker) -> None:
     try:
         connection, _ = listening.accept()
     except OSError:
-        return  # the caller has gone again, or there are no descriptors left: it may try again
+        return  # the caller is gone, or no file descriptor is free: it may try again
     connection.setblocking(True)
     take(connection)
 
 
-#: The one of this process.
+#: The listener of this process.
 SHARED = Listener()

@@ -1,14 +1,14 @@
-"""The server of lockstep time: it lets time pass when everybody waits. The simulator is built on it.
+"""The server of lockstep time: time advances when all participants wait. The simulator is built on it.
 
-It knows nothing of what happens in time; ``advance(until)`` does that, and returns how far it came: everything that was
-to happen up to then has happened, and everything that was to be published has been delivered. Its port also publishes
-the time, as YARP's clocks do, for those who live by it without taking part.
+The server does not know what happens in time. ``advance(until)`` does that and returns the time reached: everything due
+until then has happened, and everything to be published has been delivered. The server's port also publishes the time,
+as YARP's clocks do, for programs that follow the time without taking part.
 
-Whoever is the last to wait lets time pass in the thread that serves it, which saves it from being handed to another
-thread and back. The server's own thread does so when nobody takes part, and when the time is directed.
+Time advances in the thread of the participant that starts to wait last, which avoids two thread switches. The server's
+own thread advances it when there are no participants, and when the time is controlled by commands.
 
-Beside what takes part (:mod:`rtf.middleware.time`) it answers those who direct the time: ``pause``, ``continue``,
-``step SECONDS`` while it is paused, ``reset``, and ``participants``.
+Beside the commands of participants (:mod:`rtf.middleware.time`) the port answers commands that control the time:
+``pause``, ``continue``, ``step SECONDS`` while paused, ``reset``, and ``participants``.
 """
 
 from __future__ import annotations
@@ -26,37 +26,37 @@ from rtf.middleware.port import Port
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.inputs import Input
     from rtf.middleware.network import Network
     from rtf.middleware.outputs import Output
 
 _OK, _FAIL = Vocab("ok"), Vocab("fail")
 _NANOSECONDS = 1_000_000_000
-_DIGITS = 9  # nanoseconds are the finest that YARP's clocks tell
+_DIGITS = 9  # YARP's clocks have a resolution of nanoseconds
 _LONGEST_STEP = 3600.0
 _LISTENING = 5.0
 
 
 @dataclass(slots=True)
 class Participant:
-    """Somebody who takes part: a name for people, the connection that stands for it, and the moment it waits for."""
+    """A participant: its name for messages, the connection that it joined by, and the time that it waits for."""
 
     name: str
     sender: str
-    caller: int  # the thread that serves its connection; names may soon be somebody else's
+    caller: int  # the thread that serves its connection; a port name may be reused
     until: float | None = None
 
 
 class LockstepServer:
-    """Serves time at the port ``name``. ``advance`` is called in one thread at a time, while all participants wait.
+    """Serves time at the port ``name``. ``advance`` runs in one thread at a time, while all participants wait.
 
-    It returns a time that is not before the one it was given.
+    ``advance`` returns a time that is not before its argument.
 
-    When nobody takes part time stands still, or goes on in steps of ``idle`` seconds. A participant that does not wait
-    for ``patience`` seconds of the machine's time, while others do, is told of by ``complain``. ``reset`` is called
-    between two of its calls when somebody asks for it; without it that is refused. An error in either ends the time:
-    it is kept as ``broken``, and those who wait are told.
+    Without participants time stands still, or advances in steps of ``idle`` seconds. A participant that does not wait
+    for ``patience`` seconds of real time, while others do, is reported to ``complain``. ``reset`` is called between two
+    calls of ``advance`` when a client requests it; without it the request is refused. An error in either ends the time:
+    it is stored as ``broken``, and all who wait get an error reply.
     """
 
     def __init__(
@@ -79,10 +79,10 @@ class LockstepServer:
         self._patience = patience
         self._complain = complain or network.report
         lock = threading.RLock()
-        self._changed = threading.Condition(lock)  # for those who ask
-        self._work = threading.Condition(lock)  # for the thread of the server
-        self._passing = False  # time passes now, in some thread
-        self._stands_since = clock.monotonic()  # since when nothing has changed
+        self._changed = threading.Condition(lock)  # for threads that serve requests
+        self._work = threading.Condition(lock)  # for the server's own thread
+        self._passing = False  # ``advance`` is running in some thread
+        self._stands_since = clock.monotonic()  # the last change, in monotonic time
         self._participants: dict[int, Participant] = {}
         self._next = 1
         self._closed = False
@@ -106,38 +106,38 @@ class LockstepServer:
 
     @property
     def name(self) -> str:
-        """The name of its port."""
+        """The name of the server's port."""
         return self._port.name
 
     @property
     def participants(self) -> tuple[Participant, ...]:
-        """Who takes part."""
+        """The current participants."""
         with self._changed:
             return tuple(self._participants.values())
 
     @property
     def heard(self) -> bool:
-        """Whether somebody is connected who wants to be sent the time."""
+        """Whether any port is connected that receives the time."""
         return bool(self._port.outputs)
 
     def publish(self, now: float) -> None:
-        """Send the time to those who are connected; to be called while time passes, as often as it is to be heard."""
+        """Send the time to all connected ports. ``advance`` calls it as often as the time is to be published."""
         seconds, nanoseconds = divmod(round(now * _NANOSECONDS), _NANOSECONDS)
         self._port.write(Bottle([seconds, nanoseconds]))
 
     def pause(self) -> None:
-        """Let no time pass until ``resume``."""
+        """Stop time until ``resume``."""
         with self._changed:
             self._paused = True
 
     def resume(self) -> None:
-        """Let time pass again."""
+        """Let time advance again."""
         with self._changed:
             self._paused = False
             self._tell_all()
 
     def close(self) -> None:
-        """Be done; those who wait are refused."""
+        """Stop the server. Participants that wait get an error reply."""
         with self._changed:
             self._closed = True
             self._tell_all()
@@ -145,10 +145,10 @@ class LockstepServer:
         self._port.close()
         self._thread.join()
 
-    # Time passes ----------------------------------------------------------------------------------------------------
+    # Advancing time -------------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        """In the thread of the server."""
+        """Run the server's own thread."""
         try:
             while (until := self._wait_for_work()) is not None:
                 self._pass(until)
@@ -156,7 +156,7 @@ class LockstepServer:
             self._break(error)
 
     def _wait_for_work(self) -> float | None:
-        """Wait until time may pass in the thread of the server; returns up to when, or None at the end."""
+        """Wait until the server's own thread has to advance time. Return up to when, or None at the end."""
         with self._work:
             while not self._closed:
                 if self._reset_wanted and not self._passing:
@@ -172,7 +172,7 @@ class LockstepServer:
             return None
 
     def _wait_until(self, time: float) -> None:
-        """Wait until it is so late, or the end; let time pass meanwhile whenever it may."""
+        """Wait until ``time`` is reached or the server ends. Advance time in this thread whenever it may."""
         while True:
             with self._changed:
                 until = None
@@ -183,7 +183,7 @@ class LockstepServer:
             self._pass(until)
 
     def _take_turn(self) -> float | None:
-        """Up to when time may pass now, in the thread that asks, which then has to do it. With the lock."""
+        """Return up to when this thread has to advance time, or None if it may not. The caller holds the lock."""
         if self._passing or self._reset_wanted:
             return None
         until = self._next_moment()
@@ -191,10 +191,10 @@ class LockstepServer:
         return until
 
     def _pass(self, until: float) -> None:
-        """Let time pass in this thread, which has taken its turn."""
+        """Advance time in this thread, after ``_take_turn``."""
         try:
             reached = round(self._advance(until), _DIGITS) if until > self.now else self.now
-        except BaseException as error:  # noqa: BLE001 - whoever waits must hear of it, and nobody else would
+        except BaseException as error:  # noqa: BLE001 - passed on to all participants that wait
             self._break(error)
             return
         with self._changed:
@@ -208,7 +208,7 @@ class LockstepServer:
                 self._work.notify()
 
     def _break(self, error: BaseException) -> None:
-        """Time has ended."""
+        """End the time after an error."""
         with self._changed:
             self._passing = False
             self.broken = error
@@ -217,13 +217,13 @@ class LockstepServer:
         self._complain(f"time ends at {self.now:.6g} s: {type(error).__name__}: {error}")
 
     def _tell_all(self) -> None:
-        """Have everybody look what there is to do. With the lock."""
+        """Wake all threads to check their conditions. The caller holds the lock."""
         self._stands_since = clock.monotonic()
         self._changed.notify_all()
         self._work.notify()
 
     def _next_moment(self) -> float | None:
-        """Up to when time may pass now."""
+        """Return up to when time may advance, or None if it may not."""
         if self._paused:
             return self._step_until
         waiting = [one.until for one in self._participants.values()]
@@ -233,7 +233,7 @@ class LockstepServer:
         return min(wanted) if len(wanted) == len(waiting) else None
 
     def _patience_left(self) -> float:
-        """For how long time may still stand (s)."""
+        """Return the seconds that are left until a late participant is reported."""
         return max(0.0, self._patience - (clock.monotonic() - self._stands_since))
 
     def _name_the_late(self) -> None:
@@ -241,16 +241,16 @@ class LockstepServer:
             return
         late = [one.name for one in self._participants.values() if one.until is None]
         if late and len(late) < len(self._participants):
-            self._complain(f"time stands still at {self.now:.6g} s: {', '.join(late)} does not wait for it")
+            self._complain(f"time stands still at {self.now:.6g} s: {', '.join(late)} does not wait for the time")
 
-    # Questions, each in the thread of who asks ------------------------------------------------------------------
+    # Requests, each in the thread of its connection -------------------------------------------------------------
 
-    def _answer(self, delivery: Delivery) -> None:
+    def _answer(self, delivery: IncomingMessage) -> None:
         question = delivery.read()
         word = as_string(question.get(0))
         asked = self._questions.get(word)
         if asked is None:
-            delivery.reply(Bottle([_FAIL, f"{word!r} is none of {', '.join(self._questions)}"]))
+            delivery.reply(Bottle([_FAIL, f"{word!r} is not one of {', '.join(self._questions)}"]))
         else:
             delivery.reply(asked(question, delivery.sender))
 
@@ -261,14 +261,14 @@ class LockstepServer:
             return Bottle([_OK, number, self.now])
 
     def _until(self, question: Bottle, sender: str) -> Bottle:
-        # Sums of decimal fractions differ from them in the last bit; nobody means that.
+        # Sums of decimal fractions differ from the intended value in the last bit.
         time = round(as_float(question.get(2)), _DIGITS)
         with self._changed:
             participant = self._participants.get(as_int(question.get(1)))
             if participant is None or participant.sender != sender:
                 return Bottle([_FAIL, "join first"])
             if not math.isfinite(time):
-                return Bottle([_FAIL, f"{time} is no time"])
+                return Bottle([_FAIL, f"{time} is not a time"])
             participant.until = time
             self._stands_since = clock.monotonic()
         self._wait_until(time)
@@ -299,7 +299,7 @@ class LockstepServer:
         return Bottle([_OK, self.now])
 
     def _step(self, question: Bottle, _sender: str) -> Bottle:
-        """Let so much time pass while it is paused; it need not be waited for."""
+        """Advance a paused time by a number of seconds, whether or not participants wait for it."""
         seconds = as_float(question.get(1))
         with self._changed:
             if not self._paused:
@@ -321,31 +321,31 @@ class LockstepServer:
             return Bottle([_OK, self.now])
 
     def _tell_participants(self, _question: Bottle, _sender: str) -> Bottle:
-        """The name of each, and what it waits for: a time, or the word ``works``."""
+        """Return the name of each participant and what it waits for: a time, or the word ``works``."""
         with self._changed:
             people = [Bottle([one.name, "works" if one.until is None else one.until]) for one in self.participants]
             return Bottle([_OK, *people])
 
     def _left(self) -> None:
-        """A connection is gone, and with it whoever it stood for. In the thread that served it."""
+        """Remove the participants of a connection that ended. Runs in the thread that served it."""
         with self._changed:
             self._participants = {key: one for key, one in self._participants.items() if one.caller != get_ident()}
             self._tell_all()
 
 
 class _ClockPort(Port):
-    """The port of the server: it notices who hangs up."""
+    """The port of the server, which notices closed connections."""
 
     def __init__(
-        self, name: str, answer: Callable[[Delivery], None], gone: Callable[[], None], *, network: Network
+        self, name: str, answer: Callable[[IncomingMessage], None], gone: Callable[[], None], *, network: Network
     ) -> None:
         self._gone = gone
         super().__init__(name, answer, network=network)
 
     def connected(self, output: Output) -> None:
-        """See Port: time does not wait long for who listens to it."""
+        """Limit how long the server waits for a slow receiver of the time."""
         output.link.limit_waiting(_LISTENING)
 
-    def left(self, caller: Input) -> None:
-        super().left(caller)
+    def input_closed(self, caller: Input) -> None:
+        super().input_closed(caller)
         self._gone()

@@ -1,8 +1,8 @@
-"""What can be seen of a whole network from outside: which ports answer and how fast, what is connected, what flows.
+"""The state of a whole network: which ports answer and how fast, what is connected, and the data rates.
 
-Everything is asked by the questions that every port of YARP answers, and read from what the kernel counts for the
-connections of this machine, so ports of YARP are seen as well as ours and none of them has to help. What cannot be
-seen so are the rates of other machines, and of datagrams; for these there is :class:`Tap`.
+It is collected with admin requests that every YARP port answers, and from the kernel's counters of this machine's
+connections, so YARP's own ports are covered and no program has to cooperate. Rates on other machines and of datagrams
+are not visible this way; :class:`Tap` measures those.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rtf import clock
 from rtf.bottle import Bottle, as_string
-from rtf.middleware import kernel, remote
+from rtf.middleware import remote, tcp_counters
 from rtf.middleware.codecs import RAW
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.names import Contact
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
     from typing import Self
 
     from rtf.middleware.carriers.text import TextOutput
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.network import Network
 
-#: Entries of a name server that stand for no port that could be asked.
+#: Carriers of name server entries that are not ports and cannot be queried.
 NO_PORT = ("mcast", "topic")
 _AT_A_TIME = 16
-#: A connection is seen from both ends; this is how the kernel tells an acknowledgement of tcp: its bytes.
+#: Bytes of an acknowledgement of ``tcp``, by which the kernel's counters show messages.
 _ACK = 8
 
 
 class Link(NamedTuple):
-    """A connection, as its sender tells of it."""
+    """A connection, as reported by its source."""
 
     source: str
     target: str
@@ -48,7 +48,7 @@ class Link(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PortState:
-    """A port at one moment. ``latency`` is seconds for a question and its answer, None when it did not answer."""
+    """The state of a port at one moment. ``latency`` is a request's round trip in seconds, None without a reply."""
 
     contact: Contact
     latency: float | None = None
@@ -57,17 +57,17 @@ class PortState:
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """The name of the port."""
         return self.contact.name
 
     @property
     def alive(self) -> bool | None:
-        """Whether it answers; None for an entry that is no port."""
+        """Whether the port answers; None for an entry that is not a port."""
         return None if self.contact.carrier in NO_PORT else self.latency is not None
 
 
 def survey(network: Network, prefix: str = "", *, patience: float = 1.0) -> list[PortState]:
-    """Look at all ports, or those at or below a name, many at a time; in the order of their names.
+    """Query all ports, or those at or below ``prefix``, in parallel. Return their states sorted by name.
 
     A port that takes more than ``patience`` seconds counts as silent. Raises ConnectError without a name server.
     """
@@ -87,7 +87,7 @@ def _look_at(network: Network, contact: Contact) -> PortState:
             latency = clock.monotonic() - before
             targets = [*map(as_string, _ask(link, "[list] [out]"))]
             outputs = [Link(contact.name, target, _carrier(link, target)) for target in targets]
-            # Whoever asks, as this does now, appears among them under a label that is no name of a port.
+            # The connection of this query is listed too, under a label that does not begin with a slash.
             inputs = [source for source in map(as_string, _ask(link, "[list] [in]")) if source.startswith("/")]
     except MiddlewareError:
         return PortState(contact)
@@ -103,33 +103,33 @@ def _carrier(link: TextOutput, target: str) -> str:
     return as_string(_ask(link, f"[list] [out] {Bottle([target]).to_text()}").find("carrier"))
 
 
-# What flows ------------------------------------------------------------------------------------------------------
+# Data rates ------------------------------------------------------------------------------------------------------
 
 
 class Flow(NamedTuple):
-    """What a port received in a second: bytes, and messages where these can be told."""
+    """The data rate of a port: bytes per second, and messages per second or None if they cannot be counted."""
 
     bandwidth: float
     rate: float | None
 
 
 class Traffic:
-    """Rates between two looks at what the kernel has counted for the ports of this machine.
+    """Measures the data rates of this machine's ports, from the kernel's counters at two times.
 
-    Messages over ``tcp`` can be counted because a receiver acknowledges each with eight bytes of its own; those over
-    other carriers, and questions with their answers, cannot.
+    Messages over ``tcp`` can be counted because a receiver acknowledges each with eight bytes. Messages of other
+    carriers, and requests with their replies, cannot.
     """
 
     def __init__(self) -> None:
         self._at = 0.0
-        self._seen: Mapping[kernel.Ends, kernel.Counted] = {}
+        self._seen: Mapping[tcp_counters.Endpoints, tcp_counters.TcpCounters] = {}
 
     def flows(self, ports: Iterable[PortState]) -> dict[str, Flow]:
-        """What came to each port since the last call, by name; ports of which nothing is known are left out."""
-        seen, now = kernel.connections(), clock.monotonic()
+        """Return the data rate of each port since the last call, by name; ports without counters are left out."""
+        seen, now = tcp_counters.connections(), clock.monotonic()
         before, seconds = self._seen, now - self._at
         self._seen, self._at = seen, now
-        coming: dict[tuple[str, int], list[kernel.Counted]] = {}
+        coming: dict[tuple[str, int], list[tcp_counters.TcpCounters]] = {}
         for ends, counted in seen.items():
             if ends in before:
                 coming.setdefault(ends.near, []).append(counted.since(before[ends]))
@@ -141,7 +141,7 @@ class Traffic:
         return found
 
 
-def _flow(counts: Sequence[kernel.Counted], seconds: float) -> Flow:
+def _flow(counts: Sequence[tcp_counters.TcpCounters], seconds: float) -> Flow:
     received = sum(one.received for one in counts)
     answered = sum(one.sent for one in counts)
     answers = sum(one.segments_sent for one in counts)
@@ -151,9 +151,9 @@ def _flow(counts: Sequence[kernel.Counted], seconds: float) -> Flow:
 
 
 class Tap:
-    """Counts what a port sends, by having it send to a port of ours for as long as the block lasts.
+    """Measures what a port sends, by connecting it to a port of this process. A context manager.
 
-    Raises MiddlewareError when it cannot be connected. It costs the sender as much as any other reader.
+    Raises MiddlewareError if the connection fails. A tap costs the sender as much as any other reader.
     """
 
     def __init__(self, network: Network, source: Contact, carrier: str = "fast_tcp") -> None:
@@ -170,14 +170,14 @@ class Tap:
             self._port.close()
             raise
 
-    def _receive(self, delivery: Delivery) -> None:
+    def _receive(self, delivery: IncomingMessage) -> None:
         size = len(delivery.read(RAW))
         with self._lock:
             self._messages += 1
             self._bytes += size
 
     def flow(self) -> Flow:
-        """What came since the last call."""
+        """Return the data rate since the last call."""
         now = clock.monotonic()
         with self._lock:
             messages, size, seconds = self._messages, self._bytes, now - self._since
@@ -187,12 +187,12 @@ class Tap:
 
     @property
     def name(self) -> str:
-        """The name of the port that counts."""
+        """The name of the port that receives."""
         return self._port.name
 
     def close(self) -> None:
-        """Count no more."""
-        with contextlib.suppress(MiddlewareError):  # it is gone, or sends here no more
+        """Disconnect and close the port."""
+        with contextlib.suppress(MiddlewareError):  # the source is gone or no longer connected
             remote.disconnect(self._network, self.source, Contact(self.name))
         self._port.close()
 

@@ -1,4 +1,4 @@
-"""Names of ports, and contacts: where a port can be reached, and how."""
+"""Names of ports, and contacts: the address of a port and the carrier to use."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import Self
 
 from rtf.middleware.errors import AddressError
 
-#: A carrier may bring modifiers: ``tcp+recv.portmonitor+file.x``.
+#: A carrier may have modifiers: ``tcp+recv.portmonitor+file.x``.
 _CONTACT = re.compile(r"(?:(?P<carrier>[^:/]+):)?(?P<rest>/.*)", re.DOTALL)
 _NUMERIC = re.compile(r"/(?P<host>\[[0-9A-Fa-f:.]+\]|[^:/\[\]]+):(?P<port>[0-9]{1,5})(?P<name>/.*)?", re.DOTALL)
 _MOST = 65535
-#: An address, or a host's name: the resolver takes no other, and some of them it takes by raising strange errors.
+#: An address or a host name. Other texts are refused here, because the resolver raises odd errors for some.
 _INET6 = r"(?=.*:.*:)(?!\.)[0-9A-Fa-f:.]{2,45}"
 _HOST = re.compile(_INET6 + r"|(?=.{1,253}\Z)[0-9A-Za-z_-]{1,63}(?:\.[0-9A-Za-z_-]{1,63})*\.?")
 
 
 def is_host(text: str) -> bool:
-    """Whether a text can be the address or the name of a machine."""
+    """Return whether a text can be the address or the name of a machine."""
     return _HOST.fullmatch(text) is not None and ".." not in text
 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """How a port is reached: its name, host and number, and the carrier that is meant. What is not known is empty."""
+    """The contact of a port: its name, host, port number and carrier. Unknown fields are empty."""
 
     name: str = ""
     host: str = ""
@@ -39,12 +39,12 @@ class Contact:
         """
         match = _CONTACT.fullmatch(text)
         if match is None:
-            raise AddressError(f"{text!r} is no port: a name begins with '/', such as /robot/head/state:o")
+            raise AddressError(f"{text!r} is not a port name: it begins with '/', such as /robot/head/state:o")
         carrier = match["carrier"] or ""
         rest = "/" + match["rest"].lstrip("/") if carrier else match["rest"]
         numeric = _NUMERIC.fullmatch(rest)
         host = "" if numeric is None else numeric["host"].strip("[]")
-        # A name may look like an address: /cam:100000 is a port that somebody called so.
+        # A name may look like an address: /cam:100000 is a valid port name.
         if numeric is None or int(numeric["port"]) > _MOST or not is_host(host):
             return cls(name=rest, carrier=carrier)
         name = numeric["name"] or ""
@@ -52,15 +52,15 @@ class Contact:
 
     @property
     def valid(self) -> bool:
-        """Whether it says where to connect to."""
+        """Whether the contact has a host and a port number."""
         return bool(self.host) and self.port > 0
 
     def by(self, carrier: str) -> Self:
-        """The same port by another carrier."""
+        """Return the contact of the same port with another carrier."""
         return replace(self, carrier=carrier)
 
     def __str__(self) -> str:
-        """Write it as YARP does: ``tcp://127.0.0.1:10002/``, or ``tcp:/`` and the name."""
+        """Return the contact as YARP writes it: ``tcp://127.0.0.1:10002/``, or ``tcp:/`` and the name."""
         carrier = f"{self.carrier}:/" if self.carrier else ""
         if not self.valid:
             return f"{carrier}{self.name}"

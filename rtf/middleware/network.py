@@ -1,4 +1,4 @@
-"""What the ports of a process share: the names, the dialect, and how patient they are."""
+"""The settings that the ports of a process share: the name server, the dialect, and timeouts."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Dialect
-from rtf.middleware.dialing import dial
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
+from rtf.middleware.tcp_connection import open_stream
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.middleware.names import Contact
-    from rtf.middleware.naming.book import Names
+    from rtf.middleware.naming.base import Names
     from rtf.middleware.stream import Stream
 
 _BACKLOG = 128
@@ -24,7 +24,7 @@ _BACKLOG = 128
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """How a port is opened that was asked for by some name: what it is really called, and the number it shall have."""
+    """The actual name and the fixed port number, or 0, under which a port is opened."""
 
     name: str
     port: int = 0
@@ -33,11 +33,11 @@ class Opening:
 class Network:
     """A network of ports. ``patience`` is how many seconds a peer may take for a handshake.
 
-    ``report`` is called with a sentence for each problem, such as a connection that was lost, and ``notice`` for each
-    connection that is made or ended, as YARP words it ("Receiving input from /a to /b using tcp"); from any thread,
-    which waits meanwhile, so both must be quick. ``opening`` says what a
-    port is called that is opened in this process; the configuration may rename ports or fix their numbers. ``key`` is
-    what both ends of every connection must know, see :mod:`rtf.middleware.naming.authentication`; empty: no key.
+    ``report`` is called with a sentence for each problem, such as a lost connection, and ``notice`` for each connection
+    that is made or ended, in YARP's words ("Receiving input from /a to /b using tcp"). Both are called from any thread,
+    which waits meanwhile, so they must be quick. ``opening`` maps the name of a port that this process opens to its
+    actual name and number; the configuration may rename ports or fix their numbers. ``key`` is the shared key that both
+    ends of every connection must know, see :mod:`rtf.middleware.naming.authentication`; empty: no key.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Network:
         self._opening = opening
 
     def resolve(self, contact: Contact) -> Contact | None:
-        """Where a contact is reached, or None when nobody knows the name."""
+        """Return the contact with its address, or None if the name is not registered."""
         if contact.valid:
             return contact
         found = self.names.query(contact.name)
@@ -69,21 +69,21 @@ class Network:
         return found.by(contact.carrier or found.carrier)
 
     def reach(self, target: Contact, patience: float | None = None) -> Stream:
-        """A connection to an address, with the key proved where the network has one, and nothing said yet.
+        """Open a connection to an address, authenticated if the network has a key.
 
-        It waits no longer than ``patience`` for anything; None: that of the network. Raises ConnectError.
+        No wait takes longer than ``patience`` seconds; None: that of the network. Raises ConnectError.
         """
         try:
-            return dial(target.host, target.port, self.patience if patience is None else patience, self.key)
+            return open_stream(target.host, target.port, self.patience if patience is None else patience, self.key)
         except (OSError, UnicodeError, MiddlewareError) as error:
             why = getattr(error, "strerror", None) or error
             raise ConnectError(f"Cannot connect to {target.name or target}: {why}") from None
 
     def open_address(self, name: str, promise: str = "") -> tuple[socket.socket, Contact]:
-        """Register a name and listen where the name server says; returns the socket and the contact."""
+        """Register a name and listen at the address that the name server assigns. Return the socket and the contact."""
         opening = self._opening(name)
         if opening.name and not opening.name.startswith("/"):
-            raise AddressError(f"{opening.name!r} is no name for a port: it begins with '/', such as /tester/command:o")
+            raise AddressError(f"{opening.name!r} is not a port name: it begins with '/', such as /tester/command:o")
         contact = self.names.register(opening.name, port=opening.port, promise=promise)
         if contact.port:
             try:
@@ -91,8 +91,8 @@ class Network:
             except OSError as error:
                 failure = f"{contact.host}:{contact.port}: {error.strerror or error}"
             if opening.port:
-                raise self._give_up(contact, f"{failure}; the number is fixed by the environment")
-        # Nobody gave a number, or somebody else has it already: take one that is free, and say which.
+                raise self._give_up(contact, f"{failure}; the port number is fixed by the environment")
+        # No number was assigned, or another program listens at it: take a free one and register that.
         try:
             listening = listen(contact.host, 0)
         except OSError as error:
@@ -108,26 +108,26 @@ class Network:
         return listening, again
 
     def _give_up(self, contact: Contact, reason: str) -> ConnectError:
-        with contextlib.suppress(MiddlewareError):  # what matters is why it cannot be opened
+        with contextlib.suppress(MiddlewareError):  # the error that is raised says why it cannot be opened
             self.names.unregister(contact.name)
         return ConnectError(f"{contact.name} cannot listen on {reason}")
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens; OSError when the address cannot be had."""
+    """Return a listening socket. Raises OSError if the address cannot be used."""
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind((host, port))
         listening.listen(_BACKLOG)
-    except BaseException:  # a number beyond the range is no OSError
+    except BaseException:  # a port number out of range is not an OSError
         listening.close()
         raise
     return listening
 
 
 def _say_nothing(_text: str) -> None:
-    """Nobody wants to know."""
+    """Discard the message."""
 
 
 _default: list[Network] = []
@@ -135,13 +135,13 @@ _lock = threading.Lock()
 
 
 def set_default_network(network: Network | None) -> None:
-    """Use this network where none is named; None: find one by the configuration when it is needed."""
+    """Set the network of ports that are given none; None: find it by the configuration when needed."""
     with _lock:
         _default[:] = [] if network is None else [network]
 
 
 def default_network() -> Network:
-    """The network of this process; found by the user's configuration when first asked for."""
+    """Return the network of this process. The first call finds it by the user's configuration."""
     with _lock:
         if not _default:
             from rtf.middleware.naming.configuration import find_network

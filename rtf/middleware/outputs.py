@@ -1,4 +1,4 @@
-"""A connection that a port sends through."""
+"""Outgoing connections of a port."""
 
 from __future__ import annotations
 
@@ -16,18 +16,21 @@ if TYPE_CHECKING:
     from rtf.middleware.carriers.base import OutputLink
     from rtf.middleware.codecs import Codec
     from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.outgoing_message import OutgoingMessage
 
 
 class Output(Connection):
-    """One reader of a port. Several threads may send; each message, its reply and acknowledgement stay together."""
+    """One outgoing connection. Several threads may send.
+
+    A lock keeps each message together with its reply and acknowledgement.
+    """
 
     def __init__(self, link: OutputLink, target: Contact) -> None:
         self.link = link
         self.target = target
         self.lock = threading.Lock()
         self._timeout: float | None = None
-        #: What the other end is taken to speak, since it replied.
+        #: The dialect of the other end, known since its first reply.
         self.dialect: Dialect | None = None
 
     @property
@@ -46,10 +49,10 @@ class Output(Connection):
     def socket(self) -> sockets.socket | None:
         return self.link.endpoint
 
-    def call(self, message: Outgoing, codec: Codec[object], timeout: float | None = None) -> object | None:
-        """Send a message and wait for its reply, which ``codec`` reads. Raises WaitTimeoutError."""
+    def call(self, message: OutgoingMessage, codec: Codec[object], timeout: float | None = None) -> object | None:
+        """Send a message and return its reply, decoded with ``codec``. Raises WaitTimeoutError."""
         with self.lock:
-            if timeout != self._timeout:  # a system call that is worth saving
+            if timeout != self._timeout:  # saves a system call
                 self.link.limit_waiting(timeout)
                 self._timeout = timeout
             self.link.send(message)
@@ -58,9 +61,9 @@ class Output(Connection):
             return reply
 
     def close(self, *, politely: bool = True) -> None:
-        """End the connection."""
+        """End the connection; ``politely`` tells the peer first, if no other thread is waiting in it."""
         if not politely or not self.lock.acquire(timeout=1.0):
-            self.link.close(politely=False)  # somebody is waiting in it: that wait ends now
+            self.link.close(politely=False)  # another thread is waiting in it: that wait ends now
             return
         try:
             self.link.close()
@@ -68,10 +71,12 @@ class Output(Connection):
             self.lock.release()
 
 
-def send_to_all(outputs: Sequence[Output], message: Outgoing, failed: Callable[[Output, MiddlewareError], None]) -> int:
-    """Send one message to every output, then wait until all have dealt with it; returns how many have.
+def send_to_all(
+    outputs: Sequence[Output], message: OutgoingMessage, failed: Callable[[Output, MiddlewareError], None]
+) -> int:
+    """Send one message to every output, then wait until all have acknowledged it. Return how many have.
 
-    The readers work at the same time: the slowest one decides how long it takes, not their sum.
+    The readers work in parallel: the slowest one determines the duration, not their sum.
     """
     if len(outputs) == 1:
         return _send_to_one(outputs[0], message, failed)
@@ -103,8 +108,8 @@ def send_to_all(outputs: Sequence[Output], message: Outgoing, failed: Callable[[
     return done
 
 
-def _send_to_one(output: Output, message: Outgoing, failed: Callable[[Output, MiddlewareError], None]) -> int:
-    """The same for one output, which is what most ports have, without keeping account of several."""
+def _send_to_one(output: Output, message: OutgoingMessage, failed: Callable[[Output, MiddlewareError], None]) -> int:
+    """Send to a single output, the usual case, without the bookkeeping for several."""
     link = output.link
     with output.lock:
         try:

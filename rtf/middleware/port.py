@@ -1,8 +1,7 @@
-"""The port: a name in the network, inputs that arrive at it, outputs that leave it.
+"""The port: a registered name, its incoming connections (inputs) and its outgoing connections (outputs).
 
-Each input has a thread of its own, as a rule, in which its messages are delivered, one after the other; outputs are
-written to in the thread of whoever writes. What a delivery means is the business of the kinds of ports that are built
-on this one.
+As a rule each input has a thread of its own, in which its messages are delivered one after the other. Outputs are
+written to in the thread of the caller of ``write``. Subclasses define what a delivery does.
 """
 
 from __future__ import annotations
@@ -17,17 +16,18 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
 from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.bottle.binary import encode
-from rtf.middleware import admin, describe, leaving
+from rtf.middleware import admin, describe
 from rtf.middleware.carriers import local, registry
 from rtf.middleware.codecs import BOTTLE, codec_of
-from rtf.middleware.delivery import Delivery, HandedOver
+from rtf.middleware.disconnect_sources import disconnect_sources
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError
+from rtf.middleware.incoming_message import IncomingMessage, LocalMessage
 from rtf.middleware.inputs import Input
 from rtf.middleware.listener import SHARED
+from rtf.middleware.message_handoff import MessageHandoff
 from rtf.middleware.names import Contact
-from rtf.middleware.outgoing import Outgoing
+from rtf.middleware.outgoing_message import OutgoingMessage
 from rtf.middleware.outputs import Output, send_to_all
-from rtf.middleware.rendezvous import Rendezvous
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -40,24 +40,24 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
     from rtf.middleware.qos import Connection, Qos
 
-Receiver = Callable[[Delivery], None]
+Receiver = Callable[[IncomingMessage], None]
 T = TypeVar("T")
 
-#: Callers that a port has at a time; further ones are refused, so that a flood costs bounded threads and memory.
+#: Maximum number of inputs of a port. Further callers are refused, which bounds threads and memory.
 MAX_INPUTS = 1024
 _CLOSING = 5.0
-#: Datagrams leave from the number of the handshake, which somebody else may have for datagrams; the next is another.
+#: The local port number of the handshake is used for datagrams too, and may be taken; a retry gets another one.
 _ATTEMPTS = 5
 
 
 class Port:
-    """A port, open from its making to ``close``. ``receive`` is called with each delivery, in its input's thread.
+    """A port, open from construction to ``close``. ``receive`` is called with each message, in the thread of its input.
 
-    Without ``receive`` messages wait, and their senders with them, until somebody calls ``read`` or ``request``.
-    ``network`` is the network it is part of; without one that of the process. ``inputs`` and ``outputs`` say which
-    directions are allowed, ``rpc`` that it answers questions or asks them. ``keeps``: ``receive`` never waits, as it
-    only keeps what it is given, and may be called in a thread that reads other connections, too. Raises AddressError,
-    and ConnectError when the name server or the address cannot be had.
+    Without ``receive`` messages and their senders wait until ``read`` or ``request`` is called. ``network`` is the
+    network that the port belongs to; None: that of the process. ``inputs`` and ``outputs`` allow the directions;
+    ``rpc`` declares that the port is for requests and replies. ``nonblocking`` promises that ``receive`` returns at
+    once, because it only stores the message; it may then be called in a thread that reads other connections, too.
+    Raises AddressError, and ConnectError if the name server or the address cannot be used.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Port:
         inputs: bool = True,
         outputs: bool = True,
         rpc: bool = False,
-        keeps: bool = False,
+        nonblocking: bool = False,
         promise: str = "",
     ) -> None:
         from rtf.middleware.network import default_network
@@ -78,18 +78,18 @@ class Port:
         self.allows_inputs = inputs
         self.allows_outputs = outputs
         self.rpc = rpc
-        self.keeps = keeps
+        self.nonblocking = nonblocking
         self.promise = promise
         self.properties = Property()
         self.interrupted = False
-        self.interruptions = 0  # so that who waits knows of one that is over already
+        self.interruptions = 0  # lets a waiting thread notice an interruption that is already over
         self.envelope = ""
         self._receive = receive
-        self._rendezvous = Rendezvous(name)
+        self._handoff = MessageHandoff(name)
         self._lock = threading.Lock()
         self._writing = threading.Lock()
         self._dialled = threading.Condition(self._lock)
-        self._dialling: set[str] = set()  # peers that are being connected to
+        self._dialling: set[str] = set()  # peers with a connection attempt in progress
         self._inputs: dict[Input, None] = {}
         self._outputs: tuple[Output, ...] = ()
         self._groups: dict[str, Group] = {}
@@ -110,30 +110,33 @@ class Port:
 
     # Reading -----------------------------------------------------------------------------------------------------
 
-    def request(self, timeout: float | None = None) -> AbstractContextManager[Delivery]:
-        """The next message, to be read and replied to in the block: ``with port.request() as delivery: …``.
+    def request(self, timeout: float | None = None) -> AbstractContextManager[IncomingMessage]:
+        """Wait for the next message, to be read and replied to in the block: ``with port.request() as message: …``.
 
-        Its sender waits until the block is left. Raises WaitTimeoutError, and PortClosedError when the port is
+        The sender waits until the block is left. Raises WaitTimeoutError, and PortClosedError if the port is
         interrupted or closed meanwhile.
         """
         self._check_open()
-        return self._rendezvous.take(timeout)
+        return self._handoff.take(timeout)
 
     @overload
     def read(self, *, timeout: float | None = None) -> Bottle: ...
     @overload
     def read(self, codec: Codec[T], timeout: float | None = None) -> T: ...
     def read(self, codec: Codec[Any] = BOTTLE, timeout: float | None = None) -> Any:
-        """The object in the next message; its sender goes on when it has been read. Errors as for ``request``."""
+        """Return the object in the next message. Its sender continues when it is decoded.
+
+        Raises the same errors as ``request``.
+        """
         with self.request(timeout) as delivery:
             return delivery.read(codec)
 
     # Writing -----------------------------------------------------------------------------------------------------
 
     def write(self, value: object, codec: Codec[object] | None = None, *, envelope: str | None = None) -> int:
-        """Send an object to every output, and wait until all that acknowledge have dealt with it. Returns how many did.
+        """Send an object to every output and wait for those that acknowledge. Return how many outputs succeeded.
 
-        ``envelope`` is a text that travels beside it, and beside all that follows until there is another one.
+        ``envelope`` is a text that travels beside the object, and beside all that follow until another one is given.
         """
         self._check_open()
         if envelope is not None:
@@ -141,12 +144,12 @@ class Port:
         outputs = self._outputs
         if not outputs:
             return 0
-        message = Outgoing("D", value, codec or codec_of(value), self.network.dialect, self.envelope)
+        message = OutgoingMessage("D", value, codec or codec_of(value), self.network.dialect, self.envelope)
         with self._writing:
             return send_to_all(outputs, message, self._lost)
 
     def _lost(self, output: Output, error: BaseException) -> None:
-        """An output broke while it was written to."""
+        """Remove an output whose connection failed during a write."""
         self._forget(output)
         output.close(politely=False)
         self.network.report(f"Removing output from {self.name} to {output.peer}: {error}")
@@ -155,13 +158,13 @@ class Port:
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        """The connections it sends through."""
+        """The outgoing connections."""
         return self._outputs
 
     def add_output(self, target: str | Contact, carrier: str = "") -> Contact:
-        """Connect to a port, which is named (``/x``, ``udp://x``) or addressed. Returns where it was found.
+        """Connect to a port, given by name (``/x``, ``udp://x``) or by address. Return its resolved contact.
 
-        A connection to the same port that exists already is replaced. Raises ConnectError, NameNotFoundError.
+        An existing connection to the same port is replaced. Raises ConnectError, NameNotFoundError.
         """
         self._check_open()
         if not self.allows_outputs:
@@ -178,9 +181,9 @@ class Port:
 
     @contextlib.contextmanager
     def _one_at_a_time(self, peer: str) -> Iterator[None]:
-        """Let nobody else connect to the same port meanwhile.
+        """Serialise connection attempts to the same port.
 
-        It keeps the connection that came last; of two that crossed this end would keep the other.
+        The peer keeps the connection that arrived last; of two concurrent ones this end would keep the other.
         """
         with self._dialled:
             self._dialled.wait_for(lambda: peer not in self._dialling)
@@ -193,9 +196,9 @@ class Port:
                 self._dialled.notify_all()
 
     def adopt(self, output: Output) -> None:
-        """Send through a connection that somebody else has made. Raises ConnectError where it may not.
+        """Use a connection that the peer has opened as an output. Raises ConnectError if outputs are not allowed.
 
-        Whether the other end is still there shows when it is written to, so there are only so many of them.
+        A lost peer is noticed only by the next write, so the number of outputs is limited.
         """
         if not self.allows_outputs:
             raise ConnectError("Outputs not allowed")
@@ -207,7 +210,7 @@ class Port:
     def _take_in(self, output: Output) -> None:
         with self._lock:
             welcome = not self._closed
-            older = [one for one in self._outputs if one.peer == output.peer]  # which somebody else has just made
+            older = [one for one in self._outputs if one.peer == output.peer]  # made by another thread in the meantime
             if welcome:
                 self._outputs = (*self._outputs, output)
         if not welcome:
@@ -235,7 +238,7 @@ class Port:
         return Output(link, target)
 
     def multicast_group(self, interface: str) -> Group:
-        """The group that this port sends to on an interface; made when it is first asked for."""
+        """Return the multicast group that this port sends to on an interface. The first call creates it."""
         from rtf.middleware.carriers.datagram import Group
 
         with self._writing:
@@ -244,7 +247,7 @@ class Port:
             return self._groups[interface]
 
     def remove_output(self, name: str) -> bool:
-        """End the connection to a port; False when there is none."""
+        """End the output to a port. Return False if there is none."""
         gone = [output for output in self._outputs if output.peer == name]
         for output in gone:
             self._forget(output)
@@ -255,33 +258,33 @@ class Port:
         with self._lock:
             known = output in self._outputs
             self._outputs = tuple(one for one in self._outputs if one is not output)
-        if known:  # several threads may find out at the same time
+        if known:  # several threads may notice the loss
             self.network.notice(f"Removing output from {self.name} to {output.peer}")
         self.disconnected(output)
 
     def connected(self, output: Output) -> None:
-        """An output was made. For kinds of ports that do more with it."""
+        """Hook for subclasses: an output was added."""
 
     def disconnected(self, output: Output) -> None:
-        """An output is gone. Likewise."""
+        """Hook for subclasses: an output was removed."""
 
     # Inputs ------------------------------------------------------------------------------------------------------
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """The connections it receives from, as far as their callers have said who they are."""
+        """The incoming connections whose handshake is done."""
         with self._lock:
             return tuple(one for one in self._inputs if one.link is not None)
 
     def remove_input(self, name: str) -> bool:
-        """Hang up on a port that sends; False when there is none of this name."""
+        """End the inputs from a port. Return False if there is none."""
         gone = [one for one in self.inputs if one.sender == name]
         for one in gone:
             one.close()
         return bool(gone)
 
     def _called(self, connection: socket.socket) -> None:
-        """Somebody has connected. In the listener's thread."""
+        """Accept a connection. Runs in the listener's thread."""
         with contextlib.suppress(OSError):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         caller = Input(self, connection)
@@ -291,84 +294,84 @@ class Port:
             welcome = not self._closed and len(self._inputs) < MAX_INPUTS
             if welcome:
                 self._inputs[caller] = None
-                caller.start()  # under the lock, so that whoever finds it here finds its thread running
+                caller.start()  # under the lock: an input in the table has a running thread
         if not welcome:
             connection.close()
 
     def _make_room(self) -> None:
-        """Send away whoever has been silent longest about what it wants: a real caller says so at once."""
+        """Drop the oldest connection without a handshake: a real caller sends it at once."""
         silent = next((one for one in self._inputs if one.link is None), None)
         if silent is not None:
             del self._inputs[silent]
             silent.close()
 
-    def joined(self, caller: Input) -> None:
-        """A caller has said who it is: an older connection from the same port is replaced. In the caller's thread."""
+    def input_opened(self, caller: Input) -> None:
+        """Add an input whose handshake is done and end an older one from the same port. Runs in the input's thread."""
         if not caller.sender.startswith("/"):
             return
         for other in self.inputs:
             if other is caller:
-                break  # those behind it came later, and may have been quicker to say who they are
+                break  # later connections follow in the table; they may have been faster with the handshake
             if other.sender == caller.sender:
                 other.close()
-        caller.official = True
+        caller.announced = True
         self.network.notice(f"Receiving input from {caller.sender} to {self.name} using {caller.carrier}")
 
-    def left(self, caller: Input) -> None:
-        """A caller is gone. In its thread."""
+    def input_closed(self, caller: Input) -> None:
+        """Remove an input that has ended. Runs in the input's thread."""
         with self._lock:
             self._inputs.pop(caller, None)
-        if caller.official:
+        if caller.announced:
             self.network.notice(f"Removing input from {caller.sender} to {self.name}")
 
-    def complain(self, caller: Input, error: RtfError) -> None:
-        """A caller said what it may not. In its thread, which ends now; nobody else notices."""
+    def report_broken_input(self, caller: Input, error: RtfError) -> None:
+        """Report a protocol error of a caller. Runs in the input's thread, which ends."""
         self.network.report(f"{self.name}: {caller.sender or 'a caller'} was cut off: {error}")
 
     def dispatch(self, caller: Input, key: str, text: str, data: Buffer) -> Sequence[Buffer]:
-        """Do what a message asks for; returns the bytes of the reply. In the caller's thread."""
+        """Execute a message. Return the bytes of the reply. Runs in the thread of the input."""
         link = caller.link
         assert link is not None
         if key in _DATA:
             asks, in_lines, own = key == "d", link.carrier.text, len(data) > link.reuses
-            delivery = Delivery(link.sender, text, data, caller.dialect, asks, in_lines, own)
+            delivery = IncomingMessage(link.sender, text, data, caller.dialect, asks, in_lines, own)
             self.deliver(delivery)
             caller.dialect = delivery.dialect
             return delivery.answer or (_NO_REPLY if asks and not in_lines else ())
         if key == "a":
-            delivery = Delivery(link.sender, "", data, caller.dialect, wants_reply=True, text=link.carrier.text)
+            delivery = IncomingMessage(link.sender, "", data, caller.dialect, wants_reply=True, text=link.carrier.text)
             delivery.reply(admin.answer(self, delivery.read()))
             return delivery.answer
         answer = describe.answer(self, key, text)
         return (answer.encode("utf-8", "surrogateescape"),) if link.carrier.text else ()
 
-    def hand_over(self, sender: str, message: Outgoing) -> tuple[object, Codec[object]] | None:
-        """Take an object from another port of this process, in its thread; returns the reply and its codec."""
-        handed = HandedOver(sender, message)
+    def hand_over(self, sender: str, message: OutgoingMessage) -> tuple[object, Codec[object]] | None:
+        """Deliver an object from a port of this process, in that port's thread. Return the reply and its codec."""
+        handed = LocalMessage(sender, message)
         self.deliver(handed)
         return handed.replied
 
     @property
     def closed(self) -> bool:
-        """Whether it is closed."""
+        """Whether the port is closed."""
         return self._closed
 
-    def deliver(self, delivery: Delivery) -> None:
-        """Give a message to the owner. Overridden by ports that do more with it."""
+    def deliver(self, delivery: IncomingMessage) -> None:
+        """Pass a message to the owner. Overridden by subclasses."""
         if self.interrupted:
             return
         if self._receive is not None:
             self._receive(delivery)
         else:
-            self._rendezvous.bring(delivery)
+            self._handoff.offer(delivery)
 
     # Quality of service ------------------------------------------------------------------------------------------
 
     def set_qos(self, peer: str, wanted: Qos) -> None:
-        """Give the connections with a port, to and from it, other priorities.
+        """Set the priorities of the connections with a port, in both directions.
 
-        Raises ConnectError when there is none, and QosError when it cannot be done. The other end has its own: see
-        :func:`rtf.middleware.remote.set_connection_qos` for both.
+        Raises ConnectError if there is none, and QosError if they cannot be set. The other end is not changed;
+        :func:`rtf.middleware.remote.set_connection_qos` sets both ends.
         """
         connections: list[Connection] = [one for one in (*self.outputs, *self.inputs) if one.peer == peer]
         if not connections:
@@ -376,24 +379,24 @@ class Port:
         for connection in connections:
             connection.apply(wanted)
 
-    # The end -----------------------------------------------------------------------------------------------------
+    # Closing -----------------------------------------------------------------------------------------------------
 
     def interrupt(self) -> None:
-        """Wake whoever waits in the port. Messages that arrive are thrown away until ``resume``."""
+        """Wake all threads that wait in the port. Messages that arrive are discarded until ``resume``."""
         with self._lock:
             self.interrupted = True
             self.interruptions += 1
-            self._rendezvous.set_open(is_open=False)
+            self._handoff.set_open(is_open=False)
 
     def resume(self) -> None:
-        """Take messages again. A port that is closed stays so."""
+        """Accept messages again. Has no effect on a closed port."""
         with self._lock:
             if not self._closed:
                 self.interrupted = False
-                self._rendezvous.set_open(is_open=True)
+                self._handoff.set_open(is_open=True)
 
     def close(self) -> None:
-        """Take leave of everybody and give the name back. Doing so again changes nothing."""
+        """End all connections and unregister the name. A second call has no effect."""
         with self._lock:
             if self._closed:
                 return
@@ -405,13 +408,13 @@ class Port:
             output.close()
         with self._lock:
             callers = [*self._inputs]
-        leaving.ask_to_stop(self.network, self.name, callers)
+        disconnect_sources(self.network, self.name, callers)
         for caller in callers:
             caller.close()
         deadline = clock.Deadline.after(_CLOSING)
         for caller in callers:
             caller.join(deadline.remaining())
-        with contextlib.suppress(MiddlewareError):  # a name server that is gone knows nothing of it any more
+        with contextlib.suppress(MiddlewareError):  # a name server that is gone has forgotten the names
             for name in (*(group.contact.name for group in self._groups.values()), self.name):
                 self.network.names.unregister(name)
 

@@ -1,8 +1,8 @@
-"""Quality of service: the priority of packets and of the threads that handle them, really set.
+"""Quality of service: the priority of packets and of the threads that handle them.
 
-Packets carry a type of service (TOS), which is given as a level, as the name or number of a DSCP class, or as it is.
-Threads have a policy (0 OTHER, 1 FIFO, 2 RR) and a priority; the real-time ones need a right that ordinary users rarely
-have, and then the request is refused and said so.
+Packets carry a type of service (TOS), which is given as a level, as the name or number of a DSCP class, or as a number.
+Threads have a policy (0 OTHER, 1 FIFO, 2 RR) and a priority. Real-time policies need a privilege that ordinary users
+rarely have; without it the request is refused with an error.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ _MAX_DSCP, _MAX_TOS = 63, 255
 
 
 class QosError(MiddlewareError, PermissionError):
-    """A priority that cannot be set: it is none, or this user may not."""
+    """A priority is invalid, or this user may not set it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Qos:
-    """What a connection is wanted to have; None leaves a thing as it is."""
+    """The requested quality of service of a connection; None leaves a setting unchanged."""
 
     tos: int | None = None
     policy: int | None = None
@@ -46,19 +46,19 @@ class Qos:
 
     @classmethod
     def of_level(cls, level: str) -> Qos:
-        """Packets of one of :data:`LEVELS`."""
+        """Return the setting for one of the packet priorities :data:`LEVELS`."""
         return cls(tos=_tos_of(LEVELS, level, "packet priority"))
 
     @classmethod
     def of_dscp(cls, name: str) -> Qos:
-        """Packets of one of the classes :data:`DSCP`, or of a number."""
+        """Return the setting for one of the classes :data:`DSCP`, or for a DSCP number."""
         if name.isdigit() and int(name) <= _MAX_DSCP:
             return cls(tos=int(name) << 2)
         return cls(tos=_tos_of(DSCP, name, "DSCP class"))
 
     @classmethod
     def from_property(cls, settings: Property) -> Qos:
-        """Read ``(sched ((priority 30) (policy 1))) (qos ((priority HIGH)))`` and its kin. Raises QosError."""
+        """Read ``(sched ((priority 30) (policy 1))) (qos ((priority HIGH)))`` and its variants. Raises QosError."""
         sched, packets = _inner(settings, "sched"), _inner(settings, "qos")
         found = cls(policy=_number(sched, "policy"), priority=_number(sched, "priority"))
         tos = _number(packets, "tos")
@@ -71,7 +71,7 @@ class Qos:
         return cls(tos, found.policy, found.priority)
 
     def to_settings(self) -> list[Bottle]:
-        """The same as YARP's library sends it: what is left as it is goes as -1."""
+        """Return the settings as YARP's library sends them: unchanged ones are -1."""
         sched = {"policy": _or_default(self.policy), "priority": _or_default(self.priority)}
         return [Bottle(["sched", Property(sched)]), Bottle(["qos", Property({"tos": _or_default(self.tos)})])]
 
@@ -83,7 +83,7 @@ def _or_default(number: int | None) -> int:
 def _tos_of(table: dict[str, int], name: str, what: str) -> int:
     code = table.get(name.upper())
     if code is None:
-        raise QosError(f"{name!r} is no {what}; there are {', '.join(table)}")
+        raise QosError(f"{name!r} is not a {what}; the known ones are {', '.join(table)}")
     return code << 2
 
 
@@ -105,7 +105,7 @@ def _text(settings: Property, key: str) -> str:
 
 
 def set_packet_priority(connection: socket.socket, tos: int) -> None:
-    """Mark all packets of a socket. Raises QosError."""
+    """Set the type of service of all packets of a socket. Raises QosError."""
     try:
         if connection.family == socket.AF_INET6:
             connection.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_TCLASS, tos)
@@ -116,17 +116,17 @@ def set_packet_priority(connection: socket.socket, tos: int) -> None:
 
 
 def packet_priority(connection: socket.socket | None) -> int:
-    """The type of service of a socket's packets; 0 for what is no socket of the internet."""
+    """Return the type of service of a socket's packets; 0 for other kinds of sockets."""
     try:
         if connection is not None and connection.family == socket.AF_INET:
             return connection.getsockopt(socket.IPPROTO_IP, socket.IP_TOS)
     except OSError:
-        return 0  # it was closed a moment ago
+        return 0  # it was closed meanwhile
     return 0
 
 
 def set_thread_priority(thread: int, policy: int | None, priority: int | None) -> None:
-    """Set the policy and priority of a thread, by its number in the kernel. Raises QosError."""
+    """Set the policy and priority of a thread, given by its kernel thread id. Raises QosError."""
     try:
         chosen = os.sched_getscheduler(thread) if policy is None else policy
         os.sched_setscheduler(thread, chosen, os.sched_param(priority or 0))
@@ -142,7 +142,7 @@ def set_thread_priority(thread: int, policy: int | None, priority: int | None) -
 
 
 def thread_facts(thread: int) -> dict[str, int]:
-    """What a thread runs with: policy, priority and number."""
+    """Return the policy, the priority and the id of a thread."""
     try:
         return {
             "policy": os.sched_getscheduler(thread),
@@ -154,10 +154,10 @@ def thread_facts(thread: int) -> dict[str, int]:
 
 
 def set_process_priority(policy: int | None, priority: int | None) -> None:
-    """Set the policy and priority of all threads of this process; those to come inherit them. Raises QosError."""
+    """Set the policy and priority of all threads of this process; new ones inherit them. Raises QosError."""
     done: dict[int, tuple[int, int]] = {}
     try:
-        while new := _threads() - done.keys():  # one that is not done yet may have begun another meanwhile
+        while new := _threads() - done.keys():  # an unchanged thread may have started another one meanwhile
             for thread in new:
                 facts = thread_facts(thread)
                 done[thread] = facts["policy"], facts["priority"]
@@ -172,8 +172,8 @@ def _threads() -> set[int]:
     return {int(task.name) for task in Path("/proc/self/task").iterdir()}
 
 
-def set_process(settings: Property, complain: Callable[[str], None]) -> bool:
-    """Obey ``(process ((priority 30) (policy 1)))`` and ``(sched …)``; whether everything could be done."""
+def set_process(settings: Property, report: Callable[[str], None]) -> bool:
+    """Apply ``(process ((priority 30) (policy 1)))`` or ``(sched …)``. Return whether all of it succeeded."""
     process = _inner(settings, "process")
     if not process.check("policy") and not process.check("priority"):
         process = _inner(settings, "sched")
@@ -182,17 +182,17 @@ def set_process(settings: Property, complain: Callable[[str], None]) -> bool:
         if policy is not None or priority is not None:
             set_process_priority(policy, priority)
     except QosError as error:
-        complain(f"a request for this process is refused: {error}")
+        report(f"a request for this process is refused: {error}")
         return False
     return True
 
 
 class Connection(ABC):
-    """One end of a connection, as administration sees it."""
+    """One end of a connection, as the admin protocol sees it."""
 
-    #: The kernel's number of the thread that handles it; 0 where it has none of its own, and ``instead`` says why.
+    #: The kernel's id of the thread that handles the connection; 0 if it has none, and ``instead`` says why.
     thread = 0
-    instead = "it is sent in the writer's"
+    instead = "it is sent in the thread of the writer"
 
     @property
     @abstractmethod
@@ -202,20 +202,20 @@ class Connection(ABC):
     @property
     @abstractmethod
     def carrier(self) -> str:
-        """The name of its carrier, with modifiers."""
+        """The name of the carrier, with modifiers."""
 
     @property
     @abstractmethod
     def connectionless(self) -> bool:
-        """Whether it is made of datagrams."""
+        """Whether the carrier sends datagrams."""
 
     @property
     @abstractmethod
     def socket(self) -> socket.socket | None:
-        """What it travels over, where there is something."""
+        """The socket of the connection; None if there is none."""
 
     def apply(self, wanted: Qos) -> None:
-        """Set what is wanted, packets and thread. Raises QosError; then perhaps only the packets are done."""
+        """Set the requested priorities. Raises QosError; the packets may have been set before it."""
         if wanted.tos is not None and self.socket is not None:
             set_packet_priority(self.socket, wanted.tos)
         if self.thread:
@@ -224,16 +224,16 @@ class Connection(ABC):
         elif wanted.policy or wanted.priority:
             raise QosError(f"the connection with {self.peer} has no thread of its own: {self.instead}")
 
-    def configure(self, settings: Property, complain: Callable[[str], None]) -> bool:
-        """Set what a message of administration asks for; whether everything could be done."""
+    def configure(self, settings: Property, report: Callable[[str], None]) -> bool:
+        """Apply the settings of an admin request. Return whether all of them could be set."""
         try:
             self.apply(Qos.from_property(settings))
         except QosError as error:
-            complain(f"a request for the connection with {self.peer} is refused: {error}")
+            report(f"a request for the connection with {self.peer} is refused: {error}")
             return False
         return True
 
     def describe(self) -> Bottle:
-        """Its thread and packets, as administration reports them."""
+        """Return the thread's and the packets' settings as the admin protocol reports them."""
         facts = thread_facts(self.thread) if self.thread else {"tid": 0, "priority": 0, "policy": 0}
         return Bottle([["sched", Property(facts)], ["qos", Property({"tos": packet_priority(self.socket)})]])

@@ -1,4 +1,4 @@
-"""What is asked of ports elsewhere: whether they are there, what they are connected to, and to change that.
+"""Admin requests to other ports: whether they exist, their connections, and changes of these.
 
 These are the dialogues of YARP's own tools, over ``text_ack``.
 """
@@ -24,7 +24,7 @@ _ADMIN = "admin"
 
 @contextlib.contextmanager
 def talk(network: Network, target: Contact, label: str = _ADMIN, patience: float | None = None) -> Iterator[TextOutput]:
-    """A text connection to a port, under a label that is no port's name. Raises ConnectError."""
+    """Open a text connection to a port, under a label that is not a port name. Raises ConnectError."""
     found = network.resolve(target)
     if found is None:
         raise NameNotFoundError(f"no port {target.name} is registered")
@@ -33,9 +33,9 @@ def talk(network: Network, target: Contact, label: str = _ADMIN, patience: float
 
 
 def administer(network: Network, target: Contact, request: Bottle, patience: float | None = None) -> Bottle:
-    """Put a question of administration to a port. Raises ConnectError and WaitTimeoutError.
+    """Send an admin request to a port and return the reply. Raises ConnectError and WaitTimeoutError.
 
-    ``patience`` is how many seconds may pass without a word from it; None: the network's.
+    ``patience`` is how many seconds a wait for the port may take; None: the network's.
     """
     with talk(network, target, patience=patience) as link:
         link.send_lines("a", request.to_text())
@@ -43,14 +43,14 @@ def administer(network: Network, target: Contact, request: Bottle, patience: flo
 
 
 def describe(network: Network, target: Contact, label: str = "<ping>") -> list[str]:
-    """What a port says of itself, a line each."""
+    """Return the port's description of itself and its connections, by lines."""
     with talk(network, target, label) as link:
         link.send_lines("*")
         return link.receive_lines()
 
 
 def exists(network: Network, target: Contact) -> bool:
-    """Whether a port is registered and answers."""
+    """Return whether a port is registered and answers."""
     try:
         return len(administer(network, target, Bottle([Vocab("ver")]))) > 0
     except MiddlewareError:
@@ -58,15 +58,15 @@ def exists(network: Network, target: Contact) -> bool:
 
 
 def connection(network: Network, source: Contact, target: Contact) -> Bottle | None:
-    """How an output of ``source`` to ``target`` is made, as the source tells it; None where there is none."""
+    """Return the properties of the connection from ``source`` to ``target``, asked of the source; None without one."""
     found = administer(network, source, Bottle([Vocab("list"), Vocab("out"), target.name]))
     return found if found.check("carrier") else None
 
 
 def connect(network: Network, source: Contact, target: Contact, carrier: str = "") -> str:
-    """Have ``source`` send to ``target``; returns what it says of it. Raises ConnectError.
+    """Connect ``source`` to ``target``. Return the reply of the source. Raises ConnectError.
 
-    The carrier is that of the target as it is written, else of the source, else ``carrier``, else tcp.
+    The carrier is the one written in the target, else in the source, else ``carrier``, else tcp.
     """
     chosen = target.carrier or source.carrier or carrier or "tcp"
     wanted = f"{chosen}:/{target if target.valid else target.name}"
@@ -75,22 +75,22 @@ def connect(network: Network, source: Contact, target: Contact, carrier: str = "
 
 
 def disconnect(network: Network, source: Contact, target: Contact) -> str:
-    """Have ``source`` send to ``target`` no more; likewise."""
+    """Disconnect ``source`` from ``target``. Return the reply of the source. Raises ConnectError."""
     return _judged(administer(network, source, Bottle([Vocab("del"), target.name])))
 
 
 def connection_qos(network: Network, source: Contact, target: Contact) -> tuple[Qos, Qos]:
-    """What both ends of a connection run with: the source's, and the target's. Raises ConnectError."""
+    """Return the quality of service of both ends of a connection: source, target. Raises ConnectError."""
     return _read_qos(network, source, target), _read_qos(network, target, source)
 
 
 def set_connection_qos(
     network: Network, source: Contact, target: Contact, wanted: Qos, of_target: Qos | None = None
 ) -> None:
-    """Set it at both ends; ``of_target`` is what the target shall have if that is something else.
+    """Set the quality of service at both ends; ``of_target`` is that of the target if it differs.
 
-    An end of which nothing is wanted is not asked. Raises ConnectError for an end that refuses: the one that was asked
-    before it keeps what it has.
+    An end with nothing to set is not asked. Raises ConnectError for an end that refuses; an end that was set before
+    keeps the new setting.
     """
     for asked, other, one in ((source, target, wanted), (target, source, wanted if of_target is None else of_target)):
         if one == Qos():
@@ -99,19 +99,19 @@ def set_connection_qos(
         if as_string(reply.get(0)) != "ok" and reply.get(0) != Vocab("ok"):
             raise ConnectError(
                 f"{asked.name} did not set {one} for its connection with {other.name}: "
-                f"{as_string(reply.get(1)) or 'it may lack the right, or the connection a thread of its own'}"
+                f"{as_string(reply.get(1)) or 'it may lack the privilege, or the connection has no thread of its own'}"
             )
 
 
 def _read_qos(network: Network, asked: Contact, other: Contact) -> Qos:
     reply = administer(network, asked, Bottle([Vocab("prop"), Vocab("get"), other.name]))
     if not reply.check("qos"):
-        raise ConnectError(f"{asked.name}: {as_string(reply.get(1)) or 'it did not say'}")
+        raise ConnectError(f"{asked.name}: {as_string(reply.get(1)) or 'it gave no reason'}")
     return Qos.from_property(Property.from_bottle(reply))
 
 
 def _judged(reply: Bottle) -> str:
     text = as_string(reply.get(1)).strip()
     if as_int(reply.get(0)) != 0 or len(reply) == 0:
-        raise ConnectError(text or "the port did not say what came of it")
+        raise ConnectError(text or "the port did not report a result")
     return text

@@ -1,4 +1,4 @@
-"""Questions and answers: the port that asks, and the one that is asked."""
+"""Remote procedure calls: the server port and the client port."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from rtf.middleware.codecs import BOTTLE, codec_of
 from rtf.middleware.errors import ConnectError, MiddlewareError
-from rtf.middleware.outgoing import Outgoing
+from rtf.middleware.outgoing_message import OutgoingMessage
 from rtf.middleware.port import Port
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Bottle
     from rtf.middleware.codecs import Codec
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.names import Contact
     from rtf.middleware.network import Network
 
@@ -22,22 +22,22 @@ T = TypeVar("T")
 
 
 class RpcServer(Port):
-    """Answers questions. ``handle`` gets each and returns the answer; questions of one client come one after the other.
+    """A port that answers requests. ``handle`` gets each request and returns the reply.
 
-    Different clients are served at the same time, each in its own thread. An error in ``handle`` ends that client's
-    connection.
+    The requests of one client are handled in order. Different clients are served in parallel, each in a thread of its
+    own. An error in ``handle`` ends that client's connection.
     """
 
     def __init__(self, name: str, handle: Callable[[Bottle], object], *, network: Network | None = None) -> None:
         self._handle = handle
         super().__init__(name, self._answer, network=network, outputs=False, rpc=True)
 
-    def _answer(self, delivery: Delivery) -> None:
+    def _answer(self, delivery: IncomingMessage) -> None:
         delivery.reply(self._handle(delivery.read()))
 
 
 class RpcClient(Port):
-    """Asks one server. With ``target`` it is connected at once."""
+    """A port that sends requests to one server. With ``target`` the constructor connects it."""
 
     def __init__(self, name: str, target: str | Contact | None = None, *, network: Network | None = None) -> None:
         super().__init__(name, network=network, inputs=False, rpc=True)
@@ -49,7 +49,7 @@ class RpcClient(Port):
                 raise
 
     def add_output(self, target: str | Contact, carrier: str = "") -> Contact:
-        """See Port; there may be one."""
+        """Connect to the server. Only one connection is allowed."""
         if self.outputs:
             raise ConnectError("RPC output already connected")
         return super().add_output(target, carrier)
@@ -70,11 +70,10 @@ class RpcClient(Port):
         answer: Codec[Any] = BOTTLE,
         timeout: float | None = None,
     ) -> Any:
-        """Ask, and wait for the answer, which is read as ``answer`` says; None when the server has none to give.
+        """Send a request and return the reply, decoded with ``answer``; None if the server has no reply.
 
-        After an error (WaitTimeoutError, a connection that broke) the connection is closed, and so it is when the call
-        is broken off, as by a test that is told to stop: an answer that comes late must not be taken for that to the
-        next question.
+        After any exception (WaitTimeoutError, a lost connection, or one that interrupts the call, such as a stop of the
+        test) the connection is closed: a late reply must not be taken for that to the next request.
         """
         if self._closed:
             self._check_open()
@@ -83,7 +82,7 @@ class RpcClient(Port):
             raise ConnectError(f"{self.name} is not connected to a server")
         output = outputs[0]
         dialect = output.dialect or self.network.dialect
-        message = Outgoing("d", question, codec or codec_of(question), dialect, self.envelope)
+        message = OutgoingMessage("d", question, codec or codec_of(question), dialect, self.envelope)
         try:
             return output.call(message, answer, timeout)
         except BaseException as error:

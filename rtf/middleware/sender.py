@@ -1,4 +1,4 @@
-"""Sends in the background: a thread for each output of a buffered port, and at most one message on its way in each."""
+"""Background sending: one thread per output of a buffered port, with at most one message in transit each."""
 
 from __future__ import annotations
 
@@ -10,27 +10,30 @@ from rtf.middleware.errors import MiddlewareError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.outgoing_message import OutgoingMessage
     from rtf.middleware.outputs import Output
 
 
 class Sender:
-    """The thread of one output. ``failed`` is called in it when the connection broke; then it ends."""
+    """The sender thread of one output. When the connection fails it calls ``failed`` and ends."""
 
     def __init__(self, output: Output, failed: Callable[[Output, MiddlewareError], None]) -> None:
         self.output = output
         self.skipped = 0
         self._failed = failed
         self._changed = threading.Condition()
-        self._message: Outgoing | None = None
+        self._message: OutgoingMessage | None = None
         self._open = True
         self._thread = threading.Thread(target=self._run, name=f"rtf-sender {output.peer}", daemon=True)
         self._thread.start()
 
-    def offer(self, message: Outgoing, *, patiently: bool = False) -> bool:
-        """Send a message, unless the one before is still on its way; then skip it, or ``patiently`` wait."""
+    def offer(self, message: OutgoingMessage, *, patiently: bool = False) -> bool:
+        """Queue a message. If the previous one is in transit, skip this one, or wait if ``patiently``.
+
+        Return whether the message was queued.
+        """
         with self._changed:
-            if patiently:  # here, since several may write at the same time
+            if patiently:  # waits here, because several threads may write
                 self._changed.wait_for(lambda: self._message is None or not self._open)
             if self._message is not None or not self._open:
                 self.skipped += 1
@@ -40,12 +43,12 @@ class Sender:
             return True
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait until nothing is on its way; False when that takes too long."""
+        """Wait until no message is in transit. Return False after ``timeout`` seconds."""
         with self._changed:
             return self._changed.wait_for(lambda: self._message is None or not self._open, timeout)
 
     def close(self) -> None:
-        """End the thread when it is done with what it has. The connection is somebody else's to close."""
+        """End the thread after the message in transit. The connection stays open; its owner closes it."""
         with self._changed:
             self._open = False
             self._changed.notify_all()

@@ -1,7 +1,7 @@
-"""A connected socket that is read in messages and lines, with a bound on everything that a peer may make us keep.
+"""A connected socket that is read in messages and lines, with a limit on everything that a peer can make it store.
 
-Sockets block, and each is read by one thread: a thread that waits in the kernel is the cheapest way to hear of the next
-message. To end the wait somebody else shuts the socket down.
+Sockets are blocking and each is read by one thread: a thread that waits in the kernel is the fastest way to receive the
+next message. Another thread ends the wait by shutting the socket down.
 """
 
 from __future__ import annotations
@@ -19,40 +19,40 @@ if TYPE_CHECKING:
 
     from rtf.middleware.carriers.base import Buffer
 
-#: Larger pieces are memory of their own; see ``take``.
+#: Larger pieces get memory of their own; see ``take``.
 CHUNK = 1 << 16
-#: What a connection has as a buffer until something larger comes: there may be thousands of them.
+#: The initial size of the buffer, small because there may be thousands of connections.
 _AT_FIRST = 1 << 13
-#: Blocks that together are no larger are sent in one piece.
+#: Blocks with at most this many bytes in total are joined and sent in one call.
 JOINED = 1 << 12
-#: A line of a text carrier or the name server, in bytes.
+#: The longest line of a text carrier or of the name server, in bytes.
 MAX_LINE = 1 << 20
-#: A reply, or a message of a carrier without frames.
+#: The largest reply, or message of a carrier without length prefix, in bytes.
 MAX_UNFRAMED = 1 << 30
 _PAGE = 1 << 12
-#: By how many bytes a copy may run ahead of its source and still be slow.
+#: A copy that is ahead of its source by at most this many bytes is slow.
 _CLOSE = 32
-#: What is kept for copies is as large as the largest of them.
+#: The largest block that is copied; the buffer for copies is as large.
 _MOST_COPIED = 4 << 20
 _timeval = struct.Struct("@ll")
 
 
 class StreamClosedError(ProtocolError):
-    """The peer is gone."""
+    """The peer closed the connection, or it was lost."""
 
 
 class Stream:
     """One TCP or Unix connection. Reading is for one thread at a time, and so is writing; closing is for any.
 
-    What has come and is unread stands in ``memory`` from ``start`` to ``end``; ``view`` is a view of it. Carriers whose
-    messages are small and frequent look there themselves, everybody else asks ``peek``, ``take`` and ``window``.
+    Received, unread bytes are in ``memory`` from ``start`` to ``end``; ``view`` is a view of it. Carriers with small,
+    frequent messages access these directly; all other code uses ``peek``, ``take`` and ``window``.
     """
 
     __slots__ = ("_copy", "_receive_into", "_send", "_spare", "end", "memory", "socket", "start", "view")
 
     def __init__(self, connected: socket.socket) -> None:
         self.socket = connected
-        # Looked up once: finding a method costs as much as a tenth of the system call that it makes.
+        # Looked up once: a method lookup costs a tenth of the system call.
         self._receive_into = connected.recv_into
         self._send = connected.send
         self.memory = bytearray(_AT_FIRST)
@@ -63,37 +63,37 @@ class Stream:
         self._copy = bytearray()
 
     def limit_waiting(self, seconds: float | None) -> None:
-        """Let a read or write that takes longer raise WaitTimeoutError; None: wait for ever.
+        """Set the timeout of every read and write, after which it raises WaitTimeoutError; None: no timeout.
 
-        The kernel keeps the time: Python's own time-out costs a system call more for each read.
+        The kernel measures the time: Python's own timeout costs one more system call per read.
         """
         if self.socket.fileno() < 0:
-            return  # what was said here goes on elsewhere
+            return  # the socket was handed over to another owner
         value = _timeval.pack(0, 0) if seconds is None else _timeval.pack(int(seconds), max(1, int(seconds % 1 * 1e6)))
         for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
             self.socket.setsockopt(socket.SOL_SOCKET, option, value)
 
     @property
     def buffered(self) -> int:
-        """Bytes that are there already."""
+        """The number of received, unread bytes."""
         return self.end - self.start
 
     def await_size(self, size: int) -> None:
-        """Wait until so many bytes are unread in the buffer, which grows as far as it must."""
+        """Wait until ``size`` bytes are received and unread. The buffer grows as needed."""
         while self.end - self.start < size:
             self.more(size)
 
     def peek(self, size: int) -> memoryview:
-        """The next ``size`` bytes (at most a buffer), which stay unread. The view holds until the next call."""
+        """Return the next ``size`` bytes (at most a buffer) without consuming them. Valid until the next call."""
         self.await_size(size)
         return self.view[self.start : self.start + size]
 
     def window(self) -> memoryview:
-        """All bytes that are there already, unread."""
+        """Return all received, unread bytes, without consuming them."""
         return self.view[self.start : self.end]
 
     def more(self, size: int = 1) -> None:
-        """Wait for at least one more byte in the window; the buffer grows as far as it must to take ``size``."""
+        """Wait for at least one more byte. The buffer grows as needed to hold ``size`` bytes."""
         start, end = self.start, self.end
         if start == end:
             self.start = self.end = start = end = 0
@@ -101,7 +101,7 @@ class Stream:
         if room < size or room == end - start:
             self._make_room(max(size, end - start + 1))
             end = self.end
-        try:  # flat, as most messages come by this one call
+        try:  # no helper function: most messages arrive through this call
             count = self._receive_into(self.view[end:] if end else self.memory)
         except OSError as error:
             raise _not_received(error) from None
@@ -110,7 +110,7 @@ class Stream:
         self.end = end + count
 
     def fill(self) -> None:
-        """Take in what has come, without waiting; the buffer grows as long as more comes than it has room for."""
+        """Read what has arrived, without waiting. The buffer grows while more arrives than it can hold."""
         start, end = self.start, self.end
         if start == end:
             self.start = self.end = end = 0
@@ -128,41 +128,45 @@ class Stream:
         self.end = end + count
 
     def more_towards(self, size: int) -> None:
-        """Wait for more of something that is said to have ``size`` bytes from here on.
+        """Wait for more of an object that announces ``size`` bytes from here on.
 
-        Returns when it is all there, or a good part of it: so the buffer never grows by much more than what has come.
+        Returns when all of it, or a good part, has arrived, so the buffer never grows much beyond the received bytes.
         """
         if size > MAX_UNFRAMED:
-            raise ProtocolError(f"{size} bytes are announced; at most {MAX_UNFRAMED} are taken")
+            raise ProtocolError(f"{size} bytes are announced; at most {MAX_UNFRAMED} are accepted")
         wanted = min(size, max(_BELIEVED, 2 * self.buffered))
         if len(self.memory) - self.start < wanted:
             self._make_room(wanted)
-        while self.end - self.start < wanted:  # and no more than that, so that nothing of the next one has to move
+        while self.end - self.start < wanted:  # not more, so that no bytes of the next object have to be moved
             self.end += self._receive(self.view[self.end : self.start + wanted])
 
     def skip(self, size: int) -> None:
-        """Forget bytes that were peeked at."""
+        """Consume bytes that were returned by ``peek``."""
         self.start += size
 
     def take(self, size: int) -> memoryview:
-        """The next ``size`` bytes. Few lie in the buffer until the next call, many stay for whoever keeps them."""
+        """Return the next ``size`` bytes. Up to CHUNK bytes are valid until the next call.
+
+        A larger piece gets memory of its own, which is not reused while it is referenced.
+        """
         if size <= CHUNK:
             data = self.peek(size)
             self.start += size
             return data
         if size > _BELIEVED:
             return self._take_large(size)
-        # The memory of the message before is still in the processor's cache. Whoever keeps that message refers to it.
+        # The memory of the previous message is still in the processor's cache; it is reused unless that message is
+        # referenced.
         if self._spare_references() > _spare_unshared or not size <= len(self._spare) <= 2 * size:
             self._spare = bytearray(size)
         return self._into(memoryview(self._spare)[:size])
 
     def lend(self, size: int) -> memoryview:
-        """The next ``size`` bytes, which are there already. They stay as they are for whoever keeps them."""
+        """Return the next ``size`` bytes, already received, as a view that stays valid while it is referenced."""
         return memoryview(self.memory)[self.start : self.start + size]
 
     def pass_lent(self, size: int) -> None:
-        """Go on behind bytes that were lent. Only if somebody keeps them the buffer is left to them."""
+        """Consume bytes that were returned by ``lend``. If they are still referenced, the buffer is replaced."""
         self.start += size
         if self._references() > _unshared:
             rest = self.view[self.start : self.end]
@@ -180,7 +184,7 @@ class Stream:
         return own
 
     def _take_large(self, size: int) -> memoryview:
-        """What a peer only says it will send is not allocated before a good part of it has come."""
+        """Read a large piece. Memory is allocated in steps as bytes arrive, not on the peer's announcement."""
         grown = bytearray()
         while len(grown) < size:
             part = min(size - len(grown), max(_BELIEVED, len(grown)))
@@ -194,7 +198,7 @@ class Stream:
         return sys.getrefcount(self._spare)
 
     def take_line(self) -> bytes:
-        """The next line without its end, be it CR LF or LF."""
+        """Return the next line without its end, CR LF or LF."""
         searched = 0
         while True:
             place = self.memory.find(b"\n", self.start + searched, self.end)
@@ -208,9 +212,9 @@ class Stream:
             self.more()
 
     def send(self, *blocks: bytes | bytearray | memoryview) -> None:
-        """Send all blocks, one after the other; large ones are not joined."""
+        """Send all blocks in order. Large ones are not joined."""
         size = sum(map(len, blocks))
-        if size <= JOINED:  # copying so few bytes is cheaper than a list of places for the kernel
+        if size <= JOINED:  # copying so few bytes is faster than a scatter-gather list
             self.send_bytes(b"".join(blocks))
             return
         pieces = self._out_of_step(blocks)
@@ -222,12 +226,12 @@ class Stream:
             raise _not_sent(error) from None
 
     def _out_of_step(self, blocks: tuple[Buffer, ...]) -> tuple[Buffer, ...]:
-        """The blocks; the first that the kernel would be slow to copy lies where it is not.
+        """Return the blocks, with the first that the kernel would copy slowly replaced by a copy.
 
-        It copies what is sent first to the beginning of a page, and the rest behind it. Where that runs just ahead of
-        the source by the lowest twelve bits of the addresses, the processor takes what it reads for what it has just
-        written and waits for that ("4K aliasing"), which makes it up to three times as slow; a copy of ours that does
-        not costs a tenth of it. Bottles of one blob, as Python allocates them, nearly always lie so.
+        The kernel copies the data to the beginning of a page. Where the destination is just ahead of the source in the
+        lowest twelve bits of the addresses, the processor stalls on false dependencies ("4K aliasing"), which takes up
+        to three times as long. A copy at another offset costs a tenth of that. Bottles of one blob, as Python allocates
+        them, nearly always have the slow alignment.
         """
         before = 0
         for place, block in enumerate(blocks):
@@ -238,7 +242,7 @@ class Stream:
         return blocks
 
     def _copied(self, block: bytes) -> memoryview:
-        """The same half a page further on, in memory that the next one will use."""
+        """Return a copy at an offset of half a page, in memory that the next copy reuses."""
         size = _PAGE + len(block)
         if not size <= len(self._copy) <= 2 * size:
             self._copy = bytearray(size)
@@ -247,7 +251,7 @@ class Stream:
         return copy
 
     def send_bytes(self, data: bytes) -> None:
-        """Send one short piece."""
+        """Send a short piece."""
         try:
             sent = self._send(data)
             while sent < len(data):
@@ -256,7 +260,7 @@ class Stream:
             raise _not_sent(error) from None
 
     def send_at_once(self, data: bytes) -> None:
-        """Send one short piece without waiting. Raises WaitTimeoutError when the peer has not taken what was before."""
+        """Send a short piece without waiting. Raises WaitTimeoutError if the peer has not read earlier data."""
         try:
             sent = self._send(data, socket.MSG_DONTWAIT)
         except OSError as error:
@@ -265,13 +269,13 @@ class Stream:
             raise WaitTimeoutError(_FULL)
 
     def close(self) -> None:
-        """Close the connection and wake whoever waits in it."""
+        """Close the connection and wake the threads that wait in it."""
         with contextlib.suppress(OSError):
             self.socket.shutdown(socket.SHUT_RDWR)
         self.socket.close()
 
     def wake(self) -> None:
-        """Have whoever waits in it see its end; the descriptor stays until ``close``."""
+        """Shut the connection down so that waiting threads see its end. The descriptor stays open until ``close``."""
         with contextlib.suppress(OSError):
             self.socket.shutdown(socket.SHUT_RDWR)
 
@@ -294,7 +298,7 @@ class Stream:
 
 
 def _count_references() -> tuple[int, int]:
-    """How many references this Python counts to the two buffers of a stream of which nobody keeps anything."""
+    """Return the reference counts of the two buffers of a stream when nothing else refers to them."""
     with socket.socket() as nowhere:
         stream = Stream(nowhere)
         return stream._references(), stream._spare_references()  # noqa: SLF001 - of this module
@@ -302,12 +306,12 @@ def _count_references() -> tuple[int, int]:
 
 _unshared, _spare_unshared = _count_references()
 _LEFT = "the peer closed the connection"
-_FULL = "the peer does not take what is sent to it"
+_FULL = "the peer does not read what is sent to it"
 
 
 def _not_received(error: OSError) -> MiddlewareError:
     if isinstance(error, BlockingIOError):
-        return WaitTimeoutError("the peer said nothing in time")
+        return WaitTimeoutError("the peer did not answer in time")
     return StreamClosedError(f"the peer is gone: {error.strerror or error}")
 
 
@@ -317,20 +321,20 @@ def _not_sent(error: OSError) -> MiddlewareError:
     return StreamClosedError(f"the peer is gone: {error.strerror or error}")
 
 
-#: Bytes that are allocated on a peer's word alone.
+#: Bytes that are allocated because a peer announces them.
 _BELIEVED = 8 << 20
 
 
 def _is_close(block: bytes, before: int) -> bool:
-    """Whether a copy of the block, so many bytes behind the beginning of a page, runs just ahead of it."""
-    import ctypes  # only for what is large enough to be worth it
+    """Return whether a copy of the block at offset ``before`` of a page would be just ahead of its source."""
+    import ctypes  # imported here: only large blocks need it
 
     address = ctypes.cast(ctypes.c_char_p(block), ctypes.c_void_p).value or 0
     return 0 < (before - address) % _PAGE <= _CLOSE
 
 
 def _after(blocks: Sequence[Buffer], sent: int) -> list[memoryview]:
-    """The blocks without the bytes that are sent already."""
+    """Return the rest of the blocks after the first ``sent`` bytes."""
     rest = []
     for block in blocks:
         if sent < len(block):

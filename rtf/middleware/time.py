@@ -1,14 +1,14 @@
-"""Clocks that come over the network: one that is listened to, and one that is asked.
+"""Clocks over the network: one that receives published time, and one that takes part in lockstep.
 
-*The network clock* is YARP's: a port, ``/clock`` by custom, publishes seconds and nanoseconds, and whoever lives by it
-waits for its messages. *Lockstep* is ours: time stands still until everybody who takes part waits, and then goes
-straight to the earliest moment that somebody waits for. The simulator is its server; it is an RPC port like any other:
+*The network clock* is YARP's: a port, ``/clock`` by convention, publishes seconds and nanoseconds, and its receivers
+follow them. *Lockstep* is ours: time stands still until all participants wait, and then goes straight to the earliest
+moment that one of them waits for. The simulator is its server, on an RPC port with these commands:
 
 =============== =====================================================================================================
-``join NAME``   take part; the reply is ``[ok] id now``. The connection is the membership: when it ends, the
-                participant has left
-``until ID T``  wait until the time is T; the reply is ``[ok] now``, and time goes on while it is awaited
-``leave ID``    take part no more
+``join NAME``   take part; the reply is ``[ok] id now``. The membership lasts as long as the connection: when that
+                ends, the participant has left
+``until ID T``  wait until the time is T; the reply is ``[ok] now``, and time advances while the reply is awaited
+``leave ID``    stop taking part
 ``now``         ``[ok] now``
 =============== =====================================================================================================
 """
@@ -38,18 +38,18 @@ if TYPE_CHECKING:
 _NANO = 1e-9
 _DIGITS = 9
 CLOCK_PORT = "/clock"
-#: Which clock the robot of this process lives by: ``lockstep:/clock``, or the name of a port that publishes the time.
+#: The clock of this process's robot: ``lockstep:/clock``, or the name of a port that publishes the time.
 CLOCK_VARIABLE, YARP_CLOCK_VARIABLE = "RTF_CLOCK", "YARP_CLOCK"
 _LOCKSTEP = "lockstep:"
-#: How the time is sent: a thousand messages a second for which nobody need wait, each of which says all.
+#: The carrier of the time: a thousand messages a second, each complete, for which no one has to wait.
 _CARRIER = "fast_tcp"
 
 
 def clock_from_environment(network: Network, environment: Mapping[str, str] | None = None) -> Clock:
-    """The clock that ``RTF_CLOCK`` says, else the port that ``YARP_CLOCK`` says, else the machine's own.
+    """Return the clock of ``RTF_CLOCK``, else of the port in ``YARP_CLOCK``, else the machine's own.
 
-    ``lockstep:/clock`` takes part in a simulator's time, which stands still whenever this process works; to be closed
-    when that is over. Raises AddressError for what names no clock, and ConnectError when it is not there.
+    ``lockstep:/clock`` takes part in a simulator's time, which stands still while this process works; the caller closes
+    the clock at the end. Raises AddressError for an invalid value, and ConnectError if the clock is not there.
     """
     given = os.environ if environment is None else environment
     text = given.get(CLOCK_VARIABLE) or given.get(YARP_CLOCK_VARIABLE, "")
@@ -64,17 +64,17 @@ def clock_from_environment(network: Network, environment: Mapping[str, str] | No
 
 
 class NetworkClock(Clock):
-    """The time that a port publishes. Until its first message has come, everybody who asks for the time waits.
+    """The time that a port publishes. Until its first message arrives, every call waits.
 
-    When the time jumps back, as after a restart of a simulator, those who sleep still sleep as long as they wanted to.
+    When the time jumps back, as after a restart of a simulator, a sleep still lasts as long as requested.
     """
 
     def __init__(self, source: str = CLOCK_PORT, *, network: Network) -> None:
         self.source = source
         self._changed = threading.Condition()
         self._now: float | None = None
-        self._jumped = 0.0  # how far the time has jumped back in all
-        self._earliest = math.inf  # when the first of those who sleep has to be woken, all jumps counted
+        self._jumped = 0.0  # the sum of all backward jumps
+        self._earliest = math.inf  # the first wake-up time of all sleepers, jumps included
         self._closed = False
         program = sys.argv[0] if sys.argv else ""
         name = f"/{socket.gethostname()}/{program}/{os.getpid()}/clock:i"
@@ -86,20 +86,20 @@ class NetworkClock(Clock):
             raise
 
     def _subscribe(self, network: Network) -> None:
-        """Ask the name server for a connection that lasts: it is made whenever the publisher appears."""
+        """Ask the name server for a persistent connection: it is made whenever the publisher appears."""
         network.names.command(f'subscribe "tcp:/{self.source}" "{_CARRIER}:/{self._port.name}"')
         if network.names.query(self.source) is not None:
             remote.connect(network, Contact.parse(self.source), Contact.parse(self._port.name), _CARRIER)
 
     def _heard(self, received: Received[Bottle]) -> None:
-        # To the nanosecond: a sum of fractions that is a bit more than the time would let somebody wake up too late.
+        # Rounded to the nanosecond: a rounding error above the exact time would wake a sleeper one message late.
         time = round(as_int(received.value.get(0)) + as_int(received.value.get(1)) * _NANO, _DIGITS)
         with self._changed:
             if self._now is not None and time < self._now:
                 self._jumped += self._now - time
             first = self._now is None
             self._now = time
-            # A thousand times a second: nobody is woken only to find that it is too early.
+            # A thousand times a second: sleepers are woken only when one of them is due.
             if first or time + self._jumped >= self._earliest:
                 self._earliest = math.inf
                 self._changed.notify_all()
@@ -111,7 +111,7 @@ class NetworkClock(Clock):
     def _wait_for_time(self) -> float:
         self._changed.wait_for(lambda: self._now is not None or self._closed)
         if self._now is None:
-            raise PortClosedError(f"the clock {self.source} was closed before it said what time it is")
+            raise PortClosedError(f"the clock {self.source} was closed before its first message")
         return self._now
 
     def sleep(self, seconds: float) -> None:
@@ -133,11 +133,11 @@ class NetworkClock(Clock):
 
 
 class LockstepClock(Clock):
-    """A simulator's time: it goes on while all who take part sleep, as fast as the simulator can.
+    """A simulator's time: it advances while all participants sleep, as fast as the simulator can.
 
-    The thread that makes it takes part, and each other one that sleeps, on its own. A thread that takes part and
-    neither sleeps nor ends keeps the time standing still; it has to ``leave`` when it is done with the robot. Others
-    may ask for the time, and are told the latest that somebody here knows.
+    The thread that creates the clock takes part, and so does every other thread that sleeps. A participating thread
+    that neither sleeps nor ends stops the time; it has to ``leave`` when it is done with the robot. Other threads may
+    read the time, and get the latest that any thread of this clock knows.
     """
 
     def __init__(self, server: str, name: str, *, network: Network) -> None:
@@ -147,12 +147,12 @@ class LockstepClock(Clock):
         self._local = threading.local()
         self._members: list[_Member] = []
         self._lock = threading.Lock()
-        self._left_at = 0.0  # the latest time of those who have left
+        self._left_at = 0.0  # the latest time of threads that have left
         self._member()
 
     def _member(self) -> _Member:
         member: _Member | None = getattr(self._local, "member", None)
-        if member is not None and not member.connected:  # a wait was broken off
+        if member is not None and not member.connected:  # a wait was interrupted
             self.leave()
             member = None
         if member is None:
@@ -162,7 +162,7 @@ class LockstepClock(Clock):
         return member
 
     def now(self) -> float:
-        """See Clock. It needs no question: the time changes only while those who take part sleep."""
+        """Return the time. It needs no request: the time changes only while all participants sleep."""
         member: _Member | None = getattr(self._local, "member", None)
         if member is not None:
             return member.now
@@ -170,13 +170,13 @@ class LockstepClock(Clock):
             return max([self._left_at, *(member.now for member in self._members)])
 
     def sleep(self, seconds: float) -> None:
-        """See Clock; messages that were sent before the end of the sleep have been delivered when it returns."""
+        """Sleep. When it returns, messages sent before the end of the sleep have been delivered."""
         if seconds > 0:
             member = self._member()
             member.wait_until(member.now + seconds)
 
     def leave(self) -> None:
-        """Take part no more in this thread; the next sleep joins again."""
+        """Stop taking part in this thread; the next sleep joins again."""
         member: _Member | None = getattr(self._local, "member", None)
         if member is not None:
             self._local.member = None
@@ -186,7 +186,7 @@ class LockstepClock(Clock):
             member.close()
 
     def close(self) -> None:
-        """See Clock: all threads leave."""
+        """End the participation of all threads."""
         with self._lock:
             members, self._members = self._members, []
         for member in members:
@@ -194,7 +194,7 @@ class LockstepClock(Clock):
 
 
 class _Member:
-    """One thread that takes part."""
+    """The membership of one thread."""
 
     def __init__(self, server: str, name: str, network: Network) -> None:
         self._client = RpcClient("", server, network=network)
@@ -224,7 +224,7 @@ class _Member:
 
 
 def _reason(reply: Bottle | None) -> str:
-    """Why it was refused, by an answer that need not be a clock's; never empty."""
+    """Return the reason of a refusal. The reply may come from something other than a clock. Never empty."""
     if not reply:
-        return "it gave no answer; has its simulator ended?"
-    return as_string(reply.get(1)) or f"it answered {reply.to_text()}, which no clock does"
+        return "there was no reply; has its simulator ended?"
+    return as_string(reply.get(1)) or f"{reply.to_text()} is not the reply of a clock"

@@ -1,4 +1,4 @@
-"""The bytes of a connection: numbers, headers, the index in front of each message, port commands.
+"""The wire format of a connection: numbers, headers, message indexes and port commands.
 
 Pure functions and constants; nothing here reads a socket. All integers are little-endian.
 """
@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 from rtf.middleware.errors import ProtocolError
 
-#: The number that a carrier's own is added to in its header.
+#: The base to which a carrier's number is added in its header.
 _BASE = 7777
-#: What stands in the number in front of each message: the bytes of the rest of the index.
+#: The number at the start of each message: the size of the rest of the index head.
 _INDEX = 10
-#: What a name may take in a header; real programs accept no more either.
+#: The longest name in a header, in bytes; YARP's programs have the same limit.
 MAX_NAME = 1000
-#: A message larger than this is refused before anything is allocated for it.
+#: The largest message, in bytes. Larger ones are refused before memory is allocated.
 MAX_MESSAGE = 1 << 30
 
 _number = struct.Struct("<2si2s")
@@ -24,12 +24,12 @@ _int32 = struct.Struct("<i")
 
 
 def yarp_number(value: int) -> bytes:
-    """Write an integer the way handshakes and acknowledgements do: ``YA``, the number, ``RP``."""
+    """Encode an integer as in handshakes and acknowledgements: ``YA``, the number, ``RP``."""
     return _number.pack(b"YA", value, b"RP")
 
 
 def read_number(data: bytes | bytearray | memoryview, start: int = 0) -> int:
-    """Read such an integer; ProtocolError when the letters are not there."""
+    """Decode an integer between ``YA`` and ``RP``. Raises ProtocolError if the letters are missing."""
     before, value, after = _number.unpack_from(data, start)
     if before != b"YA" or after != b"RP":
         raise ProtocolError(f"expected a number between YA and RP, got {bytes(data[start : start + 8])!r}")
@@ -38,29 +38,29 @@ def read_number(data: bytes | bytearray | memoryview, start: int = 0) -> int:
 
 ACK = yarp_number(0)
 _START = yarp_number(_INDEX)
-#: For one, two … 255 blocks all of the index but their lengths.
+#: For each number of blocks, the index up to the lengths.
 _HEADS = [_START + bytes([count, 1]) + b"\xff" * 8 for count in range(256)]
 _NO_REPLIES = _int32.pack(0)
 
 
 def header(specifier: int) -> bytes:
-    """The eight bytes by which a binary carrier is known."""
+    """Return the eight bytes with which a connection of a binary carrier begins."""
     return yarp_number(_BASE + specifier)
 
 
 def specifier(data: bytes) -> int:
-    """The carrier's number in a header, or -1 when it is not a binary carrier's."""
+    """Return the carrier's number in a header, or -1 if it is not a binary carrier's."""
     return read_number(data) - _BASE if data[:2] == b"YA" and data[6:8] == b"RP" else -1
 
 
 def sender(name: str) -> bytes:
-    """How a connecting port gives its name."""
+    """Encode the name of a connecting port."""
     raw = name.encode("utf-8", "surrogateescape")
     return _int32.pack(len(raw) + 1) + raw + b"\0"
 
 
 def index(*lengths: int) -> bytes:
-    """What stands in front of a message of blocks of these lengths."""
+    """Return the index of a message with blocks of these lengths."""
     return _HEADS[len(lengths)] + struct.pack(f"<{len(lengths)}i", *lengths) + _NO_REPLIES
 
 
@@ -68,25 +68,25 @@ _two = struct.Struct("<iii")
 
 
 def index_of_two(first: int, second: int) -> bytes:
-    """The same for two blocks, as every message of ours has them: the port command and the data."""
+    """Return the index of two blocks, the port command and the data, as all our messages have."""
     return _HEADS[2] + _two.pack(first, second, 0)
 
 
-#: The bytes of an index before the lengths.
+#: The size of an index before the lengths.
 INDEX_SIZE = 18
-#: Index and command of a message of two blocks, a command without text and the data, which is what nearly all are: all
-#: that never changes, the size of the data, and no replies with the command. One call makes or reads it.
+#: Index and command of the usual message: two blocks, a command without text and the data. The fields are the constant
+#: part, the size of the data, and "no replies" with the command, so one call encodes or decodes all.
 _plain = struct.Struct("<22si12s")
 _BEFORE_SIZE = _HEADS[2] + _int32.pack(8)
-#: The same of a command with a text, up to that: all that never changes, the sizes of both blocks, no replies, the size
-#: of the text, and the mark of a command.
+#: The same with a text in the command, up to that text: the constant part, the sizes of both blocks, "no replies", the
+#: size of the text, and the mark of a command.
 _enveloped = struct.Struct("<18siiii4s")
 _TEXT = b"~\0\0\1"
 _BEHIND_SIZE = {letter: _NO_REPLIES + b"\0\0\0\0~" + letter.encode() + b"\0\1" for letter in "dDaq"}
 
 
 def index_rest(data: bytes | bytearray | memoryview, start: int = 0) -> tuple[int, int]:
-    """How many lengths, and how many bytes in all, follow the first eighteen bytes of an index."""
+    """Return how many lengths, and how many bytes in total, follow the first eighteen bytes of an index."""
     if data[start : start + 8] != _START:
         raise ProtocolError(f"expected a message, got {bytes(data[start : start + 8])!r}")
     blocks = data[start + 8]
@@ -94,16 +94,16 @@ def index_rest(data: bytes | bytearray | memoryview, start: int = 0) -> tuple[in
 
 
 def message_size(data: bytes | bytearray | memoryview, start: int, blocks: int) -> int:
-    """The bytes of a message from the lengths of its blocks; ProtocolError when they make no sense."""
+    """Return the size of a message from the lengths of its blocks. Raises ProtocolError for invalid lengths."""
     lengths: tuple[int, ...] = struct.unpack_from(f"<{blocks}i", data, start)
     size = sum(lengths)
     if blocks and (min(lengths) < 0 or size > MAX_MESSAGE):
-        raise ProtocolError(f"a message of {size} bytes; at most {MAX_MESSAGE} are taken")
+        raise ProtocolError(f"a message of {size} bytes; at most {MAX_MESSAGE} are accepted")
     return size
 
 
 class Command(NamedTuple):
-    """What a message is for: a letter, the text that came with it, and where the data begin."""
+    """A port command: its letter, the text that came with it, and the offset of the data."""
 
     key: str
     text: str
@@ -112,17 +112,17 @@ class Command(NamedTuple):
 
 _PLAIN = {letter: b"\0\0\0\0~" + letter.encode() + b"\0\1" for letter in "dDaq"}
 _SINGLE = {command: Command(letter, "", 8) for letter, command in _PLAIN.items()}
-#: The least that a message holds.
+#: The smallest size of a command, in bytes.
 COMMAND_SIZE = 8
 
 
 def command(key: str, envelope: str = "") -> bytes:
-    """Write a port command; ``envelope`` is what travels beside the data of ``d`` and ``D``."""
+    """Encode a port command; ``envelope`` travels beside the data of ``d`` and ``D``."""
     return _PLAIN[key] if not envelope else command_text(f"{key} {envelope}")
 
 
 def front(key: str, envelope: str, size: int) -> bytes:
-    """All that stands before the data of a message: index and command."""
+    """Return all bytes before the data of a message: index and command."""
     if not envelope:
         return _plain.pack(_BEFORE_SIZE, size, _BEHIND_SIZE[key])
     raw = f"{key} {envelope}\0".encode("utf-8", "surrogateescape")
@@ -130,13 +130,13 @@ def front(key: str, envelope: str, size: int) -> bytes:
 
 
 def command_text(text: str) -> bytes:
-    """Write a command that is a text, such as ``~/name``."""
+    """Encode a command that is a text, such as ``~/name``."""
     raw = text.encode("utf-8", "surrogateescape") + b"\0"
     return _int32.pack(len(raw)) + _TEXT + raw
 
 
 def command_text_size(head: bytes | bytearray | memoryview) -> int:
-    """How many bytes of text follow the first eight of a command."""
+    """Return how many bytes of text follow the first eight of a command."""
     if head[4] != ord("~"):
         raise ProtocolError(f"expected a port command, got {bytes(head)!r}")
     (length,) = _int32.unpack_from(head, 0)
@@ -148,7 +148,7 @@ def command_text_size(head: bytes | bytearray | memoryview) -> int:
 
 
 def read_command(data: bytes | bytearray | memoryview) -> Command:
-    """Read the command at the head of a message."""
+    """Decode the command at the start of a message."""
     known = _SINGLE.get(bytes(data[:8]))
     if known is not None:
         return known
@@ -165,7 +165,7 @@ def read_command(data: bytes | bytearray | memoryview) -> Command:
 
 
 def text_command(text: str, data: int = 0) -> Command:
-    """Take a command apart that is a text: its letter, and what follows it."""
+    """Split a text command into its letter and what follows."""
     key = text[:1]
     if key in ("d", "D"):
         # "d ENVELOPE"; control characters end an envelope.

@@ -27,7 +27,7 @@ from rtf.robot_testing.pressing import Load, Pressing
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.network import Network
     from rtf.robot.client.control_board import RemoteControlBoard
     from rtf.robot.extended_state import ExtendedState
@@ -75,8 +75,8 @@ class Forces:
 
     def __init__(self, source: str, *, network: Network) -> None:
         self.source = source
-        self._messages: deque[Delivery] = deque(maxlen=_HISTORY)
-        self._port = Port("", self._receive, network=network, outputs=False, keeps=True, promise=VECTOR.promise)
+        self._messages: deque[IncomingMessage] = deque(maxlen=_HISTORY)
+        self._port = Port("", self._receive, network=network, outputs=False, nonblocking=True, promise=VECTOR.promise)
         try:
             # By tcp, whose sender waits: in lockstep nothing is on its way when the time goes on.
             remote.connect(network, Contact(source), Contact(self._port.name), "tcp")
@@ -84,20 +84,20 @@ class Forces:
             self._port.close()
             raise NoForcesError(str(error)) from error
 
-    def _receive(self, delivery: Delivery) -> None:
+    def _receive(self, delivery: IncomingMessage) -> None:
         """In the thread of the connection."""
         self._messages.append(delivery.kept())
 
-    def newest(self, count: int) -> list[Delivery]:
+    def newest(self, count: int) -> list[IncomingMessage]:
         """The last messages, the newest first."""
         # Copied in one step, for messages come meanwhile.
         return self.kept()[: -count - 1 : -1]
 
-    def kept(self) -> list[Delivery]:
+    def kept(self) -> list[IncomingMessage]:
         """All messages that are kept, the oldest first."""
         return list(self._messages)
 
-    def rows(self, kept: Sequence[Delivery]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def rows(self, kept: Sequence[IncomingMessage]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What messages say: their numbers (-1 without a stamp), stamps (s), and forces (N) and torques (Nm).
 
         The last has a row a message. Raises NoForcesError when they are no six numbers each.
@@ -109,7 +109,7 @@ class Forces:
             np.array([self.read(delivery) for delivery in kept]).reshape(-1, len(CHANNELS)),
         )
 
-    def read(self, delivery: Delivery) -> FloatArray:
+    def read(self, delivery: IncomingMessage) -> FloatArray:
         """The six numbers of a message. Raises NoForcesError for others."""
         try:
             values = delivery.read(VECTOR)
@@ -126,7 +126,7 @@ class Forces:
         self._port.close()
 
 
-def stamp_of(delivery: Delivery) -> Stamp:
+def stamp_of(delivery: IncomingMessage) -> Stamp:
     """The stamp of a message; number -1 and time 0 where it has none."""
     return Stamp.parse(delivery.envelope) or Stamp()
 
@@ -158,7 +158,8 @@ class ContactWatch:
         self._heavy = np.array([not _LIGHT.search(name) for name in board.axis_names()])
         self._states: deque[tuple[float, ExtendedState]] = deque(maxlen=_KEPT)
         self._looks: deque[_Look] = deque()
-        self._heard: tuple[Delivery | None, float] | None = None  # the last message, and the state it came with, s
+        #: The last message, and the time of its state, s.
+        self._heard: tuple[IncomingMessage | None, float] | None = None
         self._free: _Look | None = None  # how it was before it struck something that it may still touch
         self._strange_since: float | None = None  # since when forces or states are no numbers, s
         self._known: float | None = None  # the last state of which it was known what the limb did around it, s

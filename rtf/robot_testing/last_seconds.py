@@ -9,7 +9,7 @@ from rtf.robot_testing.contacts import CHANNELS, NoForcesError
 from rtf.robot_testing.mode_numbers import LEGEND, mode_numbers
 
 if TYPE_CHECKING:
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.robot_testing.case import RobotTest
     from rtf.robot_testing.contacts import Forces
     from rtf.robot_testing.part import Part
@@ -29,7 +29,7 @@ class _Taken(NamedTuple):
 
     when: str
     states: Trace
-    felt: list[Delivery]
+    felt: list[IncomingMessage]
 
 
 class LastSeconds:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Dialect
     from rtf.clock import Clock
     from rtf.middleware.carriers.base import Buffer
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.network import Network
 
 #: Seconds of the robot's time between two looks. In lockstep that is how exactly arrivals are known; elsewhere it only
@@ -109,7 +109,7 @@ class PortRecorder:
         """Begin. Raises MiddlewareError where nobody publishes under that name."""
         remote.connect(self._network, Contact.parse(self.source), Contact.parse(self._port.name), carrier)
 
-    def _receive(self, delivery: Delivery) -> None:
+    def _receive(self, delivery: IncomingMessage) -> None:
         data = delivery.read(_RAW)
         stamp = Stamp.parse(delivery.envelope) or Stamp(time=math.nan)
         content = self._content(data)

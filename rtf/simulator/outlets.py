@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.posting import PATIENCE, PostingPort
+from rtf.middleware.pipelined_port import PATIENCE, PipelinedPort
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -33,7 +33,7 @@ _TOGETHER = 8
 class SimulatedOutlet:
     """One port. ``disturbances`` lose, repeat and delay its messages; each may be put in and taken out at any step."""
 
-    def __init__(self, port: PostingPort | BufferedPort[Any], simulation: Simulation) -> None:
+    def __init__(self, port: PipelinedPort | BufferedPort[Any], simulation: Simulation) -> None:
         self.port = port
         self.disturbances: list[Disturbance] = []
         self._simulation = simulation
@@ -63,12 +63,12 @@ class SimulatedOutlet:
 
     def flush(self) -> None:
         """Send what is kept to be sent together, without waiting for anybody."""
-        if isinstance(self.port, PostingPort):
+        if isinstance(self.port, PipelinedPort):
             self.port.flush()
 
     def settle(self, timeout: float | None = PATIENCE) -> bool:
         """See Outlet."""
-        return self.port.settle(timeout) if isinstance(self.port, PostingPort) else self.port.wait(timeout)
+        return self.port.settle(timeout) if isinstance(self.port, PipelinedPort) else self.port.wait(timeout)
 
     def close(self) -> None:
         """See Outlet."""
@@ -86,9 +86,9 @@ class SimulatedOutlets:
 
     def open(self, name: str, codec: Codec[Any]) -> SimulatedOutlet:
         """See Outlets."""
-        port: PostingPort | BufferedPort[Any]
+        port: PipelinedPort | BufferedPort[Any]
         if self._lockstep:
-            port = PostingPort(name, codec, network=self._network, together=_TOGETHER)
+            port = PipelinedPort(name, codec, network=self._network, together=_TOGETHER)
         else:
             port = BufferedPort(name, codec, network=self._network, inputs=False)
         outlet = self.by_name[port.name] = SimulatedOutlet(port, self._simulation)

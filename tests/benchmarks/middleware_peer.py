@@ -29,7 +29,7 @@ from rtf.middleware.types import IMAGE
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
 
 _ROOM = 1 << 16
 #: Seconds in which nothing happens, and nothing should be used.
@@ -68,7 +68,7 @@ class Counting(Port):
         self._expected = expected
         super().__init__(name, self._take, network=network)
 
-    def _take(self, delivery: Delivery) -> None:
+    def _take(self, delivery: IncomingMessage) -> None:
         if delivery.read() == self._expected or self._expected is None:
             self.count += 1
 

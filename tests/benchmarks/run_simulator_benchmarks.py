@@ -36,7 +36,7 @@ from rtf.robot.client.inertial import InertialClient
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.network import Network
     from rtf.robot.device import Device
 
@@ -179,7 +179,7 @@ class _Arrivals(Port):
         self.came: list[tuple[float, float]] = []
         super().__init__(name, self._take, network=network, outputs=False)
 
-    def _take(self, delivery: Delivery) -> None:
+    def _take(self, delivery: IncomingMessage) -> None:
         at = clock.monotonic()
         stamp = Stamp.parse(delivery.envelope)
         self.came.append((at, stamp.time if stamp else 0.0))

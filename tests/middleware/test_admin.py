@@ -17,7 +17,7 @@ from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.carriers import registry
 from rtf.middleware.carriers.tcp import TcpOutput
 from rtf.middleware.codecs import BOTTLE
-from rtf.middleware.outgoing import Outgoing
+from rtf.middleware.outgoing_message import OutgoingMessage
 from rtf.middleware.port import Port
 from rtf.middleware.rpc import RpcClient, RpcServer
 from waiting import eventually
@@ -41,7 +41,7 @@ def ask(port: Port, request: str, way: str) -> Bottle:
         stream.send(carrier.header + wire.sender("admin"))
         stream.take(8)
         link = TcpOutput(carrier, stream)
-        link.send(Outgoing("a", Bottle.parse(request), BOTTLE, Dialect.YARP3))
+        link.send(OutgoingMessage("a", Bottle.parse(request), BOTTLE, Dialect.YARP3))
         reply = link.receive_reply(BOTTLE, Dialect.YARP3)
         link.finish()
         assert isinstance(reply, Bottle)
@@ -263,7 +263,9 @@ class TestModify:
             wanted = f'[fail] "{name} command must be followed by [out] or [in]"'
             assert ask(port, f"[{word}]", way).to_text() == wanted
             assert ask(port, f"[{word}] [up]", way).to_text() == wanted
-        assert ask(port, '[atch] [in] "(type lua) (file x)"', way).to_text() == '[fail] "this port takes no monitors"'
+        assert (
+            ask(port, '[atch] [in] "(type lua) (file x)"', way).to_text() == '[fail] "port monitors are not supported"'
+        )
         assert ask(port, "[dtch] [out]", way).to_text() == "[fail]"
 
 

@@ -56,7 +56,7 @@ def test_an_object_has_a_codec(value: object, codec: Codec[object]):
 @pytest.mark.parametrize("value", [None, 5, [1, 2], object(), 1j])
 def test_other_objects_have_none(value: object):
     """The error says what would help."""
-    with pytest.raises(ProtocolError, match=f"send a {type(value).__name__}; give a codec, or a Bottle"):
+    with pytest.raises(ProtocolError, match=f"the type {type(value).__name__}; pass a codec, or a Bottle"):
         codec_of(value)
 
 

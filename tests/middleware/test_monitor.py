@@ -11,7 +11,7 @@ import pytest
 
 from rtf import clock
 from rtf.bottle import Bottle
-from rtf.middleware import kernel
+from rtf.middleware import tcp_counters
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.monitor import Link, Tap, Traffic, survey
 from rtf.middleware.names import Contact
@@ -155,13 +155,13 @@ def test_the_kernel_counts_both_ends():
     """Bytes and segments of a connection, as seen from each end."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         with socket.create_connection(listening.getsockname()) as near, listening.accept()[0] as far:
-            ends = kernel.Ends(near.getsockname(), far.getsockname())
-            before = kernel.connections()[ends]
+            ends = tcp_counters.Endpoints(near.getsockname(), far.getsockname())
+            before = tcp_counters.connections()[ends]
             near.sendall(bytes(1000))
             assert far.recv(1000, socket.MSG_WAITALL) == bytes(1000)
             far.sendall(b"yes")
             assert near.recv(3) == b"yes"
-            counted = kernel.connections()
-        assert counted[ends].since(before) == kernel.Counted(received=3, sent=1000, segments_sent=1)
-        assert counted[kernel.Ends(ends.far, ends.near)].received == 1000
-        assert ends not in kernel.connections()
+            counted = tcp_counters.connections()
+        assert counted[ends].since(before) == tcp_counters.TcpCounters(received=3, sent=1000, segments_sent=1)
+        assert counted[tcp_counters.Endpoints(ends.far, ends.near)].received == 1000
+        assert ends not in tcp_counters.connections()

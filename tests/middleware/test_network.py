@@ -106,7 +106,7 @@ class TestOpening:
         names = LocalNames()
         with pytest.raises(AddressError, match="begins with '/', such as"):
             Network(names).open_address(name)
-        with pytest.raises(AddressError, match="'lab/a' is no name"):
+        with pytest.raises(AddressError, match="'lab/a' is not a port name"):
             Network(names, opening=lambda name: Opening(f"lab{name}")).open_address("/a")
         assert names.list() == []
 

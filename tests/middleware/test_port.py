@@ -19,7 +19,7 @@ from rtf.middleware.rpc import RpcClient, RpcServer
 from waiting import eventually, open_descriptors
 
 if TYPE_CHECKING:
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.inputs import Input
     from rtf.middleware.network import Network
 
@@ -55,13 +55,13 @@ class TestConnecting:
     def test_a_caller_is_listed_before_it_gets_its_reply(self, network: Network, handshake: bytes, monkeypatch):
         """Whoever has connected finds itself among the inputs: until the port lists the caller, no reply is sent."""
         early: list[bool] = []
-        joined = Port.joined
+        joined = Port.input_opened
 
         def join(port: Port, caller: Input) -> None:
             early.append(bool(select.select([connection], [], [], 0.05)[0]))
             joined(port, caller)
 
-        monkeypatch.setattr(Port, "joined", join)
+        monkeypatch.setattr(Port, "input_opened", join)
         with Port("/reader", network=network) as reader:
             connection = socket.create_connection((reader.contact.host, reader.contact.port), timeout=10)
             with connection:
@@ -194,7 +194,7 @@ class TestBuffered:
         leave = threading.Event()
         seen: list[object] = []
 
-        def slowly(delivery: Delivery) -> None:
+        def slowly(delivery: IncomingMessage) -> None:
             seen.append(delivery.read()[0])
             leave.wait(5)
 
@@ -212,7 +212,7 @@ class TestBuffered:
     def test_replier_answers_questions(self, network: Network):
         """Messages that want a reply do not go into the queue."""
 
-        def reply(delivery: Delivery) -> None:
+        def reply(delivery: IncomingMessage) -> None:
             delivery.reply(Bottle(["ok"]))
 
         with (
@@ -352,7 +352,7 @@ class TestEnd:
         """The port does not wait for itself."""
         closed = threading.Event()
 
-        def close(delivery: Delivery) -> None:
+        def close(delivery: IncomingMessage) -> None:
             server.close()
             closed.set()
 

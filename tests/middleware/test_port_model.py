@@ -213,7 +213,7 @@ class Ports(RuleBasedStateMachine):
     def await_message(self) -> None:
         """See that what a writer of a plain port waits with is there, so that what is written later comes later."""
         if self.model.busy:
-            eventually(lambda: self.reader._rendezvous._waiting is not None, "the message does not come")
+            eventually(lambda: self.reader._handoff._waiting is not None, "the message does not come")
 
     # What the reader does
 
@@ -229,7 +229,7 @@ class Ports(RuleBasedStateMachine):
     def begin_to_read(self) -> None:
         """It waits, until something comes or somebody says that nothing will."""
         plain = self.model.kind == PLAIN
-        changed = self.reader._rendezvous._changed if plain else self.reader._arrived
+        changed = self.reader._handoff._changed if plain else self.reader._arrived
         self.reading = Call(lambda: self.reader.read()[0])
         eventually(lambda: changed._waiters, "nobody waits")
 

@@ -97,12 +97,12 @@ class TestTables:
     @pytest.mark.parametrize("wrong", ["", "64", "-1", "AF44", "HIGH"])
     def test_no_class(self, wrong: str):
         """The error lists those there are."""
-        with pytest.raises(QosError, match=r"is no DSCP class; there are CS0, .*, EF"):
+        with pytest.raises(QosError, match=r"is not a DSCP class; the known ones are CS0, .*, EF"):
             Qos.of_dscp(wrong)
 
     def test_no_level(self):
         """Likewise."""
-        with pytest.raises(QosError, match="'MAX' is no packet priority; there are LOW, NORM, HIGH, CRIT"):
+        with pytest.raises(QosError, match="'MAX' is not a packet priority; the known ones are LOW, NORM, HIGH, CRIT"):
             Qos.of_level("MAX")
 
     def test_settings(self):

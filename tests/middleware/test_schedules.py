@@ -14,7 +14,7 @@ from unittest import mock
 import pytest
 
 from rtf.bottle import Bottle
-from rtf.middleware import buffered, outputs, port, rendezvous, sender
+from rtf.middleware import buffered, message_handoff, outputs, port, sender
 from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.carriers import local
 from rtf.middleware.errors import PortClosedError, WaitTimeoutError
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
     from schedules import Control
 
-MODULES = (port, buffered, outputs, rendezvous, sender, local)
+MODULES = (port, buffered, outputs, message_handoff, sender, local)
 #: What ports and their parts look at without a lock.
 SHARED = {Port: ("interrupted", "_closed", "_outputs"), BufferedPort: ("_ended", "_queue")}
 
@@ -229,7 +229,7 @@ class TestPort:
             with scene.pair(control, scene.plain) as (reader, _):
                 together(control, reader.interrupt, reader.resume)
                 with control.undisturbed():
-                    assert reader.interrupted is not reader._rendezvous._open
+                    assert reader.interrupted is not reader._handoff._open
 
         scene.explore(program)
 

@@ -19,7 +19,7 @@ _LATER = {
     "psutil",
     "sqlite3",
     "rtf.middleware.naming.local",
-    "rtf.middleware.naming.several",
+    "rtf.middleware.naming.multi_server",
     "rtf.middleware.naming.table",
     "rtf.middleware.port",
 }

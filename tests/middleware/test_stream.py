@@ -17,7 +17,7 @@ from waiting import eventually
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.network import Network
 
 LARGE = 3 * CHUNK
@@ -124,7 +124,7 @@ class TestKeeping:
         """Each of them stays as it came, whatever comes later."""
         kept: list[Image] = []
 
-        def keep(delivery: Delivery) -> None:
+        def keep(delivery: IncomingMessage) -> None:
             if len(kept) % 3 == 2:  # between them something that is not kept
                 delivery.read()
             kept.append(delivery.read(IMAGE))

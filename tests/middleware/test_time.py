@@ -209,9 +209,9 @@ class TestLockstep:
     @pytest.mark.parametrize(
         ("reply", "reason"),
         [
-            (Bottle(), "it gave no answer; has its simulator ended?"),
+            (Bottle(), "there was no reply; has its simulator ended?"),
             (Bottle([Vocab("fail"), "join first"]), "join first"),
-            (Bottle([Vocab("fail")]), "it answered [fail], which no clock does"),
+            (Bottle([Vocab("fail")]), "[fail] is not the reply of a clock"),
         ],
     )
     def test_a_refusal_has_a_reason(self, network: Network, reply: Bottle, reason: str):

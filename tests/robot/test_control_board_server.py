@@ -11,8 +11,8 @@ import pytest
 
 from rtf.bottle import Bottle, Dialect, Property
 from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.delivery import Delivery
 from rtf.middleware.errors import MiddlewareError
+from rtf.middleware.incoming_message import IncomingMessage
 from rtf.middleware.names import Contact
 from rtf.middleware.network import Network
 from rtf.middleware.remote import connect
@@ -72,7 +72,7 @@ def test_state_in_the_background(network: Network, board, stepped: ManualClock):
     go_on = threading.Event()
     delivered = []
 
-    def dawdle(delivery: Delivery) -> None:
+    def dawdle(delivery: IncomingMessage) -> None:
         delivered.append(delivery.envelope)
         assert go_on.wait(30)
 

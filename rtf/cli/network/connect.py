@@ -9,7 +9,7 @@ from rtf.cli.network.options import contact, make_network, make_parser
 from rtf.cli.network.terminal import complain, say
 from rtf.middleware import remote
 from rtf.middleware.errors import ConnectError, MiddlewareError
-from rtf.middleware.naming.lines import command
+from rtf.middleware.naming.line_protocol import command
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rtf.cli.network.options import add_timeout, make_network, make_parser
 from rtf.cli.network.terminal import complain, say
 from rtf.middleware.naming.configuration import namespaces
-from rtf.middleware.naming.lines import END, command, read_registration, registration
+from rtf.middleware.naming.line_protocol import END, command, read_registration, registration
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Value
     from rtf.cli.parser import Parser
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
 
 _KEYWORDS = ("envelope", "envelope2", "once")
 #: Characters that ``trim`` leaves of a message when it is not told how many.
@@ -101,7 +101,7 @@ class _Printer:
         self._bell = Bell()
         self.failure: OSError | None = None
 
-    def receive(self, delivery: Delivery) -> None:
+    def receive(self, delivery: IncomingMessage) -> None:
         """Print one message."""
         message = delivery.read()
         with self._printing:

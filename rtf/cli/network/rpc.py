@@ -10,7 +10,7 @@ from rtf.cli.network.terminal import ENDING, complain, say, typed
 from rtf.middleware.carriers.tcp import Tcp
 from rtf.middleware.codecs import BOTTLE
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError
-from rtf.middleware.outgoing import Outgoing
+from rtf.middleware.outgoing_message import OutgoingMessage
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ class Caller:
         """Ask, and wait for the answer; None when the other side has none to give. Raises MiddlewareError."""
         link = self._link
         link.limit_waiting(timeout)
-        link.send(Outgoing(key, question, BOTTLE, self._dialect))
+        link.send(OutgoingMessage(key, question, BOTTLE, self._dialect))
         if timeout is None and link.endpoint is not None:
             ENDING.wait(link.endpoint.fileno())
         answer, self._dialect = link.receive_reply_in_any(BOTTLE, self._dialect)

@@ -1,1 +1,1 @@
-"""Carriers: the ways in which a message travels from one port to another."""
+"""Carriers: the transports of a message from one port to another."""

@@ -1,8 +1,8 @@
-"""What a carrier is: a handshake, and the two ends of a connection that come of it.
+"""The interface of a carrier: a handshake, and the two ends of the connection that it returns.
 
-An *input link* is the end that receives messages and answers them, an *output link* the end that sends. Each is used by
-one thread at a time; ``close`` may come from any. All of them raise MiddlewareError and its leaves, and nothing else,
-for whatever a peer does.
+An *input link* is the end that receives messages and replies, an *output link* the end that sends. Each is used by one
+thread at a time; ``close`` may be called by any. Whatever a peer does, all of them raise only MiddlewareError and its
+subclasses.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ if TYPE_CHECKING:
     from rtf.bottle import Dialect
     from rtf.middleware.codecs import Codec
     from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.outgoing_message import OutgoingMessage
     from rtf.middleware.port import Port
     from rtf.middleware.stream import Stream
 
 Buffer: TypeAlias = "bytes | bytearray | memoryview"
-#: A message as it arrives: the letter of its command, the text that came with it (an envelope, a name), and the data.
+#: A received message: the letter of its command, the text that came with it (an envelope, a name), and the data.
 Message: TypeAlias = "tuple[str, str, Buffer]"
 
 
 class InputLink(ABC):
-    """The receiving end. ``sender`` is the port at the other end, ``modifiers`` what stood in lists behind its name."""
+    """The receiving end. ``sender`` is the port at the other end, ``modifiers`` the text behind its name."""
 
     carrier: Carrier
     sender: str
     modifiers: str = ""
-    #: Messages up to this many bytes lie in memory that is used again; larger ones are whoever's they are given to.
+    #: Messages up to this many bytes are in memory that is reused; larger ones belong to the receiver.
     reuses: float = float("inf")
     endpoint: sockets.socket | None = None
 
@@ -47,37 +47,37 @@ class InputLink(ABC):
 
     @abstractmethod
     def receive(self) -> Message:
-        """Wait for the next message. Its data may lie in a buffer that is used again for the next one.
+        """Wait for the next message. Its data may be in a buffer that the next message reuses.
 
         Raises StreamClosedError at the end of the connection.
         """
 
     @abstractmethod
     def answer(self, *reply: Buffer) -> None:
-        """Be done with the message that was received last: send the reply, and the acknowledgement if one is due."""
+        """Finish the last received message: send the reply, and the acknowledgement if the carrier has one."""
 
     @abstractmethod
     def close(self) -> None:
-        """End the connection, and any wait in it. Doing so again changes nothing."""
+        """End the connection and any wait in it. A second call has no effect."""
 
     def release(self) -> None:  # noqa: B027 - most have nothing to do
-        """Give back what could not be while a thread was waiting in it. Called once, by that thread, at its end."""
+        """Release resources that a waiting thread still used. Called once, by that thread, at its end."""
 
 
-class GatheredLink(InputLink):
-    """A receiving end that can also be read without waiting, so that one thread may read many."""
+class PollableInputLink(InputLink):
+    """An input link that can also be read without waiting, so that one thread can serve many."""
 
     @abstractmethod
     def fill(self) -> None:
-        """Take in what has come, if anything has. Raises StreamClosedError at the end of the connection."""
+        """Read what has arrived, if anything. Raises StreamClosedError at the end of the connection."""
 
     @abstractmethod
     def missing(self) -> int:
-        """How many bytes of the next message are still to come, as far as can be said; 0: ``receive`` will not wait."""
+        """Return how many bytes of the next message are known to be missing; 0: ``receive`` will not wait."""
 
     @abstractmethod
     def acknowledge(self, count: int) -> None:
-        """Be done with so many messages that have no reply, at once. Raises WaitTimeoutError rather than wait."""
+        """Acknowledge ``count`` messages that have no reply. Raises WaitTimeoutError instead of waiting."""
 
 
 class OutputLink(ABC):
@@ -87,13 +87,13 @@ class OutputLink(ABC):
     endpoint: sockets.socket | None = None
 
     @abstractmethod
-    def send(self, message: Outgoing) -> None:
-        """Send one message. It may not have arrived yet."""
+    def send(self, message: OutgoingMessage) -> None:
+        """Send a message. It may not have arrived when this returns."""
 
-    def send_all(self, messages: Sequence[Outgoing]) -> None:
-        """Send several that want no reply, which ``finish`` then waits for; each when the one before is dealt with.
+    def send_all(self, messages: Sequence[OutgoingMessage]) -> None:
+        """Send several messages without replies; ``finish`` then waits for all of them.
 
-        Carriers that can send several before the first has been dealt with, do.
+        The default sends each after the previous one is acknowledged; carriers that can pipeline override it.
         """
         for message in messages:
             self.finish()
@@ -101,49 +101,49 @@ class OutputLink(ABC):
 
     @abstractmethod
     def receive_reply(self, codec: Codec[Any], dialect: Dialect) -> object | None:
-        """The reply to the message that was sent last; None when the peer had none to give."""
+        """Return the reply to the last message; None if the peer had none."""
 
     def receive_reply_in_any(self, codec: Codec[Any], expected: Dialect) -> tuple[object | None, Dialect]:
-        """The same in the dialect that is expected, or else in the other; returns the one that the peer speaks, too."""
+        """Return the reply and the peer's dialect: the expected one, else the other one."""
         try:
             return self.receive_reply(codec, expected), expected
         except BottleError:
-            other = other_dialect(expected)  # what makes no sense in the one is still there to be read
+            other = other_dialect(expected)  # the bytes that are invalid in one dialect are still unread
             return self.receive_reply(codec, other), other
 
     @abstractmethod
     def finish(self) -> None:
-        """Wait until the message that was sent last has been dealt with, if the carrier tells."""
+        """Wait for the acknowledgement of the last message, if the carrier has one."""
 
     @abstractmethod
     def limit_waiting(self, seconds: float | None) -> None:
-        """Let waiting for the peer raise WaitTimeoutError after so many seconds; None: wait for ever."""
+        """Set the timeout in seconds after which a wait raises WaitTimeoutError; None: no timeout."""
 
     @abstractmethod
     def close(self, *, politely: bool = True) -> None:
-        """End the connection; ``politely`` says so to the peer first. Doing so again changes nothing."""
+        """End the connection; ``politely`` tells the peer first. A second call has no effect."""
 
 
 class Carrier(ABC):
-    """A kind of connection. One object serves all of a process; it keeps nothing."""
+    """A kind of connection. One stateless object serves the whole process."""
 
     name: ClassVar[str]
-    #: The eight bytes by which a connection of this kind begins.
+    #: The eight bytes with which a connection of this kind begins.
     header: ClassVar[bytes]
     acknowledged: ClassVar[bool] = False
-    #: Messages are datagrams: nobody hears when the other end is gone, and it has to be told by another way.
+    #: Messages are datagrams: the end of the connection cannot be seen, and is signalled over another connection.
     connectionless: ClassVar[bool] = False
-    #: Data are text, a line each.
+    #: Data are lines of text.
     text: ClassVar[bool] = False
 
     def matches(self, header: bytes) -> bool:
-        """Whether a connection that begins with these eight bytes is of this kind."""
+        """Return whether a connection with this header is of this kind."""
         return header == self.header
 
     @abstractmethod
     def accept(self, stream: Stream, port: Port) -> InputLink:
-        """Answer the handshake of a peer whose eight bytes have been read; ``port`` is the one that was called."""
+        """Answer the handshake of a peer whose header has been read; ``port`` is the port that it called."""
 
     @abstractmethod
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
-        """Make the handshake with a port that has been reached, in the name of one of ours."""
+        """Perform the handshake with a port that is connected, on behalf of ``port``."""

@@ -1,8 +1,8 @@
-"""``udp`` and ``mcast``: messages cut into datagrams. They may be lost, never mixed up, and nobody is told of either.
+"""``udp`` and ``mcast``: messages split into datagrams. They may be lost, without notice, but never mixed up.
 
 A datagram is a checksum (CRC-32) of what follows its first eight bytes, a counter that begins at 0 with each message,
-and a piece of the same bytes that would travel over TCP. When a piece is missing or damaged the rest of its message is
-thrown away. Who stops sending or receiving says so over a short text connection.
+and a piece of the bytes that would travel over TCP. When a piece is missing or damaged, the rest of its message is
+discarded. An end that closes tells the other one over a short text connection.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Dialect
     from rtf.middleware.codecs import Codec
     from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.outgoing_message import OutgoingMessage
     from rtf.middleware.port import Port
 
 #: The largest datagram, its first eight bytes included.
@@ -37,12 +37,12 @@ _UNCHECKED = -1
 _GROUP_PORT = 10_001
 #: Seconds that a receiver may take to join a group.
 _JOINING = 0.5
-#: What the kernel is asked to keep of messages that are not read yet; it gives what it allows.
+#: The requested size of the kernel's receive buffer, in bytes; the kernel may limit it.
 _RECEIVE_BUFFER = 4 << 20
 
 
 def cut(data: bytes, size: int = MAX_DATAGRAM) -> list[bytes]:
-    """The datagrams of a message."""
+    """Split a message into datagrams."""
     piece = size - _head.size
     datagrams = []
     for number, start in enumerate(range(0, len(data), piece)):
@@ -52,17 +52,17 @@ def cut(data: bytes, size: int = MAX_DATAGRAM) -> list[bytes]:
 
 
 class Assembler:
-    """Makes messages of datagrams as they come."""
+    """Assembles messages from datagrams."""
 
     def __init__(self) -> None:
         self.lost = 0
         self._data = bytearray()
-        self._next = 0  # the counter that is expected; -1: none, until the next message begins
-        self._size = 0  # of the whole message, 0 while its index is not there
-        self._begin = 0  # where its port command begins
+        self._next = 0  # the expected counter; -1: none,
+        self._size = 0  # size of the whole message, 0 until
+        self._begin = 0  # offset of its port command
 
     def feed(self, datagram: bytes | memoryview) -> bytes | None:
-        """Take a datagram; returns the message that it completes, from its port command on."""
+        """Process a datagram. Return the message that it completes, from its port command on, or None."""
         if len(datagram) < _head.size:
             self._give_up()
             return None
@@ -98,7 +98,7 @@ class Assembler:
         return message
 
     def _measure(self) -> int:
-        """The bytes of the whole message, 0 while its index is not there."""
+        """Return the size of the whole message, 0 until its index is complete."""
         if len(self._data) < wire.INDEX_SIZE:
             return 0
         blocks, rest = wire.index_rest(self._data)
@@ -135,7 +135,7 @@ class DatagramInput(InputLink):
         self._poll.register(receiving, select.POLLIN)
         self._poll.register(self._bell, select.POLLIN)
         self._closed = False
-        self._ending = threading.Lock()  # the number of a bell that is gone is soon somebody else's
+        self._ending = threading.Lock()  # the descriptor of a closed eventfd is soon reused
 
     def welcome(self, stream: Stream, port: Port) -> None:  # noqa: ARG002 - the reply has the number of the datagrams
         if self._reply:
@@ -150,17 +150,17 @@ class DatagramInput(InputLink):
             try:
                 size = self.endpoint.recv_into(self._buffer, 0, socket.MSG_DONTWAIT)
             except BlockingIOError:
-                continue  # what had come was damaged
+                continue  # the datagram had a wrong UDP checksum
             except OSError as error:
                 raise StreamClosedError(f"cannot receive from {self.sender}: {error.strerror}") from None
             message = self.assembler.feed(self._buffer[:size])
             if message is not None:
-                with contextlib.suppress(ProtocolError):  # a datagram that makes no sense is as good as lost
+                with contextlib.suppress(ProtocolError):  # an invalid message counts as lost
                     command = wire.read_command(message)
                     return command.key, command.text, memoryview(message)[command.data :]
 
     def answer(self, *reply: Buffer) -> None:
-        """Nobody listens."""
+        """Do nothing: datagrams have no replies."""
 
     def close(self) -> None:
         self._closed = True
@@ -188,48 +188,48 @@ class DatagramOutput(OutputLink):
         self._target = target
         self._size = int(os.environ.get(f"YARP_{carrier.name.upper()}_SIZE") or os.environ.get("YARP_DGRAM_SIZE") or 0)
 
-    def send(self, message: Outgoing) -> None:
+    def send(self, message: OutgoingMessage) -> None:
         command = wire.command(message.key, message.envelope)
         data = b"".join([wire.index_of_two(len(command), message.size), command, *message.blocks])
         try:
             for datagram in cut(data, self._size or MAX_DATAGRAM):
                 self.endpoint.send(datagram)
         except ConnectionRefusedError:
-            return  # the other end is not there now; datagrams are lost in silence
+            return  # the other end is down now;
         except OSError as error:
             raise StreamClosedError(f"cannot send to {self._target.name}: {error.strerror}") from None
 
     def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
-        """There is none."""
+        """Return None: datagrams have no replies."""
 
     def finish(self) -> None:
-        """Nobody says when it has arrived."""
+        """Do nothing: datagrams have no acknowledgements."""
 
     def limit_waiting(self, seconds: float | None) -> None:
-        """Nothing is waited for."""
+        """Do nothing: sending does not wait."""
 
     def close(self, *, politely: bool = True) -> None:
-        """See the base: the other port is told by a connection of its own."""
+        """End the connection; ``politely`` tells the other port over a separate connection."""
         self.endpoint.close()
         if politely:
-            with contextlib.suppress(OSError, MiddlewareError):  # it is gone itself, then
+            with contextlib.suppress(OSError, MiddlewareError):  # the other port is gone
                 self._tell()
 
     def _tell(self) -> None:
         stream = self._network.reach(self._target)
         with contextlib.closing(stream):
             stream.send(f"CONNECT admin\r\n~{self._sender}\r\nq\r\n".encode("utf-8", "surrogateescape"))
-            while True:  # until it has hung up: what is said here must not be taken for one that comes later
+            while True:  # until it closes: a later connection must not be affected by this command
                 stream.take_line()
 
 
 class Datagrams(Carrier):
-    """What udp and mcast have in common."""
+    """Base class of udp and mcast."""
 
     connectionless = True
 
     def matches(self, header: bytes) -> bool:
-        """By the lowest four bits."""
+        """Compare the lowest four bits of the carrier number."""
         number = wire.specifier(header)
         return number >= 0 and number % 16 == wire.specifier(self.header)
 
@@ -245,7 +245,7 @@ class Udp(Datagrams):
     header = wire.header(0)
 
     def accept(self, stream: Stream, port: Port) -> InputLink:
-        """Say which number to send to."""
+        """Answer with the UDP port number to send to."""
         sender, modifiers = read_sender(stream)
         receiving = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         receiving.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
@@ -254,7 +254,7 @@ class Udp(Datagrams):
         return DatagramInput(self, receiving, sender, modifiers, reply=wire.yarp_number(receiving.getsockname()[1]))
 
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
-        """Send from the address of the handshake."""
+        """Send from the local address of the handshake."""
         stream.send(self.header + wire.sender(port.name))
         number = wire.read_number(stream.take(8))
         if not 0 < number < 1 << 16:
@@ -272,13 +272,13 @@ class Udp(Datagrams):
 
 
 class Group:
-    """A multicast group that a port sends to, once for all who have joined it."""
+    """The multicast group of a port: each message is sent once for all receivers."""
 
     def __init__(self, port: Port, interface: str) -> None:
         names = port.network.names
         name = f"{port.name}/net={interface}"
         self.contact = names.register(name, carrier="mcast")
-        if not self.contact.port:  # numbers are left to ports where nobody keeps a pool of them
+        if not self.contact.port:  # the name server has no pool of port numbers
             host = self.contact.host
             self.contact = names.register(name, carrier="mcast", host=host, port=_GROUP_PORT)
         names.set_property(port.name, "owns", [self.contact.name])
@@ -286,14 +286,14 @@ class Group:
 
 
 class McastOutput(DatagramOutput):
-    """The sending end of a group. Of all members the first sends."""
+    """The sending end for one receiver of a group. Only the first of them sends."""
 
     def __init__(self, carrier: Carrier, sending: socket.socket, port: Port, target: Contact, group: Group) -> None:
         super().__init__(carrier, sending, port, target)
         self._group = group
         group.members.append(self)
 
-    def send(self, message: Outgoing) -> None:
+    def send(self, message: OutgoingMessage) -> None:
         members = self._group.members
         if members and members[0] is self:
             super().send(message)
@@ -305,7 +305,7 @@ class McastOutput(DatagramOutput):
 
 
 def _wait_until_joined(stream: Stream) -> None:
-    """The receiver says nothing, but it hangs up when it is ready: what is sent before that, it would miss."""
+    """Wait until the receiver has joined: it closes the handshake then. Earlier datagrams would be lost."""
     stream.limit_waiting(_JOINING)
     with contextlib.closing(stream), contextlib.suppress(StreamClosedError, WaitTimeoutError):
         stream.more()
@@ -318,12 +318,12 @@ class Mcast(Datagrams):
     header = wire.header(1)
 
     def accept(self, stream: Stream, port: Port) -> InputLink:
-        """Join the group that the caller names."""
+        """Join the multicast group that the caller names."""
         sender, modifiers = read_sender(stream)
         group, number = struct.unpack(">4sH", stream.take(6))
         interface = socket.inet_aton(stream.socket.getsockname()[0] or port.contact.host)
         if not 224 <= group[0] <= 239:  # noqa: PLR2004 - the addresses of groups (RFC 5771)
-            raise ProtocolError(f"{sender} named {socket.inet_ntoa(group)}, which is no multicast group")
+            raise ProtocolError(f"{sender} named {socket.inet_ntoa(group)}, which is not a multicast group")
         receiving = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             receiving.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -336,7 +336,7 @@ class Mcast(Datagrams):
         return DatagramInput(self, receiving, sender, modifiers)
 
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
-        """Name the group; nothing is answered."""
+        """Send the address of the group; the receiver does not answer."""
         interface = stream.socket.getsockname()[0]
         group = port.multicast_group(interface)
         address = socket.inet_aton(group.contact.host)

@@ -1,6 +1,6 @@
-"""``local``: within one process an object is handed over as it is, in the writer's thread, without being copied.
+"""``local``: an object is passed within one process, in the writer's thread, without a copy.
 
-Its two ends meet here and not on a socket: what arrives is the writer's own object, which neither side may change.
+Messages do not use a socket: the receiver gets the writer's own object, which neither side may change.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ if TYPE_CHECKING:
     from rtf.bottle import Dialect
     from rtf.middleware.codecs import Codec
     from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.outgoing_message import OutgoingMessage
     from rtf.middleware.port import Port
     from rtf.middleware.stream import Stream
 
-#: The ports of this process by their number, which no two of them share.
+#: The ports of this process, by host and port number.
 _ports: WeakValueDictionary[tuple[str, int], Port] = WeakValueDictionary()
 
 
 def enrol(port: Port) -> None:
-    """Let a port be reached by this carrier."""
+    """Register a port for this carrier."""
     _ports[port.contact.host, port.contact.port] = port
 
 
 def ports_here() -> list[Port]:
-    """The ports of this process that are open, whatever network they are of. From any thread."""
-    ports = [reference() for reference in _ports.valuerefs()]  # unlike values() no matter who opens one meanwhile
+    """Return the open ports of this process, of any network. May be called from any thread."""
+    ports = [reference() for reference in _ports.valuerefs()]  # unlike values() safe if another thread opens a port
     return [port for port in ports if port is not None and not port.closed]
 
 
 class LocalInput(InputLink):
-    """The receiving end: it only knows when it is over, messages pass by it."""
+    """The receiving end. It only notices the end of the connection; messages bypass it."""
 
     def __init__(self, carrier: Carrier, stream: Stream, sender: str) -> None:
         self.carrier = carrier
@@ -46,19 +46,19 @@ class LocalInput(InputLink):
         self._stream = stream
 
     def receive(self) -> Message:
-        """Wait for the end of the connection. See the base."""
+        """Wait for the end of the connection: messages bypass this link."""
         while True:
             self._stream.take(1)
 
     def answer(self, *reply: Buffer) -> None:
-        """There is nothing to answer here."""
+        """Do nothing: replies bypass this link."""
 
     def close(self) -> None:
         self._stream.close()
 
 
 class LocalOutput(OutputLink):
-    """The sending end: it calls the other port."""
+    """The sending end: it calls the receiving port directly."""
 
     def __init__(self, carrier: Carrier, stream: Stream, sender: str, target: Port) -> None:
         self.carrier = carrier
@@ -69,14 +69,14 @@ class LocalOutput(OutputLink):
         self._reply: tuple[object, Codec[object]] | None = None
         self._closed = threading.Event()
 
-    def send(self, message: Outgoing) -> None:
-        """See the base; returns when the other port has dealt with it."""
+    def send(self, message: OutgoingMessage) -> None:
+        """Deliver the message. Return when the other port has processed it."""
         if self._closed.is_set() or self._target.closed:
             raise StreamClosedError(f"{self._target.name} is closed")
         self._reply = self._target.hand_over(self._sender, message)
 
     def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
-        """See the base. A reply of another type is written and read once, as on any other connection."""
+        """Return the reply. With a different codec it is encoded and decoded once, as over any connection."""
         if self._reply is None:
             return None
         value, written = self._reply
@@ -85,12 +85,12 @@ class LocalOutput(OutputLink):
         return codec.decode(b"".join(written.encode(value, dialect)), dialect)
 
     def finish(self) -> None:
-        """It has been dealt with already."""
+        """Do nothing: ``send`` has already waited."""
 
     def limit_waiting(self, seconds: float | None) -> None:
-        """Nobody is waited for here: the other port's owner works in this thread."""
+        """Do nothing: the receiving port's callback runs in this thread."""
 
-    def close(self, *, politely: bool = True) -> None:  # noqa: ARG002 - the end of the stream says it
+    def close(self, *, politely: bool = True) -> None:  # noqa: ARG002 - the peer sees the end of the stream
         self._closed.set()
         self._stream.close()
 
@@ -102,13 +102,13 @@ class Local(Carrier):
     header = b"LOCALITY"
 
     def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002
-        """Take the caller's name."""
+        """Read the caller's name."""
         from rtf.middleware.carriers.tcp import read_sender
 
         return LocalInput(self, stream, read_sender(stream)[0])
 
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
-        """Find the port in this process."""
+        """Find the target port in this process."""
         from rtf.middleware import wire
 
         other = _ports.get((target.host, target.port))

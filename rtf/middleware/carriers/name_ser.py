@@ -1,7 +1,7 @@
-"""``name_ser``: commands for a name server, a line each, every line with ``NAME_SERVER`` in front of it.
+"""``name_ser``: commands to a name server, one per line, each with the prefix ``NAME_SERVER``.
 
-It is how everybody asks a name server. Its asking side is in :mod:`rtf.middleware.naming.client`: no port sends
-through it.
+All clients of a name server use it. The client side is in :mod:`rtf.middleware.naming.client`: no port sends through
+this carrier.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from rtf.middleware.stream import Stream
 
 _PREFIX = b"NAME_SERVER"
-#: Bytes of a command; the longest that is of use has every carrier and address of a machine in it.
+#: The longest command, in bytes. The longest useful one names every carrier and address of a machine.
 MAX_COMMAND = 1 << 14
-#: Seconds that a caller may keep a connection without saying anything.
+#: Seconds that a caller may keep a connection open without a command.
 _PATIENCE = 30.0
 
 
@@ -32,10 +32,10 @@ class NameSerInput(InputLink):
         self.carrier = carrier
         self.endpoint = stream.socket
         self._stream = stream
-        self._before = _PREFIX[:8]  # by which the carrier was known
+        self._before = _PREFIX[:8]  # the header, already read
 
     def receive(self) -> Message:
-        """See the base. A line without the prefix is a command that says nothing."""
+        """Wait for the next command. A line without the prefix is an empty command."""
         self._stream.limit_waiting(_PATIENCE)
         line = self._before + self._take_line()
         self._before = b""
@@ -50,7 +50,7 @@ class NameSerInput(InputLink):
             stream.more()
         line = bytes(stream.take(end + 1)[:-1])
         if len(line) > MAX_COMMAND:
-            raise ProtocolError(f"a command of {len(line)} bytes; at most {MAX_COMMAND} are taken")
+            raise ProtocolError(f"a command of {len(line)} bytes; at most {MAX_COMMAND} are accepted")
         return line.removesuffix(b"\r")
 
     def answer(self, *reply: Buffer) -> None:
@@ -62,16 +62,16 @@ class NameSerInput(InputLink):
 
 
 class NameSer(Carrier):
-    """Text, not acknowledged, every line is answered."""
+    """Text without acknowledgements; every line gets a reply."""
 
     name = "name_ser"
     header = b"NAME_SER"
     text = True
 
     def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002 - there is no greeting
-        """Nothing is said before the first command."""
+        """Return the link: there is no handshake before the first command."""
         return NameSerInput(self, stream)
 
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
-        """Refused: ports have nothing to send to a name server."""
+        """Refuse: ports do not send to a name server."""
         raise ConnectError(f"{target.name} cannot be connected by name_ser, which is for asking name servers; use tcp")

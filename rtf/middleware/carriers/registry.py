@@ -1,4 +1,4 @@
-"""The carriers of this process, by name and by the eight bytes that a connection begins with."""
+"""The carriers of this process, by name and by the header of a connection."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from rtf.middleware.errors import ConnectError
 if TYPE_CHECKING:
     from rtf.middleware.carriers.base import Carrier
 
-#: Where each carrier is; a module is loaded when its carrier is asked for. The order is that in which callers are
-#: tried.
+#: The module and class of each carrier, imported on first use. The order is that in which headers are matched.
 _HOMES = {
     "name_ser": "name_ser:NameSer",
     "tcp": "tcp:Tcp",
@@ -29,20 +28,20 @@ _HOMES = {
 
 @cache
 def by_name(name: str) -> Carrier:
-    """The carrier of this name; ConnectError when there is none."""
+    """Return the carrier of this name. Raises ConnectError if there is none."""
     home = _HOMES.get(name)
     if home is None:
-        raise ConnectError(f"there is no carrier {name!r}; there are {', '.join(_HOMES)}")
+        raise ConnectError(f"there is no carrier {name!r}; the carriers are {', '.join(_HOMES)}")
     module, _, cls = home.partition(":")
     made: Carrier = getattr(import_module(f"rtf.middleware.carriers.{module}"), cls)()
     return made
 
 
 def for_header(header: bytes) -> Carrier | None:
-    """The carrier of a connection that begins like this."""
+    """Return the carrier of a connection with this header, or None."""
     return next((carrier for carrier in map(by_name, _HOMES) if carrier.matches(header)), None)
 
 
 def names() -> list[str]:
-    """The names of all carriers."""
+    """Return the names of all carriers."""
     return [*_HOMES]

@@ -6,8 +6,8 @@ import struct
 from typing import TYPE_CHECKING
 
 from rtf.middleware import wire
-from rtf.middleware.carriers.base import Buffer, Carrier, GatheredLink, InputLink, Message, OutputLink
-from rtf.middleware.carriers.streamed import StreamInput, StreamOutput
+from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink, PollableInputLink
+from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput
 from rtf.middleware.errors import ProtocolError
 from rtf.middleware.stream import CHUNK, JOINED
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.outgoing_message import OutgoingMessage
     from rtf.middleware.port import Port
     from rtf.middleware.stream import Stream
 
-# Under names of this module, which are found sooner.
+# Module-level names: they are looked up faster.
 _ACK, _ACK_SIZE = wire.ACK, len(wire.ACK)
 _INDEX_SIZE, _COMMAND_SIZE, _MAX_MESSAGE = wire.INDEX_SIZE, wire.COMMAND_SIZE, wire.MAX_MESSAGE
 _front, _read_command, _join = wire.front, wire.read_command, b"".join
-#: The first bytes of an acknowledgement are no bottle's: a peer that begins with them has no reply.
+#: The start of an acknowledgement, which no bottle begins with: a peer that sends it has no reply.
 _NO_REPLY = wire.ACK[:4]
-#: Index and command of a message of two blocks, which is what nearly all are. What stands between is not looked at.
+#: Index and command of the usual message of two blocks. The bytes in between are ignored.
 _USUAL = struct.Struct("<10s8xii4x8s")
 _USUAL_SIZE = _USUAL.size
 _BLOCKS_AT = _USUAL_SIZE - _COMMAND_SIZE
@@ -34,7 +34,7 @@ _KEYS = {wire.command(letter): letter for letter in "dDaq"}
 _read_usual = _USUAL.unpack_from
 
 
-class TcpInput(StreamInput, GatheredLink):
+class TcpInput(StreamInput, PollableInputLink):
     """The receiving end of tcp and fast_tcp."""
 
     reuses = CHUNK
@@ -44,10 +44,10 @@ class TcpInput(StreamInput, GatheredLink):
         stream.send(wire.yarp_number(port.contact.port))
 
     def receive(self) -> Message:
-        """See the base.
+        """Wait for the next message.
 
-        The usual message is read with one call of the kernel and one of the struct module. Flat, as here each call of a
-        function of ours is a hundredth of the whole round trip.
+        The usual message is read with one system call and one call of the struct module. No helper functions: each call
+        costs a hundredth of the round trip.
         """
         stream = self._stream
         while stream.end - stream.start < _INDEX_SIZE:
@@ -62,7 +62,7 @@ class TcpInput(StreamInput, GatheredLink):
         if first != _COMMAND_SIZE or key is None:
             return self._receive_with_text(first, size)
         if not 0 <= size <= _MAX_MESSAGE:
-            raise ProtocolError(f"a message of {size} bytes; at most {_MAX_MESSAGE} are taken")
+            raise ProtocolError(f"a message of {size} bytes; at most {_MAX_MESSAGE} are accepted")
         start += _USUAL_SIZE
         if start + size > end:
             stream.start = start
@@ -71,7 +71,7 @@ class TcpInput(StreamInput, GatheredLink):
         return key, "", stream.view[start : start + size]
 
     def _receive_with_text(self, first: int, size: int) -> Message:
-        """A message of two blocks of these sizes whose command has a text, an envelope as a rule."""
+        """Receive a message of two blocks whose command has a text, usually an envelope."""
         stream = self._stream
         start = stream.start + _BLOCKS_AT
         end = start + first + size
@@ -92,7 +92,7 @@ class TcpInput(StreamInput, GatheredLink):
         return key, text, data[begin:]
 
     def answer(self, *reply: Buffer) -> None:
-        """See the base; what most messages get is the acknowledgement alone, or a short reply in front of it."""
+        """Finish the last message. The usual cases are the acknowledgement alone, or a short reply before it."""
         if not self._acknowledged:
             super().answer(*reply)
         elif not reply:
@@ -127,12 +127,12 @@ class TcpInput(StreamInput, GatheredLink):
 
 
 class TcpOutput(StreamOutput):
-    """The sending end of tcp and fast_tcp. ``_due`` is how many acknowledgements are still to come."""
+    """The sending end of tcp and fast_tcp. ``_due`` is the number of outstanding acknowledgements."""
 
     def __init__(self, carrier: Carrier, stream: Stream) -> None:
         super().__init__(carrier, stream, _NO_REPLY)
 
-    def send(self, message: Outgoing) -> None:
+    def send(self, message: OutgoingMessage) -> None:
         blocks = message.blocks
         self._due += self._acknowledged
         if len(blocks) == 1 and len(blocks[0]) <= JOINED:
@@ -141,8 +141,8 @@ class TcpOutput(StreamOutput):
         else:
             self._stream.send(_front(message.key, message.envelope, message.size), *blocks)
 
-    def send_all(self, messages: Sequence[Outgoing]) -> None:
-        """See the base; small ones leave in one piece, so that their reader is woken once."""
+    def send_all(self, messages: Sequence[OutgoingMessage]) -> None:
+        """Send several messages. Small ones are joined, so that the reader is woken once."""
         pieces: list[Buffer] = []
         for message in messages:
             pieces.append(_front(message.key, message.envelope, message.size))
@@ -159,21 +159,21 @@ class TcpOutput(StreamOutput):
         while self._due:
             while stream.end - stream.start < _ACK_SIZE:
                 stream.more(_ACK_SIZE)
-            if stream.memory.startswith(_ACK, stream.start):  # as nearly always
+            if stream.memory.startswith(_ACK, stream.start):  # the usual case
                 stream.start += _ACK_SIZE
             else:
                 self._take_unusual()
             self._due -= 1
 
     def _take_unusual(self) -> None:
-        """An acknowledgement with something in it, which means nothing."""
+        """Read an acknowledgement with a payload, which has no meaning."""
         extra = wire.read_number(self._stream.take(_ACK_SIZE))
         if not 0 <= extra <= _MOST_EXTRA:
             raise ProtocolError(f"an acknowledgement with {extra} bytes")
         if extra:
             self._stream.take(extra)
 
-    def _take_leave(self) -> None:
+    def _send_quit(self) -> None:
         command = wire.command_text("q")
         self._stream.send(wire.index(len(command)) + command)
         self._due += self._acknowledged
@@ -184,7 +184,7 @@ _MOST_EXTRA = 10_000
 
 
 class Tcp(Carrier):
-    """Every message is acknowledged when it has been dealt with."""
+    """Messages are acknowledged after the receiver has processed them."""
 
     name = "tcp"
     header = wire.header(131)
@@ -192,13 +192,13 @@ class Tcp(Carrier):
     _bits = (3, 128)
 
     def matches(self, header: bytes) -> bool:
-        """By the lowest four bits, and the one that asks for acknowledgements."""
+        """Compare the lowest four bits of the carrier number, and the bit that requests acknowledgements."""
         number = wire.specifier(header)
         code, flag = self._bits
         return number >= 0 and number % 16 == code and number & 128 == flag
 
     def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002 - the reply comes later
-        """Take the sender's name, and answer with the number of the own port."""
+        """Read the sender's name and answer with this port's number."""
         sender, modifiers = read_sender(stream)
         return TcpInput(self, stream, sender, modifiers)
 
@@ -206,14 +206,14 @@ class Tcp(Carrier):
         return self.call(stream, port.name)
 
     def call(self, stream: Stream, name: str) -> TcpOutput:
-        """Say who calls, a port or a label; what the peer answers means nothing."""
+        """Send the name of the caller, a port or a label. The peer's answer has no meaning."""
         stream.send(self.header + wire.sender(name))
         wire.read_number(stream.take(8))
         return TcpOutput(self, stream)
 
 
 class FastTcp(Tcp):
-    """Messages are not acknowledged; a sender is held up only when the network is full."""
+    """Messages are not acknowledged. A sender blocks only when the network buffers are full."""
 
     name = "fast_tcp"
     header = wire.header(3)
@@ -222,7 +222,7 @@ class FastTcp(Tcp):
 
 
 def read_sender(stream: Stream) -> tuple[str, str]:
-    """The name of a binary carrier's sender, and the modifiers behind it."""
+    """Read the name of a binary carrier's sender, and the modifiers behind it."""
     (size,) = struct.unpack("<i", stream.take(4))
     raw = bytes(stream.take(min(max(size, 1), wire.MAX_NAME)))
     name, _, modifiers = raw.split(b"\0", 1)[0].decode("utf-8", "surrogateescape").partition(" ")

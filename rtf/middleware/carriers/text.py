@@ -1,4 +1,4 @@
-"""``text`` and ``text_ack``: commands and data as lines, which people can type and tools send for administration."""
+"""``text`` and ``text_ack``: commands and data as lines, typed by people or sent by tools for administration."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from rtf.bottle import Balance, Bottle
 from rtf.bottle.binary import encode
 from rtf.middleware import wire
 from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
-from rtf.middleware.carriers.streamed import StreamInput, StreamOutput
+from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput
 from rtf.middleware.errors import ProtocolError
 from rtf.middleware.stream import MAX_LINE
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Dialect
     from rtf.middleware.codecs import Codec
     from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.outgoing_message import OutgoingMessage
     from rtf.middleware.port import Port
     from rtf.middleware.stream import Stream
 
@@ -25,7 +25,7 @@ _WITH_DATA = ("d", "D", "a")
 
 
 class TextInput(StreamInput):
-    """The receiving end: a line with the command, and for some a line with data."""
+    """The receiving end: a line with the command, and for some commands a line with data."""
 
     acknowledgement = _ACK
 
@@ -33,7 +33,7 @@ class TextInput(StreamInput):
         stream.send(f"Welcome {self.sender}\r\n".encode("utf-8", "surrogateescape"))
 
     def receive(self) -> Message:
-        """See the base. Lines are joined while a parenthesis or quote is open."""
+        """Wait for the next command. Data lines are joined while a parenthesis or quote is open."""
         line = _text(self._stream.take_line())
         command = wire.text_command(line)
         if command.key not in _WITH_DATA:
@@ -44,7 +44,7 @@ class TextInput(StreamInput):
         balance = Balance()
         lines = [self._stream.take_line()]
         size = len(lines[0])
-        # A backslash at the end joins lines, too: what it protects is the end of the line.
+        # A backslash at the end joins lines, too: it escapes the end of the line.
         while not balance.feed(_text(lines[-1]) + "\n") or lines[-1].endswith(b"\\"):
             lines.append(self._stream.take_line())
             size += len(lines[-1])
@@ -56,22 +56,22 @@ class TextInput(StreamInput):
 class TextOutput(StreamOutput):
     """The sending end."""
 
-    def send(self, message: Outgoing) -> None:
+    def send(self, message: OutgoingMessage) -> None:
         command = f"{message.key} {message.envelope}" if message.envelope else message.key
         self.send_lines(command, message.text)
 
     def send_lines(self, *lines: str) -> None:
-        """Send a command, and data if it has some, as they are."""
+        """Send a command line, and a data line if there is one, unchanged."""
         self._due = self._acknowledged
         self._stream.send("".join(f"{line}\r\n" for line in lines).encode("utf-8", "surrogateescape"))
 
     def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
-        """See the base. Without acknowledgements nobody could say that there is none, so none is waited for."""
+        """Return the reply. Without acknowledgements its end is unknown, so it is not awaited."""
         lines = self.receive_lines()
         return codec.decode(encode(Bottle.parse(" ".join(lines)), dialect), dialect) if lines else None
 
     def receive_lines(self) -> list[str]:
-        """The lines of the reply, up to the acknowledgement."""
+        """Return the lines of the reply, up to the acknowledgement."""
         lines: list[str] = []
         size = 0
         while self._due:
@@ -88,20 +88,20 @@ class TextOutput(StreamOutput):
     def finish(self) -> None:
         self.receive_lines()
 
-    def _take_leave(self) -> None:
+    def _send_quit(self) -> None:
         self.send_lines("q")
         self.finish()
 
 
 class Text(Carrier):
-    """Not acknowledged; replies are sent, and a sender does not wait for them."""
+    """Messages are not acknowledged. Replies are sent, but a sender does not wait for them."""
 
     name = "text"
     header = b"CONNECT "
     text = True
 
     def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002 - it answers with the caller's name
-        """Take the caller's name from the rest of the line, and say welcome."""
+        """Read the caller's name from the rest of the line, and send the greeting."""
         name, _, modifiers = _text(stream.take_line())[: wire.MAX_NAME].strip().partition(" ")
         return TextInput(self, stream, name, modifiers)
 
@@ -109,7 +109,7 @@ class Text(Carrier):
         return self.call(stream, port.name)
 
     def call(self, stream: Stream, name: str) -> TextOutput:
-        """Say who calls, a port or a label, and be welcomed."""
+        """Send the name of the caller, a port or a label, and read the greeting."""
         stream.send(self.header + f"{name}\r\n".encode("utf-8", "surrogateescape"))
         stream.take_line()
         return TextOutput(self, stream)

@@ -1,7 +1,7 @@
-"""``unix_stream``: a Unix socket between two programs of one machine, the fastest way for images.
+"""``unix_stream``: a Unix socket between two programs of one machine, the fastest carrier for images.
 
-Messages have no index: a port command and the data follow each other, and the data, being a bottle byte for byte, says
-where it ends. The ports meet at a socket in the user's runtime folder that the receiver makes.
+Messages have no index: a port command is followed by the data, which are a bottle byte for byte and so self-delimiting.
+The receiver creates the socket in the user's runtime folder, and the sender connects to it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rtf.bottle.errors import BottleSyntaxError
 from rtf.bottle.extent import Scanner
 from rtf.middleware import wire
 from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
-from rtf.middleware.carriers.streamed import StreamInput, StreamOutput
+from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput
 from rtf.middleware.carriers.tcp import read_sender
 from rtf.middleware.codecs import other_dialect
 from rtf.middleware.errors import ConnectError, ProtocolError
@@ -26,11 +26,11 @@ from rtf.middleware.stream import CHUNK, Stream
 if TYPE_CHECKING:
     from rtf.bottle import Dialect
     from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.outgoing_message import OutgoingMessage
     from rtf.middleware.port import Port
 
 _ACK = b"ACK\0"
-#: Seconds that the two may take to meet, and between two looks for the other's socket.
+#: Seconds that both ends have for the handshake, and the interval between two attempts to connect.
 _MEETING = 5.0
 _LOOK_AGAIN = 0.001
 
@@ -68,7 +68,7 @@ class UnixInput(StreamInput):
         return command.key, command.text, stream.peek(end)[size:]
 
     def _whole_bottle(self, start: int) -> int:
-        """Wait until the bottle at ``start`` of the window is all there; returns where it ends."""
+        """Wait until the bottle at ``start`` of the window is complete. Return its end offset."""
         scanner = Scanner(self._dialect, start)
         other: Dialect | None = other_dialect(self._dialect)
         while True:
@@ -79,7 +79,7 @@ class UnixInput(StreamInput):
             except BottleSyntaxError:
                 if other is None:
                     raise
-                # It may be one in the dialect that was not expected; then the sender speaks that one.
+                # The bottle may be in the other dialect; then the sender speaks that one.
                 scanner, self._dialect, other = Scanner(other, start), other, None
 
 
@@ -89,30 +89,30 @@ class UnixOutput(StreamOutput):
     def __init__(self, carrier: Carrier, stream: Stream) -> None:
         super().__init__(carrier, stream, _ACK if carrier.acknowledged else b"")
 
-    def send(self, message: Outgoing) -> None:
+    def send(self, message: OutgoingMessage) -> None:
         self._due = self._acknowledged
         self._stream.send(wire.command(message.key, message.envelope), *message.blocks)
 
     def finish(self) -> None:
         if self._due:
             if self._stream.take(len(_ACK)) != _ACK:
-                raise ProtocolError("something else than an acknowledgement came")
+                raise ProtocolError("the peer did not send an acknowledgement")
             self._due = False
 
-    def _take_leave(self) -> None:
+    def _send_quit(self) -> None:
         self._stream.send(wire.command_text("q"))
 
 
 class UnixStream(Carrier):
-    """Not acknowledged; :class:`UnixStreamAck` is."""
+    """Messages are not acknowledged; those of :class:`UnixStreamAck` are."""
 
     name = "unix_stream"
     header = b"UNIX_STR"
 
     def accept(self, stream: Stream, port: Port) -> InputLink:
-        """Make the socket where the caller is expected, and wait for it there."""
+        """Create the socket where the caller expects it, and wait for the caller."""
         sender, modifiers = read_sender(stream)
-        path = _meeting_place(port.contact.port, stream.socket.getpeername()[1])
+        path = _socket_path(port.contact.port, stream.socket.getpeername()[1])
         with socket.socket(socket.AF_UNIX) as listening:
             path.unlink(missing_ok=True)
             listening.bind(str(path))
@@ -121,16 +121,16 @@ class UnixStream(Carrier):
                 listening.settimeout(_MEETING)
                 connection, _ = listening.accept()
             except OSError as error:
-                raise ConnectError(f"{sender} did not come to {path}: {error.strerror or error}") from None
+                raise ConnectError(f"{sender} did not connect to {path}: {error.strerror or error}") from None
             finally:
                 path.unlink(missing_ok=True)
         connection.settimeout(None)
         return UnixInput(self, Stream(connection), sender, modifiers, port.network.dialect)
 
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
-        """Say who calls, and go to the socket that the other makes."""
+        """Send the caller's name, and connect to the socket that the other end creates."""
         stream.send(self.header + wire.sender(port.name))
-        path = _meeting_place(target.port, stream.socket.getsockname()[1])
+        path = _socket_path(target.port, stream.socket.getsockname()[1])
         deadline = clock.Deadline.after(_MEETING)
         connection = socket.socket(socket.AF_UNIX)
         while True:
@@ -141,21 +141,21 @@ class UnixStream(Carrier):
                 if deadline.expired:
                     connection.close()
                     raise ConnectError(f"{target.name} did not open {path}: is it on this machine?") from None
-                clock.sleep(_LOOK_AGAIN)  # nobody tells when a file appears
+                clock.sleep(_LOOK_AGAIN)  # there is no notification for a new socket
         stream.close()
         return UnixOutput(self, Stream(connection))
 
 
 class UnixStreamAck(UnixStream):
-    """Every message is acknowledged; asked for as ``unix_stream+ack``."""
+    """Messages are acknowledged. The carrier name is ``unix_stream+ack``."""
 
     name = "unix_stream+ack"
     header = b"UNIX_ACK"
     acknowledged = True
 
 
-def _meeting_place(acceptor: int, initiator: int) -> Path:
-    """The socket for a connection, in a folder that is this user's alone."""
+def _socket_path(acceptor: int, initiator: int) -> Path:
+    """Return the path of the socket for a connection, in a folder that only this user can access."""
     runtime = os.environ.get("YARP_RUNTIME_DIR")
     if runtime is None:
         base = os.environ.get("XDG_RUNTIME_DIR") or f"/tmp/runtime-{os.environ.get('USER', os.getuid())}"  # noqa: S108
@@ -166,5 +166,5 @@ def _meeting_place(acceptor: int, initiator: int) -> Path:
         if folder.stat().st_uid != os.getuid():
             raise ConnectError(f"{folder} belongs to another user; set YARP_RUNTIME_DIR to a folder of your own")
     except OSError as error:
-        raise ConnectError(f"cannot meet in {folder}: {error.strerror}; set YARP_RUNTIME_DIR") from None
+        raise ConnectError(f"cannot use {folder}: {error.strerror}; set YARP_RUNTIME_DIR") from None
     return folder / f"{acceptor}_{initiator}.sock"

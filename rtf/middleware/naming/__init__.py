@@ -1,1 +1,1 @@
-"""Names: who knows which port is where. A server that keeps them, and the ways to ask one."""
+"""Name service: a server that stores where each port is, and the clients that query one."""

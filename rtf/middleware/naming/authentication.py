@@ -1,8 +1,8 @@
-"""YARP's optional proof that both ends of a connection know the same key, before anything else is said.
+"""YARP's optional authentication: both ends of a connection prove that they know the same key.
 
-It is done when a file ``auth.conf`` is found that has a key in its section ``[AUTH]``. Each end shows that it can
-sign what the other has just made up, so nothing that was recorded is of use again. What is said afterwards is neither
-signed nor encrypted: this keeps strangers out of a network, and nobody from listening.
+It is enabled by a file ``auth.conf`` with a key in its section ``[AUTH]``. Each end signs a random number of the other,
+so recorded messages cannot be replayed. What is sent afterwards is neither signed nor encrypted: this keeps strangers
+out of a network, but does not prevent eavesdropping.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _PROOF = 32
 
 
 def find_key(environment: Mapping[str, str] | None = None) -> bytes:
-    """The key of this process's network; empty when connections prove nothing. Raises ResourceError."""
+    """Return the key of this process's network; empty if authentication is off. Raises ResourceError."""
     from rtf.resources import ResourceFinder, read_property_file
 
     path = ResourceFinder(environment=environment).search(_FILE).path
@@ -37,7 +37,7 @@ def find_key(environment: Mapping[str, str] | None = None) -> bytes:
 
 
 def accept(stream: Stream, key: bytes) -> None:
-    """Prove and be proven to, at the end that was called. Raises ProtocolError when the caller has another key."""
+    """Authenticate both ends, on the called side. Raises ProtocolError if the caller has another key."""
     first = os.urandom(_NONCE)
     stream.send(first + _sign(key, first))
     second = _take(stream, key, first)
@@ -46,7 +46,7 @@ def accept(stream: Stream, key: bytes) -> None:
 
 
 def connect(stream: Stream, key: bytes) -> None:
-    """Prove and be proven to, at the end that calls. Raises ProtocolError when the port has another key."""
+    """Authenticate both ends, on the calling side. Raises ProtocolError if the port has another key."""
     first = _take(stream, key, b"")
     second = os.urandom(_NONCE)
     stream.send(second + _sign(key, first + second))
@@ -54,8 +54,8 @@ def connect(stream: Stream, key: bytes) -> None:
 
 
 def _take(stream: Stream, key: bytes, before: bytes) -> bytes:
-    """A number that the peer made up, and its proof over this and all before."""
-    import hmac  # few networks have a key
+    """Read the peer's random number and verify its signature over it and all previous ones."""
+    import hmac  # imported here: few networks have a key
 
     message = bytes(stream.take(_NONCE + _PROOF))
     nonce, proof = message[:_NONCE], message[_NONCE:]

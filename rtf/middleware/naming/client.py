@@ -1,7 +1,7 @@
-"""Asks a name server somewhere else, ours or YARP's, as every YARP program does: a connection for each question.
+"""Client of a name server, ours or YARP's. As in every YARP program, each request has a connection of its own.
 
-Names survive a restart of the server: while ports are open a thread looks now and then whether they are still known,
-see :mod:`rtf.middleware.naming.keeping`.
+Names survive a restart of the server: while ports are open, a thread checks periodically whether they are still
+registered, see :mod:`rtf.middleware.naming.registration_keeper`.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, TypeAlias
 from rtf import clock
 from rtf.bottle import Bottle, to_string
 from rtf.middleware.carriers import registry
-from rtf.middleware.dialing import dial
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError, ProtocolError
-from rtf.middleware.naming.book import Names
-from rtf.middleware.naming.interfaces import own_addresses
-from rtf.middleware.naming.keeping import Keeper, Record
-from rtf.middleware.naming.lines import PREFIX, command, read_registration, register_command
+from rtf.middleware.naming.base import Names
+from rtf.middleware.naming.line_protocol import PREFIX, command, read_registration, register_command
+from rtf.middleware.naming.network_interfaces import own_addresses
+from rtf.middleware.naming.registration_keeper import Record, RegistrationKeeper
+from rtf.middleware.tcp_connection import open_stream
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,23 +26,23 @@ if TYPE_CHECKING:
     from rtf.middleware.names import Contact
     from rtf.middleware.stream import Stream
 
-#: In a class that has a method called list, the type is not called so.
+#: An alias: within the class, ``list`` is a method.
 Lines: TypeAlias = list[str]
 
-#: Bytes of an answer; a network of ten thousand ports is listed in a tenth of it.
+#: The largest answer, in bytes; ten thousand ports need a tenth of it.
 _MOST = 1 << 24
-#: Real servers answer these in one line that nothing follows, as they do everything in ``bot`` form.
+#: YARP's servers answer these commands, and all in ``bot`` form, with a single line.
 _ONE_LINE = ("bot", "subscribe", "unsubscribe", "topic", "untopic", "type", "announce")
-#: How commands about ports end that YARP's library gives; those of its tools end with a bare line feed.
+#: The line end of port commands of YARP's library; the commands of its tools end with a bare line feed.
 _LIBRARY = "\r\n"
 
 
 class RemoteNames(Names):
-    """The names that the server at ``contact`` keeps.
+    """The name service of the server at ``contact``.
 
-    ``patience`` is how many seconds it may take for an answer, ``address`` what others shall reach our ports by when
-    it is not for the server to say, ``watch`` every how many seconds is looked whether it still knows them, and
-    ``key`` what both sides must know, if anything.
+    ``patience`` is the timeout of a request in seconds, ``address`` the host under which ports are registered if the
+    server shall not choose it, ``watch`` the period in seconds of the check that names are still registered, and
+    ``key`` the shared key, if any.
     """
 
     def __init__(
@@ -52,10 +52,10 @@ class RemoteNames(Names):
         self._patience = patience
         self._address = address
         self._key = key
-        self._keeper = Keeper(self._find, self._restore, watch)
+        self._keeper = RegistrationKeeper(self._find, self._restore, watch)
 
     def register(self, name: str, *, carrier: str = "", host: str = "", port: int = 0, promise: str = "") -> Contact:
-        """See Names. Beside the name the server is told by which carriers and addresses the port can be reached."""
+        """Register a name, and tell the server the carriers and addresses of the port."""
         if carrier != "mcast" and not host and self._address:
             carrier, host = carrier or "tcp", self._address
         lines = self._ask(register_command(name, carrier, host, port, promise), _LIBRARY)
@@ -72,7 +72,7 @@ class RemoteNames(Names):
 
     @staticmethod
     def _facts() -> dict[str, Sequence[str]]:
-        carriers = [name for name in registry.names() if "+" not in name]  # the others are variants of these
+        carriers = [name for name in registry.names() if "+" not in name]  # the others are variants
         return {"offers": carriers, "accepts": carriers, "ips": own_addresses(), "process": [str(os.getpid())]}
 
     def _note(self, record: Record) -> None:
@@ -98,7 +98,7 @@ class RemoteNames(Names):
         return [to_string(value) for value in Bottle.parse(self._ask(command("bot", "get", name, key), _LIBRARY)[0])]
 
     def announce(self, name: str, *, active: bool = True) -> None:
-        """See Names. A port of ours that the server cannot be told of now is announced when it is back."""
+        """Announce a port. If the server is down, a port of this process is announced when it is back."""
         try:
             self._ask(command("announce", name) if active else command("announce", name, "0"))
         except ConnectError:
@@ -116,7 +116,7 @@ class RemoteNames(Names):
     def close(self) -> None:
         self._keeper.close()
 
-    # What the keeper does ----------------------------------------------------------------------------------------
+    # Used by the registration keeper -----------------------------------------------------------------------------
 
     def _find(self, name: str) -> Contact | None:
         return self.query(name)
@@ -129,16 +129,18 @@ class RemoteNames(Names):
         if record.announced:
             self._ask(command("announce", contact.name))
 
-    # One conversation --------------------------------------------------------------------------------------------
+    # Requests ----------------------------------------------------------------------------------------------------
 
     @property
     def _place(self) -> str:
         return f"{self.contact.host}:{self.contact.port}"
 
     def _ask(self, line: str, ending: str = "\n") -> Lines:
-        """Give one command; returns the lines of the answer, the last one included."""
+        """Send one command. Return all lines of the answer, including the last."""
         try:
-            with contextlib.closing(dial(self.contact.host, self.contact.port, self._patience, self._key)) as stream:
+            with contextlib.closing(
+                open_stream(self.contact.host, self.contact.port, self._patience, self._key)
+            ) as stream:
                 stream.send(f"{PREFIX} {line}{ending}".encode("utf-8", "surrogateescape"))
                 return _answer(stream, clock.Deadline.after(self._patience), one_line=_is_one_line(line))
         except (OSError, MiddlewareError) as error:

@@ -1,7 +1,7 @@
-"""The commands of a name server, and its answers to the letter.
+"""The commands of a name server, with answers identical to those of YARP's server.
 
-A plain answer is lines without quotes and an end line; the answers to subscriptions and everything in ``bot`` form
-are one bottle. What cannot be done, or is not understood, is answered by the end line alone.
+A plain answer consists of lines without quotes and an end line; the answers to subscriptions and everything in ``bot``
+form are one bottle. A command that fails or is not understood is answered by the end line alone.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, BottleError, Vocab, as_int, as_string, to_string
 from rtf.middleware.errors import AddressError, ConnectError
-from rtf.middleware.naming.asked import Asked
-from rtf.middleware.naming.lines import AUTOMATIC, END, PREFIX
+from rtf.middleware.naming.line_protocol import AUTOMATIC, END, PREFIX
+from rtf.middleware.naming.port_query import PortQuery
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,7 +38,7 @@ _HELP = (
     "+ runners",
     "  (to get a list of the yarprun ports)",
 )
-#: What may be wrong with a command. That a file cannot be written is not among it.
+#: Errors of a command. A failure to write the database is not among them.
 _REFUSALS = (AddressError, ConnectError, BottleError)
 _OK, _FAIL = Vocab("ok"), Vocab("fail")
 _NOT_KNOWN = -2
@@ -48,13 +48,13 @@ _WORDS_WITH_SUBJECT = 2
 
 @dataclass(slots=True)
 class Answer:
-    """What the server says. ``plain``: lines, each a text or the words of a bottle; else one bottle."""
+    """The answer to a command. ``plain``: lines, each a text or the words of a bottle; else one bottle."""
 
     plain: bool
     body: Bottle = field(default_factory=Bottle)
 
     def to_text(self) -> str:
-        """The answer as it is sent to those who speak in lines."""
+        """Return the answer as sent to clients that use lines."""
         if not self.plain:
             return self.body.to_text() + "\r\n"
         lines = [_unquoted(item) if isinstance(item, Bottle) else to_string(item) for item in self.body]
@@ -67,22 +67,22 @@ def _unquoted(line: Bottle) -> str:
 
 @dataclass(slots=True)
 class _Request:
-    """One command on its way: its words, who asks, and whether a machine reads the answer."""
+    """A command: its words, the caller's address, and whether the answer is for a machine."""
 
     words: Bottle
     origin: str
     bot: bool
 
     def text(self, index: int) -> str:
-        """A word that is a name; empty when it is something else or missing."""
+        """Return a word that is a string; empty for another type or a missing word."""
         return as_string(self.words.get(index))
 
     def written(self, index: int) -> str:
-        """A word as it is written, whatever it is; empty when it is missing."""
+        """Return the text of a word of any type; empty for a missing word."""
         return to_string(self.words.get(index)) if index < len(self.words) else ""
 
     def field(self, index: int) -> str:
-        """A field that the server may fill in: empty when it shall."""
+        """Return a field that the server may fill in: empty if it shall."""
         text = self.text(index)
         return "" if text == AUTOMATIC else text
 
@@ -90,8 +90,8 @@ class _Request:
 class Commands:
     """Answers commands from a table and its subscriptions.
 
-    ``server`` is where the server itself is; ``changed`` is called with ``add`` or ``del`` and the name of a port,
-    ``report`` with a sentence for what could not be done.
+    ``server`` is the contact of the server itself; ``changed`` is called with ``add`` or ``del`` and the name of a
+    port, ``report`` with a sentence for each failure.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class Commands:
         self._table = table
         self._subscriptions = subscriptions
         self._server = server
-        self._changed = changed or _tell_nobody
+        self._changed = changed or _notify_nobody
         self._report = report or _say_nothing
         self._known: dict[str, Callable[[_Request], Answer]] = {
             "register": self._register,
@@ -120,7 +120,7 @@ class Commands:
             "gc": self._gc,
             "help": self._help,
         }
-        # These have no form of their own for machines.
+        # These have no separate form for machines.
         self._of_subscriptions: dict[str, Callable[[_Request], Bottle]] = {
             "subscribe": self._subscribe,
             "unsubscribe": self._unsubscribe,
@@ -131,7 +131,7 @@ class Commands:
         }
 
     def answer(self, words: Bottle, origin: str) -> Answer:
-        """Do what is asked; ``origin`` is the address from which. Raises MiddlewareError when nothing can be kept."""
+        """Execute a command; ``origin`` is the caller's address. Raises MiddlewareError if the database fails."""
         request = _Request(words, origin, bot=as_string(words.find("format")) == "json")
         if request.written(0) == PREFIX:
             request.words = request.words.tail()
@@ -179,7 +179,7 @@ class Commands:
                 self._subscriptions.went(gone.name)
             self._tell("del", gone)
         answer = _flat(self._described(name, None, bot=request.bot), bot=request.bot)
-        # Real servers say this word for every port that the one that goes owns, whether it is known or not.
+        # YARP's servers send this word for every port that the removed one owns, known or not.
         answer.body[:0] = ["old"] * (len(undone) - 1)
         return answer
 
@@ -188,7 +188,7 @@ class Commands:
             self._changed(what, contact.name)
 
     def _query(self, request: _Request) -> Answer:
-        asked = Asked.parse(request.text(1))
+        asked = PortQuery.parse(request.text(1))
         contact = self._table.query(asked.name, asked.network)
         described = self._described(asked.name, contact, bot=request.bot)
         return Answer(plain=False, body=described) if request.bot else Answer(plain=True, body=Bottle([described]))
@@ -216,7 +216,7 @@ class Commands:
             return Bottle(["port", ["name", name], ["ip", host], ["port_number", port], ["carrier", carrier]])
         return Bottle(["registration", "name", name, "ip", host, "port", port, "type", carrier])
 
-    # Notes -------------------------------------------------------------------------------------------------------
+    # Properties --------------------------------------------------------------------------------------------------
 
     def _set(self, request: _Request) -> Answer:
         values = [to_string(value) for value in request.words[3:]]
@@ -241,7 +241,7 @@ class Commands:
         present = "true" if value in values else "false"
         return Answer(plain=True, body=Bottle([["port", name, "property", key, "value", value, "present", present]]))
 
-    # The rest ----------------------------------------------------------------------------------------------------
+    # Other commands ----------------------------------------------------------------------------------------------
 
     @staticmethod
     def _route(request: _Request) -> Answer:
@@ -291,7 +291,7 @@ class Commands:
 
 
 def _flat(described: Bottle, *, bot: bool) -> Answer:
-    """After a change the two forms are mixed: machines get the words of the description as lines."""
+    """Return the answer to a change. Machines get the words of the description as lines, as from YARP's server."""
     return Answer(plain=True, body=described if bot else Bottle([described]))
 
 
@@ -304,14 +304,14 @@ def _judged(good: bool) -> Bottle:
 
 
 def _value(text: str) -> Value:
-    """A note, as the value that it is the text of."""
+    """Parse a property's text into a value."""
     values = Bottle.parse(text)
     return values[0] if len(values) == 1 else values or ""
 
 
 def _say_nothing(_sentence: str) -> None:
-    """Nobody wants to know."""
+    """Discard the message."""
 
 
-def _tell_nobody(_what: str, _name: str) -> None:
-    """Nobody wants to know."""
+def _notify_nobody(_what: str, _name: str) -> None:
+    """Discard the notification."""

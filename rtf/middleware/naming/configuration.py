@@ -1,7 +1,7 @@
-"""Which name server a process uses, and what its ports are called: the user's configuration, and the environment.
+"""The choice of the name server and of port names, by the user's configuration files and the environment.
 
-Every function takes the environment, so that nothing is read behind anybody's back; without one it is that of the
-process. Whatever only some configurations need is loaded when one does: tools are started often, and end soon.
+Every function takes the environment as an argument; None: that of the process. Modules that only some configurations
+need are imported on use: tools are started often and end soon.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rtf.middleware.network import Network, Opening
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rtf.middleware.naming.book import Names
+    from rtf.middleware.naming.base import Names
 
 NAMESPACE = "/root"
 _NAMESPACE_FILE = "yarp_namespace.conf"
@@ -36,7 +36,7 @@ _HOST_PORT = 2
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """What a contact file says: where the name server is, and by which mode it is asked (``yarp`` or ``local``)."""
+    """The contents of a contact file: the name server's contact and its mode (``yarp`` or ``local``)."""
 
     contact: Contact
     mode: str = "yarp"
@@ -46,7 +46,7 @@ class Place:
 
 
 def config_home(environment: Mapping[str, str] | None = None) -> Path:
-    """The user's folder of YARP's configuration. Raises MiddlewareError when nothing says where it is."""
+    """Return the folder of YARP's user configuration. Raises MiddlewareError if no variable defines it."""
     given = os.environ if environment is None else environment
     if given.get("YARP_CONFIG_HOME"):
         return Path(given["YARP_CONFIG_HOME"])
@@ -58,7 +58,7 @@ def config_home(environment: Mapping[str, str] | None = None) -> Path:
 
 
 def namespaces(environment: Mapping[str, str] | None = None) -> list[str]:
-    """The name servers that are asked, by their names: ``YARP_NAMESPACE``, else the namespace file, else ``/root``."""
+    """Return the namespaces to use: ``YARP_NAMESPACE``, else the namespace file, else ``/root``."""
     given = os.environ if environment is None else environment
     text = given.get("YARP_NAMESPACE", "")
     if not text:
@@ -70,14 +70,14 @@ def namespaces(environment: Mapping[str, str] | None = None) -> list[str]:
 
 
 def contact_file(namespace: str = "", environment: Mapping[str, str] | None = None) -> Path:
-    """The file that says where the name server is; without a namespace that of the first one."""
+    """Return the path of a namespace's contact file; without a namespace that of the first one."""
     namespace = namespace or namespaces(environment)[0]
     name = "yarp" if namespace == NAMESPACE else _OTHER.sub("_", namespace)
     return config_home(environment) / f"{name}.conf"
 
 
 def read_place(namespace: str = "", environment: Mapping[str, str] | None = None) -> Place | None:
-    """Where the name server is; None when no file says so. Raises AddressError for a file that cannot be understood."""
+    """Read the contact of the name server; None if no file has it. Raises AddressError for an invalid file."""
     namespace = namespace or namespaces(environment)[0]
     path = contact_file(namespace, environment)
     text = _read(path)
@@ -91,7 +91,7 @@ def read_place(namespace: str = "", environment: Mapping[str, str] | None = None
 
 
 def _fields_of_section(text: str, namespace: str, path: Path) -> list[str]:
-    """The other form of the file: a section named after the namespace, or ``name``, with keys."""
+    """Read the other form of the file: a section named after the namespace, or ``name``, with keys."""
     from rtf.resources import parse_property_text
 
     try:
@@ -106,13 +106,13 @@ def _fields_of_section(text: str, namespace: str, path: Path) -> list[str]:
 
 
 def write_place(contact: Contact, mode: str = "yarp", environment: Mapping[str, str] | None = None) -> Path:
-    """Store where the name server of a namespace (its name) is; returns the file. Raises MiddlewareError."""
+    """Write the contact file of a namespace (the contact's name). Return its path. Raises MiddlewareError."""
     path = contact_file(contact.name, environment)
     beside = path.with_name(f"{path.name}.{os.getpid()}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         beside.write_text(f"{contact.host} {contact.port} {mode}\n", encoding="utf-8")
-        beside.replace(path)  # so that nobody reads half of it
+        beside.replace(path)  # so that no reader sees half of it
     except OSError as error:
         beside.unlink(missing_ok=True)
         raise MiddlewareError(f"{path} cannot be written: {error.strerror or error}") from None
@@ -120,7 +120,7 @@ def write_place(contact: Contact, mode: str = "yarp", environment: Mapping[str, 
 
 
 def remove_place(namespace: str = "", environment: Mapping[str, str] | None = None) -> Path:
-    """Forget where the name server is; returns the file, whether it was there or not."""
+    """Remove the contact file, if there is one. Return its path."""
     path = contact_file(namespace, environment)
     try:
         path.unlink(missing_ok=True)
@@ -143,16 +143,16 @@ def _read(path: Path) -> str:
 
 
 def base_port(environment: Mapping[str, str] | None = None) -> int:
-    """The number of the name server where nothing else says one: ``YARP_PORT_RANGE``, else 10000."""
+    """Return the default port number of the name server: ``YARP_PORT_RANGE``, else 10000."""
     given = os.environ if environment is None else environment
     return _number(given, "YARP_PORT_RANGE") or _STANDARD_PORT
 
 
 def opening(environment: Mapping[str, str], name: str) -> Opening:
-    """What a port is called that the program opens by a name, and the number it shall have.
+    """Return the actual name and number of a port that the program opens.
 
-    ``YARP_RENAME_x`` replaces the name and ``YARP_PORTNUMBER_x`` says the number, where ``x`` is the name with ``_``
-    for everything but letters and digits; ``YARP_PORT_PREFIX`` comes in front of what is not nameless.
+    ``YARP_RENAME_x`` replaces the name and ``YARP_PORTNUMBER_x`` sets the number, where ``x`` is the name with ``_``
+    for every character but letters and digits; ``YARP_PORT_PREFIX`` is put before every name but the empty one.
     """
     if not name:
         return Opening(name)
@@ -174,17 +174,17 @@ def _number(environment: Mapping[str, str], variable: str) -> int:
 
 
 def find_names(environment: Mapping[str, str] | None = None) -> Names:
-    """The names that the configuration says; without a contact file a server at the standard place of this machine.
+    """Return the configured name service; without a contact file a server at the default port of this machine.
 
-    Nothing is asked yet. Raises MiddlewareError for a configuration that cannot be used.
+    No request is sent. Raises MiddlewareError for an invalid configuration.
     """
     given = os.environ if environment is None else environment
     found = [_names_of(namespace, given) for namespace in namespaces(given)]
     if len(found) == 1:
         return found[0]
-    from rtf.middleware.naming.several import SeveralNames
+    from rtf.middleware.naming.multi_server import MultiServerNames
 
-    return SeveralNames(found)
+    return MultiServerNames(found)
 
 
 def _names_of(namespace: str, environment: Mapping[str, str]) -> Names:
@@ -197,16 +197,16 @@ def _names_of(namespace: str, environment: Mapping[str, str]) -> Names:
         return LocalNames()
     if place.mode != "yarp":
         raise ConnectError(
-            f"{contact_file(namespace, environment)} asks for a name server of mode {place.mode!r};"
-            " there are yarp and local"
+            f"{contact_file(namespace, environment)} names the mode {place.mode!r} of a name server;"
+            " the modes are yarp and local"
         )
     from rtf.middleware.naming.client import RemoteNames
-    from rtf.middleware.naming.interfaces import chosen_address
+    from rtf.middleware.naming.network_interfaces import chosen_address
 
     return RemoteNames(place.contact, address=chosen_address(environment), key=find_key(environment))
 
 
 def find_network(environment: Mapping[str, str] | None = None) -> Network:
-    """The network that the configuration says, for ports that are given none."""
+    """Return the configured network, for ports that are given none."""
     given = os.environ if environment is None else environment
     return Network(find_names(given), opening=partial(opening, given), key=find_key(given))

@@ -1,7 +1,7 @@
-"""Finding a name server by multicast: a datagram with the question to a group, and one with the answer.
+"""Discovery of a name server by multicast: a datagram with the query to a group, and one with the answer.
 
-A datagram is the CRC-32 of a line, a counter that is always 0 here, and the line. Nothing proves who answers, so it
-is only done when somebody asks for it, and a server answers on the one interface that it serves.
+A datagram is the CRC-32 of a line, a counter that is always 0 here, and the line. The answer is not authenticated, so
+discovery is used only on request, and a server answers only on the interface that it serves.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.middleware.carriers.datagram import cut
-from rtf.middleware.naming.interfaces import own_addresses
-from rtf.middleware.naming.lines import END, QUERY, read_registration, registration
+from rtf.middleware.naming.line_protocol import END, QUERY, read_registration, registration
+from rtf.middleware.naming.network_interfaces import own_addresses
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -33,9 +33,9 @@ _AGAIN = 0.5
 
 
 class Answerer:
-    """Answers those who look for the server at ``contact``, on the interface of its address, until ``close``.
+    """Answers discovery queries for the server at ``contact``, on the interface of its address, until ``close``.
 
-    Raises OSError when the group cannot be joined there.
+    Raises OSError if the group cannot be joined there.
     """
 
     def __init__(self, contact: Contact, port: int = PORT) -> None:
@@ -49,7 +49,7 @@ class Answerer:
         self._thread.start()
 
     def close(self) -> None:
-        """Answer no more."""
+        """Stop answering."""
         os.eventfd_write(self._bell, 1)
         self._thread.join()
         self._socket.close()
@@ -60,7 +60,7 @@ class Answerer:
             selector.register(self._socket, selectors.EVENT_READ)
             selector.register(self._bell, selectors.EVENT_READ)
             while all(key.fd != self._bell for key, _ in selector.select()):
-                with contextlib.suppress(OSError):  # the network is away for a moment: whoever asked will ask again
+                with contextlib.suppress(OSError):  # the network is down for a moment: clients repeat the query
                     if _content(self._socket.recv(_MOST)).rstrip() == self._question:
                         self._socket.sendto(self._answer, self._group)
 
@@ -68,7 +68,7 @@ class Answerer:
 def detect(
     namespace: str = "/root", *, timeout: float = 3.0, port: int = PORT, addresses: Iterable[str] | None = None
 ) -> Contact | None:
-    """Look for the name server of a namespace on all interfaces, or those with these addresses; None: none answers."""
+    """Find the name server of a namespace on all interfaces, or those with ``addresses``; None without an answer."""
     own = [*(own_addresses(inet6=False) if addresses is None else addresses)]
     deadline = clock.Deadline.after(timeout)
     with _joined(own, port) as listening:
@@ -86,7 +86,7 @@ def _ask(namespace: str, addresses: list[str], port: int) -> None:
     question = cut(f"{QUERY} {namespace}\n".encode())[0]
     for address in addresses:
         with (
-            contextlib.suppress(OSError),  # an interface that cannot do it
+            contextlib.suppress(OSError),  # the interface does not support multicast
             socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking,
         ):
             _speak_on(asking, address)
@@ -99,12 +99,12 @@ def _speak_on(sending: socket.socket, address: str) -> None:
 
 
 def _joined(addresses: list[str], port: int) -> socket.socket:
-    """A socket that hears the group on interfaces; OSError when on none of them."""
+    """Return a socket that has joined the group on interfaces. Raises OSError if none can join."""
     listening = socket.socket(socket.AF_INET, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
     failure: OSError | None = OSError("there is no interface")
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        # Otherwise it would hear what comes in on interfaces that others have joined on, too.
+        # Otherwise the socket would receive from interfaces that other programs have joined on, too.
         listening.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
         listening.bind((GROUP, port))
         for address in addresses:
@@ -122,12 +122,12 @@ def _joined(addresses: list[str], port: int) -> socket.socket:
     return listening
 
 
-#: Linux: hear only what was joined. Python has no name for it.
+#: Linux: receive only from joined groups. Python has no name for it.
 _IP_MULTICAST_ALL = 49
 
 
 def _content(datagram: bytes) -> bytes:
-    """The line of a datagram; empty when its checksum or counter is wrong."""
+    """Return the line of a datagram; empty if its checksum or counter is wrong."""
     payload = datagram[_HEAD:]
     expected = zlib.crc32(payload).to_bytes(4, "little") + b"\0\0\0\0"
     return payload if datagram[:_HEAD] == expected else b""

@@ -1,4 +1,4 @@
-"""Names that live in this process: for tests, for programs that talk to themselves alone, and inside a name server."""
+"""A name service within this process: for tests, for programs with only internal connections, and for a name server."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle
 from rtf.middleware.names import Contact
-from rtf.middleware.naming.book import Names
+from rtf.middleware.naming.base import Names
 from rtf.middleware.naming.commands import Commands
 from rtf.middleware.naming.pools import group_slots
 from rtf.middleware.naming.subscriptions import Subscriptions
@@ -20,7 +20,7 @@ _HOST = "127.0.0.1"
 
 
 class LocalNames(Names):
-    """Asks a table directly. Without one it gets its own, on loopback, where ports choose their numbers."""
+    """A name service that uses a table directly. Without one it creates its own, on loopback, without port numbers."""
 
     def __init__(self, table: Table | None = None, commands: Commands | None = None, host: str = _HOST) -> None:
         self._host = host

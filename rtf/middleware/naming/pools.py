@@ -1,8 +1,8 @@
-"""What a name server hands out when it is not told: numbers, names for the nameless, multicast groups.
+"""The pools from which a name server assigns port numbers, names of anonymous ports, and multicast groups.
 
-A number is remembered for the name that had it last, so that a program finds its ports where they were. Numbers that
-were never used come first; only when all have been does the search begin again at the first that is free. Names and
-groups that are given back are used again at once.
+A port number is remembered for the name that had it last, so that a program finds its ports where they were. Numbers
+that were never used are assigned first; after the last one the search starts again at the first that is free. Released
+names and groups are reused at once.
 """
 
 from __future__ import annotations
@@ -20,44 +20,44 @@ _SPREAD = 61
 
 
 class Numbers:
-    """The TCP ports of a network, for all its machines together."""
+    """The pool of TCP port numbers of a network, for all of its machines together."""
 
     def __init__(self, first: int, last: int) -> None:
         self.first = first
         self.last = last
         self.cursor = first
-        self.owner: dict[int, str] = {}  # who had a number last
+        self.owner: dict[int, str] = {}  # the name that had a number last
         self._preferred: dict[str, int] = {}
         self._held: Counter[int] = Counter()
 
     @classmethod
     def above(cls, server: int) -> Numbers:
-        """The numbers of the server at this one; where there would not be enough, those of a server at 10000."""
+        """Return the pool of a server at this port number; near the end of the range, that of a server at 10000."""
         base = server if server + _LAST <= _HIGHEST else _STANDARD
         return cls(base + _FIRST, base + _LAST)
 
     @classmethod
     def beside(cls, server: int) -> Numbers:
-        """For a server at a number that the system chose: those above it are the system's to give to others.
+        """Return the pool of a server whose port number the system chose: those above it belong to the system.
 
-        They are those of a server at 10000, from a place on that differs from server to server.
+        It is that of a server at 10000, starting at an offset that differs from server to server.
         """
         numbers = cls.above(_STANDARD)
         numbers.cursor += server % (_LAST // 2)
         return numbers
 
     def hold(self, number: int) -> None:
-        """A port that is registered has this number, whoever chose it."""
+        """Mark a number as used by a registered port, whoever chose it."""
         self._held[number] += 1
 
     def release(self, number: int) -> None:
-        """A port that had this number is gone."""
+        """Mark a number as no longer used by a port."""
         self._held[number] -= 1
         if self._held[number] <= 0:
             del self._held[number]
 
     def take(self, name: str) -> int:
-        """A number for a name; it is not held yet. Raises ConnectError when there is none."""
+        """Return a number for a name, without marking it as used. Raises ConnectError if all are used."""
         number = self._preferred.get(name, 0)
         if not number or number in self._held:
             number = self._next()
@@ -65,7 +65,7 @@ class Numbers:
         return number
 
     def remember(self, number: int, name: str) -> None:
-        """This name had the number last."""
+        """Record that this name had the number last."""
         before = self.owner.get(number)
         if before is not None and self._preferred.get(before) == number:
             del self._preferred[before]
@@ -79,12 +79,13 @@ class Numbers:
             if number not in self._held:
                 return number
         raise ConnectError(
-            f"all numbers from {self.first} to {self.last} are taken: unregister ports that are gone with 'rtf clean'"
+            f"all port numbers from {self.first} to {self.last} are in use:"
+            " unregister ports that are gone with 'rtf clean'"
         )
 
 
 class Slots:
-    """Small numbers from 1 upwards, each in use once."""
+    """A pool of small numbers from 1 upwards, each in use at most once."""
 
     def __init__(self, highest: int, last: int = 0) -> None:
         self.highest = highest
@@ -92,7 +93,7 @@ class Slots:
         self._free: deque[int] = deque()
 
     def take(self) -> int:
-        """One that is free. Raises ConnectError when there is none."""
+        """Return a free number. Raises ConnectError if there is none."""
         if self._free:
             return self._free.popleft()
         if self.last >= self.highest:
@@ -101,30 +102,31 @@ class Slots:
         return self.last
 
     def give_back(self, slot: int) -> None:
-        """It is free again."""
+        """Release a number."""
         self._free.append(slot)
 
     def resume(self, last: int, used: set[int]) -> None:
-        """Go on where an earlier server stopped."""
+        """Restore the state of an earlier server."""
         first = self.last + 1
         self.last = min(max(last, self.last, *used), self.highest)
         self._free = deque(slot for slot in range(first, self.last + 1) if slot not in used)
 
 
 def nameless(slot: int) -> str:
-    """The name of a port that has none."""
+    """Return the name of an anonymous port."""
     return f"/tmp/port/{slot}"  # noqa: S108 - a name in a network, not in a file system
 
 
 def group_slots(seed: int = 0) -> Slots:
-    """All multicast groups.
+    """Return the pool of all multicast groups.
 
-    Whoever has no number that is its own on this machine gives a ``seed``, so that two do not hand out the same groups.
+    A service without a fixed port number on this machine gives a ``seed``, so that two services do not assign the same
+    groups.
     """
     return Slots(_GROUPS - 2, seed * _SPREAD % (_GROUPS // 2))
 
 
 def group(slot: int) -> str:
-    """A multicast group; the first is 224.1.1.3."""
+    """Return the address of a multicast group; the first is 224.1.1.3."""
     high, low = divmod(slot + 1, 255)
     return f"224.1.{high + 1}.{low + 1}"

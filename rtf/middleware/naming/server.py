@@ -1,9 +1,8 @@
-"""The name server: a port that knows where the others are.
+"""The name server: a port that stores where the other ports are.
 
-It is a port like any other and is asked over any carrier; ``name_ser`` is the one that everybody uses. It binds to
-loopback unless another address is given. A caller can make it keep what :mod:`rtf.middleware.naming.table` allows,
-one thread and one buffer for each of at most ``MAX_CALLERS`` connections, and no more: beyond that the oldest caller
-is sent away.
+It is a port like any other and accepts requests over any carrier; clients use ``name_ser``. It binds to loopback unless
+another address is given. A caller can make it store what :mod:`rtf.middleware.naming.table` allows, and use one thread
+and one buffer for each of at most ``MAX_CALLERS`` connections: beyond that the oldest connection is closed.
 """
 
 from __future__ import annotations
@@ -16,18 +15,18 @@ from weakref import WeakSet
 
 from rtf.bottle import Bottle, Vocab
 from rtf.middleware.codecs import TextCodec
-from rtf.middleware.delivery import Delivery
 from rtf.middleware.errors import AddressError, ConnectError
+from rtf.middleware.incoming_message import IncomingMessage
 from rtf.middleware.names import Contact
 from rtf.middleware.naming.commands import Commands
-from rtf.middleware.naming.connecting import Connector
+from rtf.middleware.naming.connector import Connector
 from rtf.middleware.naming.discovery import GROUP, PORT, Answerer
-from rtf.middleware.naming.errands import Errands
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.naming.pools import Numbers, group_slots
 from rtf.middleware.naming.store import Database, Memory
 from rtf.middleware.naming.subscriptions import Subscriptions
 from rtf.middleware.naming.table import Table
+from rtf.middleware.naming.work_queue import WorkQueue
 from rtf.middleware.network import Network, listen
 from rtf.middleware.port import Port
 
@@ -40,7 +39,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Dialect
     from rtf.middleware.carriers.base import Buffer
     from rtf.middleware.inputs import Input
-    from rtf.middleware.naming.book import Names
+    from rtf.middleware.naming.base import Names
 
 MAX_CALLERS = 256
 _FALLBACK = "fallback"
@@ -50,13 +49,12 @@ _PATIENCE = 2.0
 
 
 class NameServer:
-    """A name server, from its making until ``close``; any number can live in one process.
+    """A name server, from construction to ``close``. One process may have any number of them.
 
-    ``port`` 0 takes any that is free. ``portdb`` is a file in which names are kept for the next server. ``discovery``
-    is the number at which it answers those who look for it by multicast, on the interface of ``host``; 0: it does
-    not. ``key`` is what callers must know, see :mod:`rtf.middleware.naming.authentication`. ``report`` is called with
-    a sentence for what it does by itself. Raises ConnectError when the address cannot be had, MiddlewareError for the
-    file.
+    ``port`` 0 chooses a free one. ``portdb`` is a file in which names are stored for the next server. ``discovery`` is
+    the port number at which it answers multicast queries on the interface of ``host``; 0: none. ``key`` is the shared
+    key, see :mod:`rtf.middleware.naming.authentication`. ``report`` is called with a sentence for each action of its
+    own. Raises ConnectError if the address cannot be used, MiddlewareError for the file.
     """
 
     def __init__(
@@ -71,9 +69,11 @@ class NameServer:
         report: Callable[[str], None] | None = None,
     ) -> None:
         if host in ("0.0.0.0", "::", ""):  # noqa: S104 - refused
-            raise AddressError(f"{host!r} is no address that ports could be told; give one of this machine's own")
+            raise AddressError(
+                f"{host!r} is not an address that other programs can connect to; give an address of this machine"
+            )
         if not 0 <= port <= _HIGHEST:
-            raise AddressError(f"{port} is no number to listen at; write one from 1 to {_HIGHEST}, or 0 for any")
+            raise AddressError(f"{port} is not a port number; write one from 1 to {_HIGHEST}, or 0 for a free one")
         with contextlib.ExitStack() as undo:
             listening = _take_address(host, port)
             until_taken = undo.enter_context(contextlib.ExitStack())
@@ -89,31 +89,31 @@ class NameServer:
             _enter_server(table, self.contact, discovery or PORT)
             subscriptions = Subscriptions(table)
             commands = Commands(table, subscriptions, self.contact, self._publish, report)
-            #: The same names, asked without a connection.
+            #: The same name service, without a connection.
             self.names: Names = LocalNames(table, commands, host)
             network = _OwnNetwork(self.names, listening, self.contact, report, key)
             connector = Connector(network)
             undo.callback(connector.close)
             subscriptions.connect = connector.settle
             self._order = itertools.count()
-            self._publishing = Errands("rtf-names-publishing", lambda error: network.report(str(error)))
+            self._publishing = WorkQueue("rtf-names-publishing", lambda error: network.report(str(error)))
             undo.callback(self._publishing.close)
             if discovery:
                 undo.callback(_start_discovery(self.contact, discovery).close)
             self._port: _ServerPort | None = None
             self._port = own = _ServerPort(commands, network, namespace)
-            until_taken.pop_all()  # the port closes it now
+            until_taken.pop_all()  # the port owns the socket now
             undo.callback(own.close)
             self._undo = undo.pop_all()
 
     def _publish(self, what: str, name: str) -> None:
-        """Tell those who are connected to the server's port, without waiting for them."""
+        """Publish a change at the server's port, in the background."""
         port = self._port
         if port is not None and port.outputs:
             self._publishing.put(next(self._order), partial(_write, port, Bottle([Vocab(what), name])))
 
     def close(self) -> None:
-        """Answer nobody any more. Doing so again changes nothing."""
+        """Stop the server. A second call has no effect."""
         self._undo.close()
 
     def __enter__(self) -> Self:
@@ -126,7 +126,7 @@ class NameServer:
 
 
 class _ServerPort(Port):
-    """The port of a name server: data are commands."""
+    """The port of a name server: its data messages are commands."""
 
     def __init__(self, commands: Commands, network: Network, name: str) -> None:
         self._commands = commands
@@ -134,7 +134,7 @@ class _ServerPort(Port):
         super().__init__(name, network=network)
 
     def _called(self, connection: socket.socket) -> None:
-        """See Port. Whoever came first has had the most time; callers that are done are not among them."""
+        """Accept a connection; beyond MAX_CALLERS the oldest one that is not yet closing is closed."""
         with self._lock:
             staying = [caller for caller in self._inputs if caller not in self._leaving]
         if len(staying) >= MAX_CALLERS:
@@ -147,15 +147,17 @@ class _ServerPort(Port):
             return super().dispatch(caller, key, text, data)
         assert caller.link is not None
         in_lines = caller.link.carrier.text
-        delivery = Delivery(caller.sender, text, data, self.network.dialect, wants_reply=key == "d", text=in_lines)
+        delivery = IncomingMessage(
+            caller.sender, text, data, self.network.dialect, wants_reply=key == "d", text=in_lines
+        )
         self._serve(delivery, _address_of(caller) or self.contact.host)
         return delivery.answer
 
-    def deliver(self, delivery: Delivery) -> None:
-        """See Port. Only ports of this process come this way."""
+    def deliver(self, delivery: IncomingMessage) -> None:
+        """Execute a command from a port of this process."""
         self._serve(delivery, self.contact.host)
 
-    def _serve(self, delivery: Delivery, origin: str) -> None:
+    def _serve(self, delivery: IncomingMessage, origin: str) -> None:
         answer = self._commands.answer(delivery.read(), origin)
         if answer.plain:
             delivery.reply(answer.to_text(), _LINES)  # type: ignore[arg-type]  # it is a str
@@ -168,17 +170,17 @@ def _write(port: Port, event: Bottle) -> None:
 
 
 class _LinesCodec(TextCodec[str]):
-    """Lines, which are the same bytes on every carrier."""
+    """Codec of lines, which are the same bytes on every carrier."""
 
     def encode(self, value: str, dialect: Dialect) -> Sequence[Buffer]:  # noqa: ARG002 - text has no dialect
         return (value.encode("utf-8", "surrogateescape"),)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[str, int]:  # noqa: ARG002
-        """See Codec. Nothing says where lines end, so all are taken."""
+        """Decode all bytes: lines have no length prefix."""
         return bytes(data).decode("utf-8", "surrogateescape"), len(data)
 
     def to_text(self, value: str) -> str:
-        """See Codec. The port ends the last line."""
+        """Return the lines without the last line end, which the port appends."""
         return value.removesuffix("\r\n")
 
 
@@ -186,7 +188,7 @@ _LINES = _LinesCodec()
 
 
 class _OwnNetwork(Network):
-    """The network as the server's own port sees it: it has its address already."""
+    """The network of the server's own port, whose address is already open."""
 
     def __init__(
         self,
@@ -209,12 +211,12 @@ def _take_address(host: str, port: int) -> socket.socket:
     except OSError as error:
         raise ConnectError(
             f"the name server cannot listen on {host}:{port}: {error.strerror or error};"
-            " if another one is there, 'rtf where' says so, else give another --ip or --socket"
+            " 'rtf where' shows the server in use; for another one give another --ip or --socket"
         ) from None
 
 
 def _enter_server(table: Table, contact: Contact, discovery: int) -> None:
-    """Register the server itself; what a server of another name or place left behind goes."""
+    """Register the server itself, and remove the entry of an earlier server with another name or address."""
     for known in table.list():
         if "true" in (table.get(known.name, "nameserver") or ()):
             table.unregister(known.name)
@@ -233,7 +235,7 @@ def _start_discovery(contact: Contact, number: int) -> Answerer:
 
 
 def _address_of(caller: Input) -> str:
-    """Where a caller is; empty when it has gone, or came by a way without addresses."""
+    """Return the address of a caller; empty if it is gone, or the carrier has no addresses."""
     connection = caller.socket
     try:
         address = connection.getpeername() if connection is not None else ""

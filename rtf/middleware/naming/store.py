@@ -1,7 +1,7 @@
-"""Where a name server keeps what it knows beyond its own life: nowhere, or in an SQLite file.
+"""The storage of a name server: none, or an SQLite file.
 
-SQLite, and not a file that is written anew: a registration changes one row among thousands, and what was answered
-before the server was killed is there when it comes back.
+SQLite instead of a file that is rewritten: a registration changes one row among thousands, and after a kill of the
+server all acknowledged changes are still there.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ _SCHEMA = "CREATE TABLE IF NOT EXISTS names (kind TEXT, key TEXT, value TEXT, PR
 
 
 class Store(ABC):
-    """Values by kind and key. It is called by one thread at a time."""
+    """Storage of values by kind and key. Used by one thread at a time."""
 
     @abstractmethod
     def load(self, kind: str) -> Iterator[tuple[str, Any]]:
-        """Everything of a kind. Any: the values are whatever JSON holds."""
+        """Return all values of a kind by key. Any: the values are whatever JSON holds."""
 
     @abstractmethod
     def put(self, kind: str, key: str, value: object) -> None:
-        """Keep a value."""
+        """Store a value."""
 
     @abstractmethod
     def drop(self, kind: str, key: str) -> None:
-        """Forget one, whether it is there or not."""
+        """Remove a value, if it is there."""
 
     @abstractmethod
     def close(self) -> None:
-        """Nothing follows."""
+        """Close the storage."""
 
 
 class Memory(Store):
-    """Keeps nothing: what a server knows ends with it."""
+    """A store without storage: the names end with the server."""
 
     def load(self, kind: str) -> Iterator[tuple[str, Any]]:  # noqa: ARG002
         return iter(())
@@ -57,7 +57,7 @@ class Memory(Store):
 
 
 class Database(Store):
-    """Keeps everything in a file, which belongs to one server at a time. Raises MiddlewareError when it cannot."""
+    """A store in an SQLite file, which one server uses at a time. Raises MiddlewareError if it cannot."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = path
@@ -66,7 +66,7 @@ class Database(Store):
         except sqlite3.Error as error:
             raise self._error(error) from None
         try:
-            # Killing the server must lose nothing, a power cut may lose the last second.
+            # A kill of the server must lose nothing; a power cut may lose the last second.
             for pragma in ("locking_mode=EXCLUSIVE", "journal_mode=WAL", "synchronous=NORMAL"):
                 self._connection.execute(f"PRAGMA {pragma}")
             self._connection.execute(_SCHEMA)
@@ -98,6 +98,6 @@ class Database(Store):
 
     def _error(self, error: Exception) -> MiddlewareError:
         return MiddlewareError(
-            f"the names in {self.path} cannot be kept: {error};"
+            f"the names in {self.path} cannot be stored: {error};"
             " if no other name server uses the file, move it out of the way"
         )

@@ -1,7 +1,7 @@
-"""Connections that are to be whenever both of their ports are there, and topics, by which many are made at once.
+"""Persistent connections, made whenever both ports exist, and topics, which connect all their sources and targets.
 
-A port is *live* from when it is announced until it is unregistered. Whenever two live ports should be connected,
-``connect`` is called; nothing here talks to a port.
+A port is *live* from its announcement until it is unregistered. Whenever two live ports should be connected,
+``connect`` is called; this module does not contact ports.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.bottle import Bottle
-from rtf.middleware.naming.asked import Asked
+from rtf.middleware.naming.port_query import PortQuery
 from rtf.middleware.naming.table import check_fit
 
 if TYPE_CHECKING:
@@ -21,32 +21,32 @@ if TYPE_CHECKING:
 
     from rtf.middleware.naming.table import Table
 
-    #: Called with source and destination as they were given, and whether they should be connected.
+    #: Called with source and destination as written, and whether they should be connected.
     Connect = Callable[[str, str, bool], None]
 
-#: Of each kind: connections, topics, types. A topic connects all its sources with all its targets, so these multiply.
+#: The maximum of connections, topics and types each. A topic connects all sources with all targets, so these multiply.
 MAX_SUBSCRIPTIONS = 1_000
-#: Seconds in which a port that has just been announced is not believed to be gone.
+#: Seconds after an announcement during which reports that the port is gone are ignored.
 _FRESH = 30.0
 
 
 @dataclass(frozen=True, slots=True)
 class Subscription:
-    """One connection that is to be: the two names, and how they were written."""
+    """A persistent connection: the two port names, and the names as written in the request."""
 
     source: str
     target: str
     asked_source: str
     asked_target: str
-    #: ``from`` or ``to``: it ends when the source or the target goes.
+    #: ``from`` or ``to``: it is removed when the source or the target is unregistered.
     mode: str = ""
 
 
 class Subscriptions:
-    """The persistent connections, topics and type relations of a network. ``connect`` is set by whoever can do it."""
+    """The persistent connections, topics and type relations of a network. The owner sets ``connect``."""
 
     def __init__(self, table: Table) -> None:
-        self.connect: Connect = _leave
+        self.connect: Connect = _make_no_connections
         self._table = table
         self._lock = threading.RLock()
         self._live: dict[str, float] = {}
@@ -58,7 +58,7 @@ class Subscriptions:
     def subscribe(self, source: str, target: str, mode: str = "") -> bool:
         """Connect two ports now and whenever they come back; ``topic:/name`` joins a port to a topic."""
         check_fit(source, target, mode)
-        asked = Asked.parse(source), Asked.parse(target)
+        asked = PortQuery.parse(source), PortQuery.parse(target)
         with self._lock:
             pair = asked[0].name, asked[1].name
             if len(self._kept) >= MAX_SUBSCRIPTIONS and pair not in self._kept:
@@ -73,15 +73,15 @@ class Subscriptions:
         return True
 
     def unsubscribe(self, source: str, target: str) -> bool:
-        """No longer; a connection that exists stays."""
-        pair = Asked.parse(source).name, Asked.parse(target).name
+        """Remove a subscription; an existing connection stays."""
+        pair = PortQuery.parse(source).name, PortQuery.parse(target).name
         with self._lock:
             if self._kept.pop(pair, None) is not None:
                 self._drop("subscription", " ".join(pair))
         return True
 
     def listed(self, name: str = "") -> Bottle:
-        """All subscriptions, or those of a port, as the name server answers."""
+        """Return all subscriptions, or those of a port, as the name server's answer."""
         with self._lock:
             kept = [self._kept[pair] for pair in sorted(self._kept) if not name or name in pair]
             return Bottle(["subscriptions", *(self._describe(one) for one in kept)])
@@ -98,7 +98,7 @@ class Subscriptions:
     # Topics and types --------------------------------------------------------------------------------------------
 
     def set_topic(self, name: str, *, active: bool = True) -> bool:
-        """Make a name a topic, or none any more."""
+        """Make a name a topic; if not ``active``, remove the topic."""
         check_fit(name)
         with self._lock:
             if not active:
@@ -120,7 +120,7 @@ class Subscriptions:
             return [*self._topics]
 
     def set_type(self, family: str, name: str, value: str) -> bool:
-        """Note a relation between names of types."""
+        """Store a relation between names of types."""
         check_fit(family, name, value)
         with self._lock:
             if len(self._types) >= MAX_SUBSCRIPTIONS and (family, name) not in self._types:
@@ -130,27 +130,27 @@ class Subscriptions:
         return True
 
     def type_of(self, family: str, name: str) -> str:
-        """What was noted, or nothing."""
+        """Return the stored relation, or an empty string."""
         with self._lock:
             return self._types.get((family, name), "")
 
-    # Ports come and go -------------------------------------------------------------------------------------------
+    # Ports appear and disappear ----------------------------------------------------------------------------------
 
     def came(self, name: str) -> None:
-        """A port listens now."""
+        """Handle the announcement of a port."""
         with self._lock:
             if self._table.query(name) is not None:
                 self._live[name] = clock.monotonic()
                 self._establish(name)
 
     def silent(self, name: str) -> None:
-        """Somebody could not reach a port."""
+        """Handle a report that a port could not be reached."""
         with self._lock:
             if clock.monotonic() - self._live.get(name, 0.0) > _FRESH:
                 self._live.pop(name, None)
 
     def went(self, name: str) -> None:
-        """A port is about to be unregistered: what it takes part in is undone."""
+        """Handle the coming removal of a port: disconnect its persistent connections."""
         with self._lock:
             self._live.pop(name, None)
             known = self._table.query(name) is not None
@@ -161,7 +161,7 @@ class Subscriptions:
                     self.unsubscribe(one.source, one.target)
 
     def _of(self, name: str) -> list[Subscription]:
-        """Every connection that a port should have, directly or through a topic."""
+        """Return every connection that a port should have, directly or through a topic."""
         found = [one for one in self._kept.values() if name in (one.source, one.target)]
         topics = {one.target if one.source == name else one.source for one in found} & self._topics.keys()
         for topic in sorted(topics):
@@ -172,7 +172,7 @@ class Subscriptions:
         return found
 
     def _through(self, topic: str, name: str = "") -> Iterator[tuple[Subscription, Subscription]]:
-        """The pairs that a topic connects, or those of them that a port is part of."""
+        """Return the pairs that a topic connects, or those that include a port."""
         sources = [one for one in self._kept.values() if one.target == topic]
         targets = [one for one in self._kept.values() if one.source == topic]
         if not name:
@@ -187,13 +187,13 @@ class Subscriptions:
             self._settle(one, one)
 
     def _settle(self, source: Subscription, target: Subscription) -> None:
-        """Have two ports connected if both are there and neither is a topic."""
+        """Request a connection if both ports are live and neither is a topic."""
         names = source.source, target.target
         places = [self._table.query(name) if name in self._live else None for name in names]
         if all(place is not None and place.carrier != "topic" for place in places):
             self.connect(source.asked_source, target.asked_target, True)
 
-    # What an earlier server knew ---------------------------------------------------------------------------------
+    # Restoring the state of an earlier server --------------------------------------------------------------------
 
     def _load(self) -> None:
         with self._table.lock:
@@ -205,7 +205,7 @@ class Subscriptions:
             for key, value in store.load("type"):
                 family, _, name = key.partition(" ")
                 self._types[family, name] = value
-            # Nobody tells a server that comes back which ports listen: those it knew did.
+            # A restarted server gets no announcements: the ports that it knew count as live.
             self._live = {contact.name: 0.0 for contact in self._table.list()}
 
     def _put(self, kind: str, key: str, value: object) -> None:
@@ -217,5 +217,5 @@ class Subscriptions:
             self._table.store.drop(kind, key)
 
 
-def _leave(_source: str, _target: str, _wanted: bool) -> None:
-    """Nobody connects here."""
+def _make_no_connections(_source: str, _target: str, _wanted: bool) -> None:
+    """Make no connections: the default of ``connect``."""

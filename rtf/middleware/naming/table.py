@@ -1,8 +1,8 @@
-"""The names of a network: which port is where, and what was noted about it.
+"""The table of a network's ports: the contact and the properties of each.
 
-All may be called from any thread. Everything is bounded, because anybody may register: names and values in their
-length, ports in their number, what is noted in all. What goes beyond raises AddressError, and nothing has changed
-then.
+All methods may be called from any thread. Everything is bounded, because any program may register: the length of names
+and values, the number of ports, and the total size of properties. A request beyond a limit raises AddressError and
+changes nothing.
 """
 
 from __future__ import annotations
@@ -14,30 +14,30 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rtf.middleware.errors import AddressError
 from rtf.middleware.names import Contact, is_host
-from rtf.middleware.naming.lines import AUTOMATIC
+from rtf.middleware.naming.line_protocol import AUTOMATIC
 from rtf.middleware.naming.pools import Numbers, Slots, group, group_slots, nameless
 from rtf.middleware.naming.store import Memory, Store
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-#: In a class that has a method called list, the type is not called so.
+#: An alias: within the class, ``list`` is a method.
 Contacts: TypeAlias = list[Contact]
 Undone: TypeAlias = list[Contact | None]
 
 MAX_PORTS = 20_000
 MAX_NAME = 1000
-#: Characters of all that is noted about all ports.
+#: The total size of all properties, in characters.
 MAX_NOTED = 32 << 20
 _MAX_VALUE = 4096
 _MAX_NUMBER = 65535
-#: What would break a line of an answer, or its words.
+#: Characters that would break a line of an answer, or its words.
 _UNFIT = re.compile(r"[\s\x00-\x1f\x7f\"\ud800-\udfff]")
 
 
 @dataclass(slots=True)
 class Entry:
-    """One port. ``slot`` and ``group`` are what was handed out to it, 0 when nothing was."""
+    """One port. ``slot`` and ``group`` are the pool numbers assigned to it, or 0."""
 
     contact: Contact
     properties: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -45,21 +45,21 @@ class Entry:
     group: int = 0
 
     def to_json(self) -> dict[str, Any]:
-        """For the store."""
+        """Return the entry for the store."""
         contact = self.contact
         place = {"host": contact.host, "port": contact.port, "carrier": contact.carrier}
         return {**place, "properties": self.properties, "slot": self.slot, "group": self.group}
 
     @classmethod
     def from_json(cls, name: str, value: dict[str, Any]) -> Entry:
-        """What ``to_json`` made."""
+        """Return the entry that ``to_json`` encoded."""
         contact = Contact(name, value["host"], value["port"], value["carrier"])
         properties = {key: tuple(values) for key, values in value["properties"].items()}
         return cls(contact, properties, value["slot"], value["group"])
 
     @property
     def size(self) -> int:
-        """The characters that are noted."""
+        """The size of the properties, in characters."""
         return sum(len(key) + sum(map(len, values)) for key, values in self.properties.items())
 
 
@@ -79,17 +79,17 @@ class Table:
     # Registering -------------------------------------------------------------------------------------------------
 
     def register(self, name: str, carrier: str, host: str, port: int, promise: str = "") -> Contact:
-        """Register a port, whether the name is known or not. An empty or automatic field is filled in.
+        """Register a port, known or not. An empty or automatic field is filled in.
 
-        A name that begins with ``=`` gets one in front of it. ``host`` is needed, but for multicast.
+        A generated name is put before a name that begins with ``=``. ``host`` is required, except for multicast.
         """
         slot = group_slot = 0
         with self.lock:
             check_fit(name, carrier, promise)
             if host and not is_host(host):
-                raise AddressError(f"{host[:80]!r} is no host: write an address such as 10.0.0.2, or '...'")
+                raise AddressError(f"{host[:80]!r} is not a host: write an address such as 10.0.0.2, or '...'")
             if not 0 <= port <= _MAX_NUMBER:
-                raise AddressError(f"{port} is no number of a port; write one up to {_MAX_NUMBER}, or '...'")
+                raise AddressError(f"{port} is not a port number; write one up to {_MAX_NUMBER}, or '...'")
             if len(self._entries) >= MAX_PORTS and name not in self._entries:
                 raise AddressError(f"{MAX_PORTS} ports are registered already; 'rtf clean' removes those that are gone")
             if not name or name == AUTOMATIC or name.startswith("="):
@@ -109,7 +109,7 @@ class Table:
             return entry.contact
 
     def unregister(self, name: str) -> Undone:
-        """Forget a port and what it owns; returns what is gone, with None for each that was not known."""
+        """Remove a port and the ports that it owns. Return their contacts, with None for each unknown one."""
         gone: Undone = []
         with self.lock:
             pending = [name]
@@ -153,10 +153,10 @@ class Table:
         self.store.drop("port", name)
         return entry
 
-    # Asking ------------------------------------------------------------------------------------------------------
+    # Queries -----------------------------------------------------------------------------------------------------
 
     def query(self, name: str, network: str = "") -> Contact | None:
-        """Where a port is; ``network`` picks, among its addresses, one that begins like this."""
+        """Return the contact of a port; ``network`` selects the one of its addresses that begins with it."""
         with self.lock:
             entry = self._entries.get(name)
             if entry is None:
@@ -166,7 +166,7 @@ class Table:
             return Contact(name, fitting[0], contact.port, contact.carrier) if fitting else contact
 
     def list(self, prefix: str = "") -> Contacts:
-        """All ports, or those at or below a name, in the order of their names."""
+        """Return all ports, or those at or below a name, sorted by name."""
         below = prefix if prefix.endswith("/") else f"{prefix}/"
         with self.lock:
             names = sorted(self._entries)
@@ -175,15 +175,18 @@ class Table:
             ]
 
     def runners(self) -> Contacts:
-        """The ports that start programs."""
+        """Return the ports of yarprun servers, which start programs."""
         with self.lock:
             entries = [self._entries[name] for name in sorted(self._entries)]
         return [entry.contact for entry in entries if "true" in entry.properties.get("yarprun", ())]
 
-    # Notes -------------------------------------------------------------------------------------------------------
+    # Properties --------------------------------------------------------------------------------------------------
 
     def set(self, name: str, key: str, values: Sequence[str]) -> bool:
-        """Note a set of values, in the place of those before; none: forget them. False when nobody knows the port."""
+        """Store a set of values, replacing earlier ones; an empty set removes the key.
+
+        Return False for an unknown port.
+        """
         kept = tuple(sorted(set(values)))
         with self.lock:
             entry = self._entries.get(name)
@@ -199,19 +202,19 @@ class Table:
                 if old:
                     entry.properties[key] = old
                 raise AddressError(
-                    f"too much is noted about {name}: {_MAX_VALUE} characters are the most a value may have"
+                    f"the properties of {name} are too large: a value may have at most {_MAX_VALUE} characters"
                 )
             self._noted = grown
             self.store.put("port", name, entry.to_json())
             return True
 
     def get(self, name: str, key: str) -> tuple[str, ...] | None:
-        """What is noted; None when nobody knows the port."""
+        """Return the values of a property; None for an unknown port."""
         with self.lock:
             entry = self._entries.get(name)
             return None if entry is None else entry.properties.get(key, ())
 
-    # What an earlier server knew ---------------------------------------------------------------------------------
+    # Restoring the state of an earlier server --------------------------------------------------------------------
 
     def _load(self) -> None:
         counters = dict(self.store.load("counter"))
@@ -232,7 +235,7 @@ class Table:
 
 
 def check_fit(*words: str) -> None:
-    """Raise AddressError for a word that an answer cannot hold: too long, or with blanks or quotes in it."""
+    """Raise AddressError for a word that an answer cannot hold: too long, or with blanks or quotes."""
     for word in words:
         if len(word) > MAX_NAME or _UNFIT.search(word):
             raise AddressError(

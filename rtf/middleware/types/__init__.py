@@ -1,6 +1,6 @@
-"""What travels between ports besides bottles, each type with its codec.
+"""The types of messages besides bottles, each with its codec.
 
-A name is loaded when it is asked for, because most of these need numpy and most programs need only some.
+A name is imported on first use, because most of these need numpy and most programs need only some.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """Load the module that a name is in."""
+    """Import the module that defines a name."""
     home = _HOME.get(name)
     if home is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""What a bare numpy array is when it is given to a port: a vector, or a matrix."""
+"""The codec of a plain numpy array that is given to a port: a vector or a matrix."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _VECTOR, _MATRIX = 1, 2
 
 
 def codec_of_array(array: NDArray[Any]) -> Codec[Any]:
-    """The codec of an array, by its dimensions and the type of its elements. Raises BottleTypeError with the hint."""
+    """Return the codec of an array, by its dimensions and element type. Raises BottleTypeError with a hint."""
     if array.ndim == _VECTOR:
         return vector_of(array.dtype)
     if array.ndim == _MATRIX and array.dtype.kind in "if":

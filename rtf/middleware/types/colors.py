@@ -1,7 +1,7 @@
-"""One kind of pixels made into another: mono, rgb, bgr, rgba, bgra, hsv, eight bits a channel.
+"""Conversion between pixel formats: mono, rgb, bgr, rgba, bgra, hsv, with eight bits per channel.
 
-Grey is the mean of red, green and blue, and opaque where no transparency is known, as YARP has it. YARP knows the words
-for hue, saturation and value but does not compute them; here each goes from 0 to 255, the hue once around the circle.
+As in YARP, grey is the mean of red, green and blue, and pixels without an alpha channel are opaque. YARP names hue,
+saturation and value but does not compute them; here each ranges from 0 to 255, the hue once around the circle.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     Pixels: TypeAlias = NDArray[np.uint8]
 
-#: Where red, green, blue and, if there is one, the opacity stand.
+#: The position of red, green, blue and, if present, alpha.
 _ORDER = {"rgb": (0, 1, 2), "bgr": (2, 1, 0), "rgba": (0, 1, 2, 3), "bgra": (2, 1, 0, 3)}
 _CODES = (*_ORDER, "mono", "hsv")
 _MOST = 255
@@ -27,10 +27,10 @@ _CIRCLE, _SEXTANTS = 256, 6
 
 
 def convert(pixels: Pixels, source: str | int, target: str | int) -> Pixels:
-    """The pixels in another format, in memory of their own. Raises BottleTypeError when there is no way."""
+    """Return the pixels in another format, in memory of their own. Raises BottleTypeError for unknown formats."""
     if source not in _CODES or target not in _CODES:
         raise BottleTypeError(
-            f"pixels {source!r} cannot be made {target!r}; {', '.join(_CODES)} can be made each other"
+            f"pixels {source!r} cannot be converted to {target!r}; conversions exist between {', '.join(_CODES)}"
         )
     if target in _ORDER:
         return _colored(pixels, str(source), str(target))
@@ -40,7 +40,7 @@ def convert(pixels: Pixels, source: str | int, target: str | int) -> Pixels:
 
 
 def _parts(pixels: Pixels, source: str) -> tuple[Pixels, Pixels, Pixels]:
-    """Red, green and blue."""
+    """Return the red, green and blue channels."""
     if source == "mono":
         return pixels, pixels, pixels
     if source == "hsv":
@@ -74,7 +74,7 @@ def _hsv(red: Pixels, green: Pixels, blue: Pixels) -> Pixels:
     value = np.maximum(np.maximum(red, green), blue)
     span = (value - np.minimum(np.minimum(red, green), blue)).astype(np.int16)
     r, g, b = (part.astype(np.int16) for part in (red, green, blue))
-    # The largest part says which third of the circle the hue is in, the difference of the others where in it.
+    # The largest channel determines the third of the hue circle, the difference of the others the place in it.
     sextants = np.where(value == red, g - b, np.where(value == green, b - r + 2 * span, r - g + 4 * span))
     made = np.empty((*value.shape, 3), np.uint8)
     turned = sextants * (np.float32(_CIRCLE / _SEXTANTS) / np.maximum(span, 1).astype(np.float32))
@@ -90,7 +90,7 @@ def _rgb_of_hsv(pixels: Pixels) -> Pixels:
     chroma = value * pixels[..., 1] / np.float32(_MOST)
     made = np.empty((*pixels.shape[:2], 3), np.uint8)
     for place, start in enumerate((5, 3, 1)):
-        # Each part is whole for two sextants, absent for two, and rises and falls in between.
+        # Each channel is at its maximum for two sextants, zero for two, and rises and falls in between.
         way = turns + np.float32(start)
         way[way >= _SEXTANTS] -= _SEXTANTS
         made[..., place] = np.rint(value - chroma * np.clip(np.minimum(way, 4 - way), 0, 1))

@@ -1,7 +1,7 @@
-"""Images: numpy arrays of pixels with their format.
+"""Images: numpy arrays of pixels with a pixel format.
 
-On the wire an image is a header of 60 bytes, which is the head of a bottle, and a blob: the rows one after the other,
-each filled up to a multiple of the *quantum*.
+On the wire an image is a header of 60 bytes, which is the start of a bottle, and a blob: the rows in order, each padded
+to a multiple of the *quantum*.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
     from rtf.middleware.carriers.base import Buffer
 
-#: What the rows are filled up to when nobody says otherwise, as everywhere in YARP.
+#: The default padding of rows in bytes, as everywhere in YARP.
 QUANTUM = 8
 _MAX_QUANTUM = 0xFFFF
 _HEADER = struct.Struct("<15i")
 _MAT = Vocab("mat").value
 _LIST, _WORD, _NUMBERS, _BLOB = (int(kind) for kind in (Kind.LIST, Kind.VOCAB32, Kind.LIST | Kind.INT32, Kind.BLOB))
-#: What stands behind the quantum: programs of 3.5 to 3.9 say there which row is first, those of 3.12 always this.
+#: The bits above the quantum: YARP 3.5 to 3.9 store the row order there, 3.12 always this value.
 _BEHIND_QUANTUM = {Dialect.YARP3: 1 << 16, Dialect.YARP4: 0}
 
 
@@ -58,7 +58,7 @@ _FIXED = (_LIST, 4, _WORD, _MAT, _WORD)
 
 
 class ImageCodec(TextCodec["Image"]):
-    """Images. With a ``code`` every image that arrives is made one of such pixels."""
+    """Codec of images. With a ``code``, every received image is converted to that pixel format."""
 
     promise = "yarp/image"
 
@@ -66,7 +66,7 @@ class ImageCodec(TextCodec["Image"]):
         self._code = None if code is None else pixel_format(code).code
 
     def encode(self, value: Image | NDArray[Any], dialect: Dialect) -> Sequence[Buffer]:
-        """The header, and the memory of the pixels, unless their rows have to be filled up."""
+        """Return the header and the memory of the pixels; rows that need padding are copied."""
         image = value if isinstance(value, Image) else Image(value)
         kind, pixels = image.format, image.pixels
         height, width = pixels.shape[:2]
@@ -88,12 +88,12 @@ class ImageCodec(TextCodec["Image"]):
         return self._made(header, bytearray(memoryview(data)[_HEADER.size : end]), 0), end
 
     def adopt(self, data: Buffer, dialect: Dialect) -> Image:  # noqa: ARG002
-        """An image whose pixels are those in the message."""
+        """Decode an image whose pixels are a view of the message."""
         header, _ = _read_header(data)
         return self._made(header, data, _HEADER.size)
 
     def to_text(self, value: Image | NDArray[Any]) -> str:
-        """The words, the numbers, and the bytes of the pixels. Nothing is said of which row is first."""
+        """Return the header's words and numbers and the bytes of the pixels, without the row order."""
         return decode_from(b"".join(self.encode(value, Dialect.YARP4)))[0].to_text()
 
     def _made(self, header: _Header, data: Buffer, start: int) -> Image:
@@ -112,7 +112,7 @@ def _read_header(data: Buffer) -> tuple[_Header, int]:
     header = _Header._make(_HEADER.unpack_from(data))
     fixed = (header.kind, header.parts, header.mat_code, header.mat, header.pixel_code)
     if fixed != _FIXED or (header.numbers_code, header.numbers, header.blob_code) != (_NUMBERS, 5, _BLOB):
-        raise BottleError(f"this is no image: it begins with {bytes(data[:24])!r}")
+        raise BottleError(f"this is not an image: it begins with {bytes(data[:24])!r}")
     if min(header.width, header.height, header.size) < 0 or header.blob_size != header.size:
         raise BottleError(
             f"an image of {header.width} x {header.height} pixels in {header.size} bytes, of which {header.blob_size} "
@@ -125,14 +125,14 @@ def _read_header(data: Buffer) -> tuple[_Header, int]:
 
 
 def _layout(header: _Header, kind: PixelFormat) -> tuple[int, int]:
-    """The bytes of a row, and the quantum; they must fit the size."""
+    """Return the size of a row and the quantum. Raises BottleError if they do not match the size."""
     if header.depth != kind.depth:
         raise BottleError(f"pixels {kind.code!r} have {kind.depth} bytes, not {header.depth}")
     quantum = header.quantum & _MAX_QUANTUM or 1
     least = header.width * kind.depth
     if _row(least, quantum) * header.height == header.size:
         return _row(least, quantum), quantum
-    if least * header.height == header.size:  # no padding, whatever the quantum says
+    if least * header.height == header.size:  # rows without padding, despite the quantum
         return least, 1
     raise BottleError(
         f"{header.width} x {header.height} pixels {kind.code!r} in rows of multiples of {quantum} bytes do not make "
@@ -145,10 +145,10 @@ def _row(size: int, quantum: int) -> int:
 
 
 class Image:
-    """Pixels and their format. ``pixels`` has the shape (height, width), or (height, width, channels).
+    """An image. ``pixels`` has the shape (height, width), or (height, width, channels).
 
-    ``code`` is YARP's word for the format, such as ``rgb``; without it the usual one for such an array. The pixels are
-    not copied. Those that arrive may be read-only.
+    ``code`` is YARP's word for the pixel format, such as ``rgb``; None: the usual one for such an array. The pixels are
+    not copied. Those of a received image may be read-only.
     """
 
     __slots__ = ("format", "pixels", "quantum")
@@ -174,21 +174,21 @@ class Image:
 
     @property
     def code(self) -> str | int:
-        """The word for the format, or the number of one that has no word."""
+        """The word for the pixel format, or its number if it has no word."""
         return self.format.code
 
     @property
     def width(self) -> int:
-        """Pixels a row."""
+        """The number of pixels per row."""
         return int(self.pixels.shape[1])
 
     @property
     def height(self) -> int:
-        """Rows, the top one first."""
+        """The number of rows; the first row is the top one."""
         return int(self.pixels.shape[0])
 
     def to(self, code: str | int) -> Image:
-        """The same picture of other pixels; itself if it has them. Raises BottleTypeError when there is no way."""
+        """Return the image in another pixel format; itself if it has it. Raises BottleTypeError for unknown formats."""
         target = pixel_format(code)
         if target == self.format:
             return self

@@ -1,4 +1,4 @@
-"""Matrices: two-dimensional numpy arrays of doubles, on the wire the rows, the columns and a list of the elements."""
+"""Matrices: two-dimensional numpy arrays of doubles, on the wire the rows, the columns and a list of elements."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ _PARTS = 3
 
 
 class MatrixCodec(TextCodec["Array"]):
-    """Matrices. What arrives may hold numbers of any type, as a person types it: ``2 2 (1 2 3 4)``."""
+    """Codec of matrices. A received matrix may have numbers of any type, as a person types it: ``2 2 (1 2 3 4)``."""
 
     promise = "yarp/matrix"
 
     def encode(self, value: ArrayLike, dialect: Dialect) -> Sequence[Buffer]:
-        """A head, and the memory of the array unless it is small."""
+        """Return a header and the memory of the array, joined if the array is small."""
         array = contiguous(value, _DOUBLE)
         if array.ndim != 2:  # noqa: PLR2004 - rows and columns
-            raise BottleTypeError(f"a matrix has two dimensions, an array of shape {array.shape} has not")
+            raise BottleTypeError(f"a matrix has two dimensions, not the shape {array.shape}")
         if array.size > INT32_MAX:
             raise BottleTypeError(f"a matrix of {array.size} elements is too large for a message")
         rows, columns = array.shape
@@ -49,7 +49,7 @@ class MatrixCodec(TextCodec["Array"]):
         return array.copy(), end
 
     def adopt(self, data: Buffer, dialect: Dialect) -> Array:
-        """A view of the bytes."""
+        """Decode a matrix that is a view of the bytes."""
         return self._view(data, dialect)[0]
 
     def _view(self, data: Buffer, dialect: Dialect) -> tuple[Array, int]:
@@ -61,12 +61,12 @@ class MatrixCodec(TextCodec["Array"]):
         bottle, end = decode_from(data, 0, dialect)
         rows, columns, numbers = bottle if len(bottle) == _PARTS else (None, None, None)
         if not (isinstance(rows, int) and isinstance(columns, int) and isinstance(numbers, Bottle)):
-            raise BottleError(f"a matrix is rows, columns and a list, {bottle.to_text()[:60]!r} came")
+            raise BottleError(f"a matrix is rows, columns and a list, not {bottle.to_text()[:60]!r}")
         return _shaped(VECTOR.from_bottle(numbers), rows, columns), end
 
 
 def _elements(data: Buffer, dialect: Dialect) -> tuple[Array, int]:
-    """The list of the elements, which is a vector."""
+    """Decode the list of elements, which is a vector."""
     start = _HEAD.size - 8
     try:
         return VECTOR.view_from(data, dialect, start)

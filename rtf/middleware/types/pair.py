@@ -30,19 +30,22 @@ class Pair(Generic[A, B]):
 
     @property
     def codec(self) -> PairCodec[A, B]:
-        """That of a pair of such objects."""
+        """The codec of the pair."""
         return PairCodec(codec_of(self.first), codec_of(self.second))
 
 
 class PairCodec(TextCodec[Pair[A, B]]):
-    """A list of two, each as its codec writes it: ``PairCodec(BOTTLE, VECTOR)`` for the commands of a robot."""
+    """Codec of pairs: a list of two elements, each encoded by its own codec.
+
+    ``PairCodec(BOTTLE, VECTOR)`` is the format of a robot's streamed commands.
+    """
 
     def __init__(self, first: Codec[A], second: Codec[B]) -> None:
         self._first = first
         self._second = second
 
     def encode(self, value: Pair[A, B], dialect: Dialect) -> Sequence[Buffer]:
-        """The head with the first block of the first object, and all further blocks."""
+        """Return the header joined with the first block, and all further blocks."""
         head, *rest = self._first.encode(value.first, dialect)
         body = self._second.encode(value.second, dialect)
         if rest or len(body) > 1:
@@ -58,16 +61,16 @@ class PairCodec(TextCodec[Pair[A, B]]):
         return Pair(first, value), second + end
 
     def adopt(self, data: Buffer, dialect: Dialect) -> Pair[A, B]:
-        """The second object may keep its bytes."""
+        """Decode a pair whose second object may be a view of the bytes."""
         first, _, rest = self._parts(data, dialect)
         return Pair(first, self._second.adopt(rest, dialect))
 
     def _parts(self, data: Buffer, dialect: Dialect) -> tuple[A, int, memoryview]:
-        """The first object, where the second begins, and the bytes from there on."""
+        """Decode the first object; return it, the offset of the second, and the bytes from there on."""
         if len(data) < len(_HEAD):
             raise TruncatedBottleError(len(_HEAD))
         if data[: len(_HEAD)] != _HEAD:
-            raise BottleError(f"a pair is a list of two, {bytes(data[: len(_HEAD)])!r} is the head of something else")
+            raise BottleError(f"a pair is a list of two; the message begins with {bytes(data[: len(_HEAD)])!r}")
         view = memoryview(data)[len(_HEAD) :]
         try:
             first, end = self._first.decode_from(view, dialect)

@@ -1,4 +1,4 @@
-"""The formats of pixels that YARP knows: the word for each, the type of its parts, and how many there are."""
+"""YARP's pixel formats: the word for each, the type of its channels, and their number."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from rtf.bottle import BottleError, BottleTypeError, Vocab
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: A pixel of a format that is not known may be no larger; the largest known ones have twelve bytes.
+#: The largest pixel of an unknown format, in bytes; the largest known ones have twelve.
 _MAX_DEPTH = 64
 
 
 @dataclass(frozen=True, slots=True)
 class PixelFormat:
-    """``code`` is YARP's word, such as ``rgb``, or a number for a format that has none."""
+    """A pixel format. ``code`` is YARP's word, such as ``rgb``, or a number for a format without a word."""
 
     code: str | int
     dtype: np.dtype[Any]
@@ -26,16 +26,16 @@ class PixelFormat:
 
     @property
     def depth(self) -> int:
-        """Bytes a pixel."""
+        """The number of bytes per pixel."""
         return self.channels * self.dtype.itemsize
 
     @property
     def number(self) -> int:
-        """What stands for the format on the wire."""
+        """The number of the format on the wire."""
         return self.code if isinstance(self.code, int) else Vocab(self.code).value
 
     def shape(self, height: int, width: int) -> tuple[int, ...]:
-        """The shape of the array of such pixels."""
+        """Return the shape of an array of such pixels."""
         return (height, width) if self.channels == 1 else (height, width, self.channels)
 
 
@@ -57,16 +57,16 @@ def _formats() -> dict[int, PixelFormat]:
 
 
 _FORMATS = _formats()
-#: What an array is an image of when nobody says so: the first format of its type and number of channels.
+#: The default format of an array: the first one with its type and number of channels.
 _USUAL: dict[tuple[np.dtype[Any], int], PixelFormat] = {}
 for _format in _FORMATS.values():
     _USUAL.setdefault((_format.dtype, _format.channels), _format)
 
 
 def pixel_format(code: str | int, depth: int = 0) -> PixelFormat:
-    """The format of a word or a number. One that is not known has pixels of ``depth`` bytes.
+    """Return the pixel format of a word or a number. An unknown one has pixels of ``depth`` bytes.
 
-    A negative number says itself how many bytes a pixel has. Raises BottleError.
+    A negative number is minus the number of bytes per pixel. Raises BottleError.
     """
     number = code if isinstance(code, int) else Vocab(code).value
     known = _FORMATS.get(number)
@@ -75,16 +75,16 @@ def pixel_format(code: str | int, depth: int = 0) -> PixelFormat:
     depth = depth if number > 0 else -number
     if not 1 <= depth <= _MAX_DEPTH:
         names = ", ".join(str(known.code) for known in _FORMATS.values())
-        raise BottleError(f"the pixel code {code!r} is not known, and {depth} is no size of a pixel; known are {names}")
+        raise BottleError(f"pixel code {code!r} is unknown, and {depth} is not a pixel size; known codes: {names}")
     text = Vocab(number).text
     word: str | int = text if number > 0 and Vocab(text).value == number else number
     return PixelFormat(word, np.dtype("u1"), depth)
 
 
 def usual_format(pixels: NDArray[Any]) -> PixelFormat:
-    """The format that an array most likely has. Raises BottleTypeError."""
+    """Return the default pixel format of an array. Raises BottleTypeError."""
     channels = 1 if pixels.ndim == 2 else pixels.shape[-1]  # noqa: PLR2004 - rows and columns
     found = _USUAL.get((pixels.dtype, channels)) if pixels.ndim in (2, 3) else None
     if found is None:
-        raise BottleTypeError(f"say which pixels an array of {pixels.dtype.name} of shape {pixels.shape} holds")
+        raise BottleTypeError(f"an array of {pixels.dtype.name} of shape {pixels.shape} needs a pixel code")
     return found

@@ -1,4 +1,4 @@
-"""Values that travel alone: a string, bytes, a property."""
+"""Codecs of single values: a string, bytes, a property."""
 
 from __future__ import annotations
 
@@ -18,52 +18,52 @@ if TYPE_CHECKING:
 
 
 class StringCodec(TextCodec[str]):
-    """One string: a bottle of it alone."""
+    """Codec of a string, which is encoded as a bottle with one element."""
 
     def encode(self, value: str, dialect: Dialect) -> Sequence[Buffer]:
         """One block."""
         return encode_blocks(Bottle([value]), dialect)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[str, int]:
-        """The only string; anything else is given as its text, so that every message can be read as a string."""
+        """Decode the only string. Any other message is returned as its text: all messages can be read as strings."""
         bottle, end = decode_from(data, 0, dialect)
         first = bottle[0] if len(bottle) == 1 else None
         return first if isinstance(first, str) else bottle.to_text(), end
 
 
 class BytesCodec(TextCodec[bytes]):
-    """One blob: a bottle of it alone. What is sent may be any flat buffer; large ones are not copied."""
+    """Codec of bytes: a bottle with one blob. Any flat buffer can be encoded; a large one is not copied."""
 
     def encode(self, value: Buffer, dialect: Dialect) -> Sequence[Buffer]:  # noqa: ARG002 - the same in both
-        """The head, and the blob as it is, unless it is small."""
+        """Return the header and the blob, joined if the blob is small."""
         view = memoryview(value).cast("B")
         head = pair.pack(LIST | Kind.BLOB, 1) + int32.pack(len(view))
         return (head, view) if len(view) >= LARGE_BLOB else (head + view,)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[bytes, int]:
-        """The only blob."""
+        """Decode the only blob."""
         bottle, end = decode_from(data, 0, dialect)
         blob = as_bytes(bottle[0]) if len(bottle) == 1 else None
         if blob is None:
-            raise BottleError(f"bytes were expected, {bottle.to_text()[:60]!r} came")
+            raise BottleError(f"expected bytes, got {bottle.to_text()[:60]!r}")
         return blob, end
 
 
 class PropertyCodec(TextCodec[Property]):
-    """A property: the bottle of its groups. A dictionary is sent as one, and dictionaries in it as properties."""
+    """Codec of properties: the bottle of the groups. A dictionary is encoded as a property, and so are those in it."""
 
     def encode(self, value: Property | Mapping[str, object], dialect: Dialect) -> Sequence[Buffer]:
         """One block."""
         return encode_blocks(value if isinstance(value, Property) else property_of(value), dialect)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Property, int]:
-        """The groups; what stands outside of lists is passed over."""
+        """Decode the groups; elements outside of lists are ignored."""
         bottle, end = decode_from(data, 0, dialect)
         return Property.from_bottle(bottle), end
 
 
 def property_of(values: Mapping[str, object]) -> Property:
-    """A property of a dictionary: a list is one value, a dictionary inside becomes a property."""
+    """Convert a dictionary to a property: a list becomes one value, an inner dictionary a property."""
     return Property({key: property_of(value) if isinstance(value, Mapping) else value for key, value in values.items()})
 
 

@@ -1,8 +1,8 @@
-"""Records: the lists in which generated services call each other's functions and answer.
+"""Records: the lists by which generated services encode calls and answers.
 
-Unlike bottles such lists are never specialised: each element has its code. Structures have no brackets of their own:
-as an argument, as what is returned and inside each other their fields stand side by side. What may be in a record, by
-what it is in Python:
+Unlike bottles, such lists are never specialised: each element has its type code. Structures have no brackets: as an
+argument, as a return value and inside each other, their fields are consecutive elements. The elements of a record, by
+their Python type:
 
     bool                             [ok] or [fail]
     int, Int8, Int16, Int64          integers of 32, 8, 16, 64 bits
@@ -31,17 +31,17 @@ if TYPE_CHECKING:
     from rtf.middleware.carriers.base import Buffer
 
 OK, FAILED = Vocab("ok"), Vocab("fail")
-#: A smaller record is sent in one piece.
+#: A record of at most this many bytes is sent in one piece.
 _COPIED = 64 << 10
 _SCALARS = (int, float, str, bytes, Vocab)
 _SHORT = 4
 
 
 class RecordCodec(TextCodec["Record"]):
-    """Records. One that arrives is a bottle's elements: what belongs together only the service knows."""
+    """Codec of records. A received record has the elements of the bottle: only the service knows the structure."""
 
     def encode(self, value: Record, dialect: Dialect) -> Sequence[Buffer]:
-        """One block, but for large arrays."""
+        """Return one block, or several if there are large arrays."""
         blocks: list[Buffer] = [b""]
         blocks[0] = pair.pack(LIST, _put_all(value.fields, blocks, dialect))
         return (b"".join(blocks),) if sum(map(len, blocks)) <= _COPIED else blocks
@@ -53,7 +53,7 @@ class RecordCodec(TextCodec["Record"]):
 
 @dataclass(init=False, slots=True)
 class Record:
-    """A list that is not specialised, of the values that are told at the head of this file."""
+    """A list that is not specialised. The module docstring lists the types of its values."""
 
     fields: tuple[object, ...]
     codec: ClassVar[RecordCodec] = RecordCodec()
@@ -67,7 +67,7 @@ def _put_all(values: Iterable[object], blocks: list[Buffer], dialect: Dialect) -
 
 
 def _put(value: object, blocks: list[Buffer], dialect: Dialect) -> int:
-    """Append a value; returns how many elements it takes."""
+    """Encode a value. Return the number of elements that it takes."""
     if isinstance(value, tuple):
         return _put_all(value, blocks, dialect)
     if isinstance(value, bool):
@@ -92,23 +92,23 @@ def _put_list(values: list[object], blocks: list[Buffer], dialect: Dialect) -> N
 
 
 def _put_lists(values: Sequence[object], blocks: list[Buffer], dialect: Dialect) -> None:
-    """A list of structures, each a list of its own, or of other things that are lists."""
+    """Encode a list of structures, each as a list, or of other values that are encoded as lists."""
     blocks.append(pair.pack(LIST, len(values)))
     for value in values:
         _put(Record(*value) if isinstance(value, tuple) else value, blocks, dialect)
 
 
 def call(function: str, *arguments: object) -> Record:
-    """The call of a function: ``call("get_phase")``. A word of up to four letters is a vocab, a longer one a string."""
+    """Return the call of a function: ``call("get_phase")``. Words of up to four letters are vocabs, others strings."""
     words = [Vocab(word) if 0 < len(word.encode()) <= _SHORT else word for word in function.split("_")]
     return Record(*words, *arguments)
 
 
 def read_call(request: Bottle, functions: Iterable[str]) -> tuple[str, Bottle] | None:
-    """Which of the functions is called, and the arguments; None when it is none of them.
+    """Return the called function and its arguments; None if it is none of ``functions``.
 
-    The words of the name may be vocabs or strings, and several of them may stand in one string. Of names that begin
-    alike the longest wins.
+    The words of the name may be vocabs or strings, and one string may hold several. The longest matching name is
+    chosen.
     """
     known = set(functions)
     most = 1 + max((name.count("_") for name in known), default=0)

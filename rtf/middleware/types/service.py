@@ -1,4 +1,4 @@
-"""Services: functions that are called by name in records, and the help that tools show of them."""
+"""Services: functions that are called by name in records, and their help texts."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from rtf.bottle import Value
 
 _MANY = Vocab("many")
-#: What is answered to a call that is not understood.
+#: The answer to a call that is not understood.
 FAIL = Bottle([FAILED])
 
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function of a service: what is called with the values of the arguments, and what ``help`` says of it."""
+    """A function of a service: the callable, its prototype, and the lines of its help text."""
 
     run: Callable[..., object]
     prototype: str = ""
@@ -29,11 +29,11 @@ class Function:
 
 
 class Service:
-    """Functions by name. ``answer`` is what an RPC server does with a question.
+    """A service: functions by name. ``answer`` is the handler of an RPC server.
 
-    A function is called with the elements of the request, and what it returns is the answer: None for nothing, a tuple
-    for a structure, anything else for itself; an object with a codec of its own is the answer itself.
-    ``help`` is answered if no function is called so.
+    A function is called with the elements of the request. Its return value is the answer: None for an empty answer, a
+    tuple for a structure, any other value for itself; an object with a codec is sent as it is. ``help`` is answered
+    unless a function has that name.
     """
 
     def __init__(self, functions: Mapping[str, Function]) -> None:
@@ -41,10 +41,9 @@ class Service:
         self._signatures = {name: inspect.signature(function.run) for name, function in functions.items()}
 
     def answer(self, request: Bottle) -> object:
-        """The answer to a call; :data:`FAIL` if there is no such function, or if it takes other arguments.
+        """Return the answer to a call; :data:`FAIL` for an unknown function or a wrong number of arguments.
 
-        That an argument is of the wrong kind a function says by raising BottleError. Other errors are the service's
-        own and are not caught.
+        A function raises BottleError for an argument of the wrong type. Other errors are not caught.
         """
         called = read_call(request, self._functions)
         if called is None:
@@ -73,17 +72,17 @@ class Service:
 
 
 def answer(returned: object) -> object:
-    """What is sent for what a function returned: a record, unless the object knows by itself how it is written."""
+    """Return the answer for a function's return value: a record, unless the value has a codec."""
     if isinstance(returned, Bottle) or hasattr(returned, "codec"):
         return returned
     return Record() if returned is None else Record(returned)
 
 
 def help_answer(lines: Iterable[str]) -> Record:
-    """Text of several lines, which tools print one below the other."""
+    """Return the answer for a text of several lines, which tools print one per line."""
     return Record(_MANY, Record(*lines))
 
 
 def succeeded(reply: Sequence[Value]) -> bool:
-    """Whether an answer does not begin with ``[fail]``, the answer of a function that is not there or did not work."""
+    """Return whether an answer does not begin with ``[fail]``, which means an unknown or failed function."""
     return not (len(reply) and reply[0] == FAILED)

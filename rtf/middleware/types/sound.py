@@ -1,7 +1,7 @@
-"""Sounds: numpy arrays of 16-bit samples with their frequency.
+"""Sounds: numpy arrays of 16-bit samples with a sampling frequency.
 
-The samples of one channel stand together on the wire, channel after channel. YARP before 3.10 sent an image instead;
-that is not read here.
+On the wire the samples are ordered channel after channel. YARP before 3.10 sent an image instead, which is not
+supported.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ _HEAD = struct.Struct("<10i")
 _INT32 = Kind.INT32.value
 _SAMPLES = vector_of("i2")
 _WIDTH = 2
-#: How many elements the list has; of 4.0 the last is a list of markers.
+#: The number of elements of the list; in YARP 4.0 the last one is a list of markers.
 _PARTS = {Dialect.YARP3: 5, Dialect.YARP4: 6}
 _NO_MARKERS = encode(Bottle())
 
 
 class SoundCodec(TextCodec["Sound"]):
-    """Sounds."""
+    """Codec of sounds."""
 
     promise = "yarp/sound"
 
     def encode(self, value: Sound, dialect: Dialect) -> Sequence[Buffer]:
-        """The head, and the memory of the samples unless they are few."""
+        """Return a header and the memory of the samples, joined if they are few."""
         channels, samples = value.samples.shape
         numbers = (samples, channels, _WIDTH, value.frequency)
         head = _HEAD.pack(LIST, _PARTS[dialect], *(part for number in numbers for part in (_INT32, number)))
@@ -54,7 +54,7 @@ class SoundCodec(TextCodec["Sound"]):
         return Sound(sound.samples.copy(), sound.frequency), end
 
     def adopt(self, data: Buffer, dialect: Dialect) -> Sound:
-        """A sound whose samples are those in the message."""
+        """Decode a sound whose samples are a view of the message."""
         return self._view(data, dialect)[0]
 
     def _view(self, data: Buffer, dialect: Dialect) -> tuple[Sound, int]:
@@ -62,10 +62,10 @@ class SoundCodec(TextCodec["Sound"]):
             raise TruncatedBottleError(_HEAD.size)
         kind, parts, *numbers = _HEAD.unpack_from(data)
         if kind != LIST or parts not in _PARTS.values() or any(code != _INT32 for code in numbers[::2]):
-            raise BottleError(f"this is no sound: it begins with {bytes(data[:16])!r}")
+            raise BottleError(f"this is not a sound: it begins with {bytes(data[:16])!r}")
         samples, channels, width, frequency = numbers[1::2]
         if width != _WIDTH:
-            raise BottleError(f"a sound of {width} bytes a sample; only {_WIDTH} are known")
+            raise BottleError(f"a sound of {width} bytes a sample; only {_WIDTH} are supported")
         try:
             values, end = _SAMPLES.view_from(data, dialect, _HEAD.size)
         except TruncatedBottleError as error:
@@ -85,7 +85,7 @@ def _behind_markers(data: Buffer, start: int, dialect: Dialect) -> int:
 
 
 class Sound:
-    """``samples`` are 16-bit integers of the shape (channels, samples), ``frequency`` of them make a second."""
+    """A sound. ``samples`` are 16-bit integers of the shape (channels, samples), ``frequency`` is in Hz."""
 
     __slots__ = ("frequency", "samples")
     __hash__ = None  # type: ignore[assignment]  # the samples can change

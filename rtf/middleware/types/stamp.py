@@ -1,4 +1,4 @@
-"""Stamps: the number and the time of a message. They travel as its envelope, in text, or as an object."""
+"""Stamps: the number and the time of a message, sent as its envelope, in text, or as an object."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ if TYPE_CHECKING:
     from rtf.middleware.carriers.base import Buffer
 
 _PARTS = (2, 3)
-#: A longer text is no stamp.
+#: The longest text of a stamp, in characters.
 _MAX_TEXT = 200
 
 
 class StampCodec(TextCodec["Stamp"]):
-    """A list of the count and the time."""
+    """Codec of stamps: a list of the count and the time."""
 
     def encode(self, value: Stamp, dialect: Dialect) -> Sequence[Buffer]:
         """One block."""
         return (encode(Bottle.adopt([value.count, value.time]), dialect),)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Stamp, int]:
-        """A list of two numbers; a third element is passed over."""
+        """Decode a list of two numbers; a third element is ignored."""
         bottle, end = decode_from(data, 0, dialect)
         stamp = _of(bottle)
         if stamp is None:
-            raise BottleError(f"a stamp is a count and a time, {bottle.to_text()[:60]!r} came")
+            raise BottleError(f"a stamp is a count and a time, not {bottle.to_text()[:60]!r}")
         return stamp, end
 
     def to_text(self, value: Stamp) -> str:
-        """As envelopes are written."""
+        """Return the text of an envelope."""
         return str(value)
 
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
-    """The number of a message, counted by its sender from 0, and when its contents were true, in seconds.
+    """The number of a message, counted by its sender from 0, and the time of its contents, in seconds.
 
-    A count of -1 stands for no stamp at all.
+    A count of -1 means that there is no stamp.
     """
 
     count: int = -1
@@ -53,8 +53,8 @@ class Stamp:
 
     @staticmethod
     def parse(envelope: str) -> Stamp | None:
-        """The stamp in an envelope; None when it is another text, or none."""
-        # What is nearly always there needs no bottle.
+        """Parse the stamp in an envelope; None if the text is empty or something else."""
+        # the usual text needs no bottle parser
         count, _, time = envelope.partition(" ")
         if count.isascii() and count.isdigit():
             try:
@@ -65,11 +65,11 @@ class Stamp:
 
     @property
     def valid(self) -> bool:
-        """Whether it is one."""
+        """Whether the stamp is set."""
         return self.count >= 0
 
     def next(self, time: float) -> Stamp:
-        """The stamp of the message after this one; after the greatest count comes 0."""
+        """Return the stamp of the next message; the count after the maximum is 0."""
         return Stamp(self.count + 1 if 0 <= self.count < INT32_MAX else 0, time)
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""Vectors: one-dimensional numpy arrays, which on the wire are lists of numbers of one type."""
+"""Vectors: one-dimensional numpy arrays, on the wire lists of numbers of one type."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
     Array: TypeAlias = NDArray[Any]  # of the type of its codec's elements
 
-#: Smaller arrays are copied behind their head: that is quicker than handing over a second block.
+#: Arrays up to this many bytes are copied behind the header, which is faster than a second block.
 SMALL = 4096
 _HEAD = pair.size
-#: The classes whose codes stand for the types of arrays; a plain integer's is 1 in both dialects.
+#: The bottle types of array element types; the code of a plain integer is 1 in both dialects.
 _CLASSES = {"i1": Int8, "i2": Int16, "i8": Int64, "f4": Float32, "f8": float}
 
 
@@ -34,16 +34,16 @@ def _codes(dialect: Dialect) -> dict[str, int]:
     return {name: LIST | tags.classes[cls].code for name, cls in _CLASSES.items()} | {"i4": LIST | tags.int32.code}
 
 
-#: By dialect and name of the array's type the code of the list.
+#: The type code of the list, by dialect and element type.
 CODES = {dialect: _codes(dialect) for dialect in Dialect}
 _TYPES = {dialect: {code: np.dtype(f"<{name}") for name, code in codes.items()} for dialect, codes in CODES.items()}
 
 
 class VectorCodec(TextCodec["Array"]):
-    """Arrays of one type of elements, such as ``f8`` for YARP's Vector, ``i4`` for its vector of integers.
+    """Codec of arrays of one element type, such as ``f8`` for YARP's Vector, ``i4`` for its vector of integers.
 
-    What is sent may be anything that numpy makes an array of, if it fits. What arrives may be a list of numbers of any
-    type, as a person types it; it becomes an array of the codec's type, which is the receiver's own.
+    Anything that numpy converts to such an array without loss can be encoded. A received list may have numbers of any
+    type, as a person types it; it becomes an array of the codec's type, which belongs to the receiver.
     """
 
     promise = "yarp/vector"
@@ -53,12 +53,12 @@ class VectorCodec(TextCodec["Array"]):
         self._codes = {dialect: codes[name] for dialect, codes in CODES.items()}
 
     def encode(self, value: ArrayLike, dialect: Dialect) -> Sequence[Buffer]:
-        """A head, and the memory of the array unless it is small."""
+        """Return a header and the memory of the array, joined if the array is small."""
         array = value
         if type(array) is not np.ndarray or array.dtype is not self.dtype or not array.flags.c_contiguous:
             array = contiguous(value, self.dtype)
         if array.ndim != 1:
-            raise BottleTypeError(f"a vector has one dimension, an array of shape {array.shape} has not")
+            raise BottleTypeError(f"a vector has one dimension, not the shape {array.shape}")
         return with_head(pair.pack(self._codes[dialect], array.size), array)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Array, int]:
@@ -66,11 +66,14 @@ class VectorCodec(TextCodec["Array"]):
         return array if array.flags.owndata else array.copy(), end
 
     def adopt(self, data: Buffer, dialect: Dialect) -> Array:
-        """A view of the bytes."""
+        """Decode a vector that is a view of the bytes."""
         return self.view_from(data, dialect)[0]
 
     def view_from(self, data: Buffer, dialect: Dialect, start: int = 0) -> tuple[Array, int]:
-        """The vector that begins at ``start`` and where it ends; a view of the data, if it is of the codec's type."""
+        """Decode the vector at ``start``; return it and its end offset.
+
+        A vector of the codec's type is a view of the data.
+        """
         if len(data) - start < _HEAD:
             raise TruncatedBottleError(_HEAD)
         code, count = pair.unpack_from(data, start)
@@ -87,7 +90,7 @@ class VectorCodec(TextCodec["Array"]):
         return array if dtype is self.dtype else fitting(array, self.dtype), end
 
     def from_bottle(self, bottle: Bottle) -> Array:
-        """A vector of a bottle of numbers, which may be of several types; of a vocab its number."""
+        """Convert a bottle of numbers, which may be of several types, to a vector. A vocab counts as its number."""
         for place, value in enumerate(bottle):
             if not isinstance(value, int | float | Vocab):
                 raise BottleError(f"a vector holds numbers; element {place} is {str(value)[:40]!r}")
@@ -96,36 +99,36 @@ class VectorCodec(TextCodec["Array"]):
 
 
 def with_head(head: bytes, array: Array) -> Sequence[Buffer]:
-    """The blocks of a head and the contiguous array behind it."""
+    """Return the blocks of a header and the contiguous array behind it."""
     return (head + array.tobytes(),) if array.nbytes <= SMALL else (head, array.data.cast("B"))
 
 
 def contiguous(value: ArrayLike, dtype: np.dtype[Any]) -> Array:
-    """An array of the type in one piece; the value itself if it is one. Raises BottleTypeError."""
+    """Return a contiguous array of the type; the value itself if it is one. Raises BottleTypeError."""
     try:
         array = np.asarray(value)
     except ValueError as error:
-        raise BottleTypeError(f"no array can be made of {str(value)[:40]!r}: {error}") from None
+        raise BottleTypeError(f"{str(value)[:40]!r} cannot be converted to an array: {error}") from None
     return np.ascontiguousarray(fitting(array, dtype))
 
 
 def fitting(array: Array, dtype: np.dtype[Any]) -> Array:
-    """The array with elements of the type, itself if it has them. Raises BottleTypeError for what does not fit."""
+    """Convert an array to the type; returns itself if it has it. Raises BottleTypeError for a value out of range."""
     if array.dtype == dtype:
         return array
     if array.size and array.dtype.kind not in "iuf":
         raise BottleTypeError(f"an array of {array.dtype} holds no numbers")
     if dtype.kind == "f":
-        with np.errstate(over="ignore"):  # what is too large for a type becomes infinite, as everywhere
+        with np.errstate(over="ignore"):  # a value out of the range of a float type becomes infinite
             return array.astype(dtype)
     info = np.iinfo(dtype)
-    # Above the greatest integer there is a power of two, which a float can hold exactly; the integer it often cannot.
+    # The power of two above the greatest integer is exact in floating point; the integer itself often is not.
     below = array < -float(info.min) if array.dtype.kind == "f" else array <= info.max
     if not (below & (array >= info.min)).all():
-        raise BottleTypeError(f"an element does not fit into {dtype.name}, or is no number")
+        raise BottleTypeError(f"an element does not fit into {dtype.name}, or is not a number")
     made = array.astype(dtype)
     if array.dtype.kind == "f" and (made != array).any():
-        raise BottleTypeError(f"an element is no whole number, as {dtype.name} are")
+        raise BottleTypeError(f"an element is not a whole number, as {dtype.name} requires")
     return made
 
 
@@ -134,7 +137,7 @@ VECTOR = _VECTORS[np.dtype("<f8")]
 
 
 def vector_of(dtype: str | type | np.dtype[Any]) -> VectorCodec:
-    """The codec of vectors of a type of numpy, such as ``np.int32`` or ``"f4"``. Raises BottleTypeError."""
+    """Return the codec of vectors of a numpy type, such as ``np.int32`` or ``"f4"``. Raises BottleTypeError."""
     wanted = dtype if isinstance(dtype, np.dtype) else np.dtype(dtype)
     codec = _VECTORS.get(wanted) or _VECTORS.get(wanted.newbyteorder("<"))
     if codec is None:

@@ -1,4 +1,4 @@
-"""The version of a protocol, which clients of services ask for before anything else."""
+"""The protocol version, which clients of services request before anything else."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NUMBERS = 4
 
 
 class ProtocolVersionCodec(TextCodec["ProtocolVersion"]):
-    """The head of a list of one, and four bare numbers of 16 bits: this is no bottle."""
+    """Codec of protocol versions: the header of a list of one, and four plain 16-bit numbers; not a valid bottle."""
 
     def encode(self, value: ProtocolVersion, dialect: Dialect) -> Sequence[Buffer]:  # noqa: ARG002 - the same in both
         """One block."""
@@ -31,7 +31,7 @@ class ProtocolVersionCodec(TextCodec["ProtocolVersion"]):
             raise TruncatedBottleError(_VERSION.size)
         kind, count, *numbers = _VERSION.unpack_from(data)
         if (kind, count) != (LIST, 1):
-            raise BottleError(f"this is no version of a protocol: {bytes(data[: _VERSION.size])!r}")
+            raise BottleError(f"this is not a protocol version: {bytes(data[: _VERSION.size])!r}")
         return ProtocolVersion(*numbers), _VERSION.size
 
     def to_text(self, value: ProtocolVersion) -> str:
@@ -42,13 +42,13 @@ class ProtocolVersionCodec(TextCodec["ProtocolVersion"]):
         """The four numbers."""
         numbers = [value for value in Bottle.parse(text) if isinstance(value, int)]
         if len(numbers) != _NUMBERS or not all(-(1 << 15) <= number < 1 << 15 for number in numbers):
-            raise BottleError(f"the version of a protocol is four small numbers, not {text[:60]!r}")
+            raise BottleError(f"a protocol version is four 16-bit numbers, not {text[:60]!r}")
         return ProtocolVersion(*numbers)
 
 
 @dataclass(frozen=True, slots=True)
 class ProtocolVersion:
-    """What services answer to ``getRemoteProtocolVersion``: the number of the protocol, and that of the release."""
+    """The answer of services to ``getRemoteProtocolVersion``: the protocol number and the release."""
 
     protocol: int
     major: int

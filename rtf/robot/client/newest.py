@@ -20,7 +20,7 @@ from rtf.robot.errors import DeviceError, StaleStateError
 
 if TYPE_CHECKING:
     from rtf.middleware.codecs import Codec
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.network import Network
 
 T = TypeVar("T")
@@ -49,10 +49,12 @@ class Newest(Generic[T]):
         self._lazily = lazily
         self._usual: int | None = None  # the length of the last message that made sense
         self._came: Came[T] | None = None
-        self._unread: tuple[Delivery, float | None] | None = None  # and when it came, see _arrival
+        self._unread: tuple[IncomingMessage, float | None] | None = None  # and when it came, see _arrival
         self._reading = threading.Lock()
         try:
-            self._port = Port(name, self._receive, network=network, outputs=False, keeps=lazily, promise=codec.promise)
+            self._port = Port(
+                name, self._receive, network=network, outputs=False, nonblocking=lazily, promise=codec.promise
+            )
         except MiddlewareError as error:
             raise DeviceError(f"the port {name} cannot be opened: {error}") from error
 
@@ -68,7 +70,7 @@ class Newest(Generic[T]):
         except MiddlewareError as error:
             raise DeviceError(f"{source} does not send to {self.name}: {error}; is its robot running?") from error
 
-    def _receive(self, delivery: Delivery) -> None:
+    def _receive(self, delivery: IncomingMessage) -> None:
         """In the thread of the connection."""
         at = _arrival()
         size = delivery.size

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.network import Network
     from rtf.robot.client.newest import Came
     from rtf.robot.interfaces import AxisSelection, FloatArray
@@ -78,7 +78,7 @@ class StateReader(Newest[ExtendedState]):
         """Wait for a state to come, no longer than the time-out by the machine's clock, and than a second."""
         self._first.wait(min(self.timeout, _MOST_WAITING))
 
-    def _receive(self, delivery: Delivery) -> None:
+    def _receive(self, delivery: IncomingMessage) -> None:
         before = self.came if self._diagnostic else None
         super()._receive(delivery)
         if not self._first.is_set():

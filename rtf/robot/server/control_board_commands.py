@@ -14,7 +14,7 @@ from rtf.robot.vocabulary_kinds import inner, whole
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.robot.interfaces import FloatArray
 
 
@@ -30,7 +30,7 @@ class StreamedCommands:
         self._report = report
         self._said = ""
 
-    def take(self, delivery: Delivery) -> None:
+    def take(self, delivery: IncomingMessage) -> None:
         """Carry out one message."""
         try:
             command = delivery.read(COMMAND)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Protocol
 
 from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.posting import PostingPort
+from rtf.middleware.pipelined_port import PipelinedPort
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -85,6 +85,6 @@ class PostingOutlets:
     def __init__(self, network: Network) -> None:
         self._network = network
 
-    def open(self, name: str, codec: Codec[Any]) -> PostingPort:
+    def open(self, name: str, codec: Codec[Any]) -> PipelinedPort:
         """See Outlets."""
-        return PostingPort(name, codec, network=self._network)
+        return PipelinedPort(name, codec, network=self._network)

@@ -11,12 +11,12 @@ from rtf.bottle import Bottle, same
 from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.codecs import BOTTLE
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.outgoing import Outgoing
+from rtf.middleware.outgoing_message import OutgoingMessage
 from rtf.middleware.port import Port
 from waiting import eventually
 
 if TYPE_CHECKING:
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.network import Network
 
 TALK = '1 2.5 hello "two words" (1 2 3) [pos] {10 20 30} -7 "say \\"hi\\"" (1.5 2.5) (a (b c) [ok]) true 3000000000'
@@ -80,12 +80,12 @@ class Contract:
     def test_question_is_answered(self, network: Network):
         """Where the carrier takes replies, and only there."""
 
-        def answer(delivery: Delivery) -> None:
+        def answer(delivery: IncomingMessage) -> None:
             delivery.reply(Bottle(["you said", *delivery.read()]))
 
         with Port("/server", answer, network=network), Port("/client", network=network) as client:
             client.add_output("/server", self.name)
-            message = Outgoing("d", Bottle([1, "two"]), BOTTLE, network.dialect)
+            message = OutgoingMessage("d", Bottle([1, "two"]), BOTTLE, network.dialect)
             reply = client.outputs[0].call(message, BOTTLE)
             assert reply == (Bottle(["you said", 1, "two"]) if self.replies else None)
 

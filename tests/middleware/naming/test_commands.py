@@ -183,7 +183,7 @@ def test_what_cannot_be_registered(typed: Typed, line: str):
     assert typed(line) == END
     assert typed("list") == before
     assert len(typed.said) == 1
-    assert "cannot be registered" in typed.said[0] or "no number" in typed.said[0]
+    assert "cannot be registered" in typed.said[0] or "not a port number" in typed.said[0]
 
 
 _KNOWN = (

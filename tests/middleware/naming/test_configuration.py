@@ -13,8 +13,8 @@ from rtf.middleware.names import Contact
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.local import LocalNames
+from rtf.middleware.naming.multi_server import MultiServerNames
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.naming.several import SeveralNames
 from rtf.middleware.network import Network, Opening, default_network, set_default_network
 from rtf.middleware.port import Port
 
@@ -196,7 +196,7 @@ class TestNetwork:
             for server in one, two:
                 configuration.write_place(server.contact, environment=environment)
             names = configuration.find_names(environment)
-            assert isinstance(names, SeveralNames)
+            assert isinstance(names, MultiServerNames)
             names.register("/a", host="127.0.0.1", port=20001)
             assert one.names.query("/a") == two.names.query("/a") == Contact("/a", "127.0.0.1", 20001, "tcp")
             names.close()

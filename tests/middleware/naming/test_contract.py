@@ -12,15 +12,15 @@ from rtf.bottle import Bottle
 from rtf.middleware.errors import AddressError, ConnectError
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.local import LocalNames
+from rtf.middleware.naming.multi_server import MultiServerNames
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.naming.several import SeveralNames
 from rtf.middleware.network import Network
 from rtf.middleware.port import Port
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.naming.book import Names
+    from rtf.middleware.naming.base import Names
 
 
 class NamesContract:
@@ -198,11 +198,11 @@ class TestSeveral(NamesContract):
         """See NamesContract."""
         with ExitStack() as stack:
             servers = [stack.enter_context(NameServer(namespace=name)) for name in ("/one", "/two")]
-            client = SeveralNames([RemoteNames(server.contact, watch=0.05) for server in servers])
+            client = MultiServerNames([RemoteNames(server.contact, watch=0.05) for server in servers])
             yield client
             client.close()
 
-    def test_each_of_them_knows(self, names: SeveralNames):
+    def test_each_of_them_knows(self, names: MultiServerNames):
         """What one registers is the same for all, and they list their own, too."""
         there = names.register("/a")
         assert [one.query("/a") for one in names._all] == [there, there]
@@ -215,7 +215,7 @@ class TestSeveral(NamesContract):
         """The others still tell what they know, and forget; but no port is opened that only some would know."""
         with NameServer(namespace="/two") as two:
             with NameServer(namespace="/one") as one:
-                names = SeveralNames([RemoteNames(server.contact, watch=60) for server in (one, two)])
+                names = MultiServerNames([RemoteNames(server.contact, watch=60) for server in (one, two)])
                 there = names.register("/a")
             assert names.query("/a") == there
             assert list(names.get_property("/a", "process"))
@@ -225,7 +225,7 @@ class TestSeveral(NamesContract):
             with pytest.raises(ConnectError):
                 names.unregister("/a")
             assert two.names.query("/a") is None
-            other_way = SeveralNames([*reversed(names._all)])
+            other_way = MultiServerNames([*reversed(names._all)])
             with pytest.raises(ConnectError):
                 other_way.register("/c")
             assert two.names.query("/c") is None

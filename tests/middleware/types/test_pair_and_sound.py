@@ -86,9 +86,9 @@ def test_one_channel_may_be_a_plain_array():
         ("2 2 2 8000 (1 2 3)", "2 samples in 2 channels with 3 values"),
         ("-2 -2 2 8000 (1 2 3 4)", "-2 samples"),
         ("2 2 4 8000 (1 2 3 4)", "4 bytes a sample"),
-        ("2 2 2.0 8000 (1 2 3 4)", "no sound"),
+        ("2 2 2.0 8000 (1 2 3 4)", "not a sound"),
         ("2 2 2 8000 (1 2 3 99999)", "does not fit into int16"),
-        ("[mat] [mono] (1 2 3 4 5) {1 2 3 4 5 6}", "no sound"),
+        ("[mat] [mono] (1 2 3 4 5) {1 2 3 4 5 6}", "not a sound"),
     ],
 )
 def test_sounds_that_are_none_are_refused(text: str, message: str):
@@ -111,7 +111,7 @@ def test_bytes_alone():
     head, body = BYTES.encode(large, THREE)
     assert body.obj is large
     assert bytes(head) + large == encode(Bottle([large]))
-    with pytest.raises(BottleError, match="bytes were expected"):
+    with pytest.raises(BottleError, match="expected bytes"):
         BYTES.decode(encode(Bottle(["abc"])), THREE)
 
 

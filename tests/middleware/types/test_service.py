@@ -198,5 +198,5 @@ def test_the_version_of_a_protocol():
     assert written(version) == hexadecimal("00010000 01000000 0000 0300 0c00 0300")
     assert version.codec.to_text(version) == "0 3 12 3"
     for text in ("", "1 2 3", "0 3 12 99999", "a b c d"):
-        with pytest.raises(BottleError, match="four small numbers"):
+        with pytest.raises(BottleError, match="four 16-bit numbers"):
             version.codec.from_text(text)

@@ -1,4 +1,4 @@
-"""What the two ends of a connection have in common that goes over a stream, whatever is said there."""
+"""Base classes of the two ends of a connection over a stream, whatever its protocol."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from rtf.middleware.codecs import Codec
     from rtf.middleware.stream import Stream
 
-#: Seconds that a peer has to take its leave.
+#: Seconds that a peer has to answer the end of a connection.
 _PATIENCE = 1.0
 
 
 class StreamInput(InputLink):
     """The receiving end."""
 
-    #: What is sent when a message has been dealt with, by carriers that acknowledge.
+    #: The acknowledgement of a message, for carriers that have one.
     acknowledgement: ClassVar[bytes]
 
     def __init__(self, carrier: Carrier, stream: Stream, sender: str, modifiers: str) -> None:
@@ -45,18 +45,18 @@ class StreamInput(InputLink):
 
 
 class StreamOutput(OutputLink):
-    """The sending end. ``_due`` says whether, or how many, acknowledgements are still to come."""
+    """The sending end. ``_due`` is whether, or how many, acknowledgements are outstanding."""
 
     def __init__(self, carrier: Carrier, stream: Stream, no_reply: bytes = b"") -> None:
         self.carrier = carrier
         self.endpoint = stream.socket
         self._stream = stream
         self._acknowledged = carrier.acknowledged
-        self._no_reply = no_reply  # by which a peer begins that has no reply to give
+        self._no_reply = no_reply  # the first bytes of a peer that has no reply
         self._due = 0
 
     def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
-        """See the base. A reply has no frame: it is read until it is whole."""
+        """Return the reply. It has no length prefix: it is read until it is complete."""
         stream = self._stream
         no_reply = self._no_reply
         if stream.start == stream.end:
@@ -67,7 +67,7 @@ class StreamOutput(OutputLink):
             if no_reply and stream.memory.startswith(no_reply, stream.start, stream.end):
                 return None
             try:
-                # Nearly always all of it is there, and nothing has to be remembered of what was read already.
+                # Usually the reply is complete, and no partial scan has to be remembered.
                 reply, size = arriving.read(window) if arriving else codec.decode_from(window, dialect)
             except TruncatedBottleError as error:
                 arriving = arriving or Arriving(codec, dialect)
@@ -81,11 +81,11 @@ class StreamOutput(OutputLink):
 
     def close(self, *, politely: bool = True) -> None:
         if politely:
-            with contextlib.suppress(MiddlewareError, OSError):  # it is gone already, which is what was wanted
+            with contextlib.suppress(MiddlewareError, OSError):  # the peer is gone already
                 self._stream.limit_waiting(_PATIENCE)
-                self._take_leave()
+                self._send_quit()
         self._stream.close()
 
     @abstractmethod
-    def _take_leave(self) -> None:
-        """Tell the peer that this is the end."""
+    def _send_quit(self) -> None:
+        """Send the quit command of the protocol."""

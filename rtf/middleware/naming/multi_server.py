@@ -1,11 +1,11 @@
-"""Several name servers at once: ports are registered with all of them, and the first that knows a name answers."""
+"""A name service of several servers: ports are registered with all, and the first server that knows a name answers."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeVar
 
 from rtf.middleware.errors import ConnectError, MiddlewareError
-from rtf.middleware.naming.book import Names
+from rtf.middleware.naming.base import Names
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class SeveralNames(Names):
-    """The names that several servers keep. The first decides where a port is; the others are told.
+class MultiServerNames(Names):
+    """The name service of several servers. The first one assigns addresses; the others are told.
 
-    A server that is away keeps nobody from hearing what the others know, but new ports need all of them.
+    Queries work while a server is down, but a registration needs all of them.
     """
 
     def __init__(self, all_names: Sequence[Names]) -> None:
@@ -45,7 +45,7 @@ class SeveralNames(Names):
         return self._first(lambda names: names.query(name))
 
     def list(self, prefix: str = "") -> Sequence[Contact]:
-        """See Names. A name that several know stands there once."""
+        """Return the ports of all servers; a name that several know is listed once."""
         found = {contact.name: contact for names in reversed(self._all) for contact in names.list(prefix)}
         return [found[name] for name in sorted(found)]
 
@@ -59,14 +59,17 @@ class SeveralNames(Names):
         _each(self._all, lambda names: names.announce(name, active=active))
 
     def command(self, line: str) -> Sequence[str]:
-        """See Names. Only the first server is given it."""
+        """Execute a command on the first server only."""
         return self._all[0].command(line)
 
     def close(self) -> None:
         _each(self._all, lambda names: names.close())
 
     def _first(self, ask: Callable[[Names], T]) -> T | None:
-        """The first answer that says something; an error when there is none because a server is away."""
+        """Return the first answer that is not empty.
+
+        If all are empty, the error of a server that is down is raised, if there is one.
+        """
         failure: ConnectError | None = None
         for names in self._all:
             try:
@@ -82,7 +85,7 @@ class SeveralNames(Names):
 
 
 def _each(all_names: Sequence[Names], do: Callable[[Names], None]) -> None:
-    """Do it with all, whatever happens with one; raises the first error afterwards."""
+    """Call ``do`` for all servers, despite errors. Raises the first error afterwards."""
     failure: MiddlewareError | None = None
     for names in all_names:
         try:

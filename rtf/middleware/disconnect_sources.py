@@ -1,7 +1,7 @@
-"""How a port that closes has others send no more: it asks each source by administration, all at once, and not for long.
+"""Disconnection of the sources of a port that closes, by admin requests, in parallel and for at most a second.
 
-Without it a source would go on until it notices, which is when it writes next, and for datagrams never. Sources that
-do not answer are left to find out so.
+Without it a source would continue until its next write fails, which for datagrams never happens. A source that does not
+answer is left to find out by itself.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from rtf.middleware.inputs import Input
     from rtf.middleware.network import Network
 
-#: Seconds for all sources together: nobody wants to wait for a port to close.
+#: Seconds for all sources together: closing a port must not take long.
 _PATIENCE = 1.0
-#: Sources that are asked at a time.
+#: Sources that are contacted in parallel.
 _AT_ONCE = 8
 
 
-def ask_to_stop(network: Network, whose: str, callers: Iterable[Input]) -> None:
-    """Have those that send to the port ``whose`` disconnect. Returns when they have, or after a second."""
+def disconnect_sources(network: Network, whose: str, callers: Iterable[Input]) -> None:
+    """Ask all ports that send to ``whose`` to disconnect. Return when they have, or after a second."""
     sources = deque(dict.fromkeys(caller.sender for caller in callers if _can_be_asked(caller, whose)))
     deadline = clock.Deadline.after(_PATIENCE)
     threads = [
@@ -44,7 +44,11 @@ def ask_to_stop(network: Network, whose: str, callers: Iterable[Input]) -> None:
 
 
 def _can_be_asked(caller: Input, whose: str) -> bool:
-    """Not who has no port, nor the port itself; nor who waits for this very thread, and so could not answer."""
+    """Return whether a source can be asked.
+
+    Excluded are callers without a port, the port itself, ``local`` sources, and a source that waits for the current
+    thread and so could not answer.
+    """
     return caller.sender.startswith("/") and caller.sender != whose and caller.carrier != "local" and not caller.is_here
 
 
@@ -54,7 +58,7 @@ def _ask(network: Network, whose: str, sources: deque[str], deadline: clock.Dead
             source = sources.popleft()
         except IndexError:
             return
-        with contextlib.suppress(MiddlewareError):  # the source is gone itself, then
+        with contextlib.suppress(MiddlewareError):  # the source is gone
             found = network.resolve(Contact(source))
             if found is not None and not deadline.expired:
                 remote.administer(network, found, Bottle([Vocab("del"), whose]), patience=deadline.remaining())

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from rtf.middleware.watching import Watcher
+from rtf.middleware.socket_watcher import SocketWatcher
 from waiting import eventually, open_descriptors
 
 if TYPE_CHECKING:
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture
-def watcher() -> Iterator[Watcher]:
+def watcher() -> Iterator[SocketWatcher]:
     """A watcher of whose thread and descriptors nothing may be left."""
     threads, descriptors = set(threading.enumerate()), open_descriptors()
-    yield Watcher("watcher")
+    yield SocketWatcher("watcher")
     eventually(lambda: set(threading.enumerate()) <= threads, "a thread is left")
     assert open_descriptors() <= descriptors
 
@@ -27,7 +27,7 @@ def watcher() -> Iterator[Watcher]:
 class Ear:
     """A socket whose messages are kept, and the other end of it."""
 
-    def __init__(self, watcher: Watcher) -> None:
+    def __init__(self, watcher: SocketWatcher) -> None:
         self.near, self.far = socket.socketpair()
         self.heard: list[bytes] = []
         self.came = threading.Event()
@@ -51,7 +51,7 @@ class Ear:
         self.far.close()
 
 
-def test_all_that_were_added_are_heard_by_one_thread(watcher: Watcher):
+def test_all_that_were_added_are_heard_by_one_thread(watcher: SocketWatcher):
     """Also those that came while the thread was waiting already."""
     before = threading.active_count()
     ears = [Ear(watcher) for _ in range(20)]
@@ -61,7 +61,7 @@ def test_all_that_were_added_are_heard_by_one_thread(watcher: Watcher):
         ear.close()
 
 
-def test_one_that_was_removed_is_not_heard_any_more(watcher: Watcher):
+def test_one_that_was_removed_is_not_heard_any_more(watcher: SocketWatcher):
     """The others are."""
     ear, other = Ear(watcher), Ear(watcher)
     watcher.remove(ear.near)
@@ -72,7 +72,7 @@ def test_one_that_was_removed_is_not_heard_any_more(watcher: Watcher):
     other.close()
 
 
-def test_a_watcher_that_was_idle_starts_anew(watcher: Watcher):
+def test_a_watcher_that_was_idle_starts_anew(watcher: SocketWatcher):
     """Its thread ends with the last socket and comes back with the next; whoever removed the last one sees it ended."""
     before = threading.active_count()
     for _ in range(50):
@@ -82,7 +82,7 @@ def test_a_watcher_that_was_idle_starts_anew(watcher: Watcher):
         assert threading.active_count() == before
 
 
-def test_sockets_that_come_and_go_at_the_same_time_are_all_heard(watcher: Watcher):
+def test_sockets_that_come_and_go_at_the_same_time_are_all_heard(watcher: SocketWatcher):
     """Whatever the order in which the thread ends and is wanted again."""
     deaf: list[int] = []
 
@@ -101,7 +101,7 @@ def test_sockets_that_come_and_go_at_the_same_time_are_all_heard(watcher: Watche
     assert deaf == []
 
 
-def test_a_socket_that_was_closed_behind_its_back_makes_room_for_another(watcher: Watcher):
+def test_a_socket_that_was_closed_behind_its_back_makes_room_for_another(watcher: SocketWatcher):
     """The kernel gives its number to the next one, which is heard; to remove the old one changes nothing."""
     keeper, old = Ear(watcher), Ear(watcher)
     number = old.near.fileno()
@@ -116,7 +116,7 @@ def test_a_socket_that_was_closed_behind_its_back_makes_room_for_another(watcher
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_an_error_is_told_and_the_others_go_on(watcher: Watcher, monkeypatch: pytest.MonkeyPatch):
+def test_an_error_is_told_and_the_others_go_on(watcher: SocketWatcher, monkeypatch: pytest.MonkeyPatch):
     """As an error of a thread is told."""
     told: list[type[BaseException]] = []
     monkeypatch.setattr(threading, "excepthook", lambda args: told.append(args.exc_type))
@@ -136,7 +136,7 @@ def test_an_error_is_told_and_the_others_go_on(watcher: Watcher, monkeypatch: py
     sound.close()
 
 
-def test_what_is_called_may_remove_its_own_socket(watcher: Watcher):
+def test_what_is_called_may_remove_its_own_socket(watcher: SocketWatcher):
     """Even if it is the last one."""
     near, far = socket.socketpair()
     called: list[bool] = []

@@ -1,10 +1,10 @@
-"""The posting port: it sends without waiting, and waits for all acknowledgements at once when told to.
+"""The pipelined port: it sends without waiting for acknowledgements and awaits them all in ``settle``.
 
-A simulator publishes many messages at one moment of its time. They travel, and are dealt with, while it computes the
-next step; before it lets anybody act upon that moment it settles.
+A simulator publishes many messages at one moment of its time. They travel and are processed while it computes the next
+step; ``settle`` waits for them before any participant acts on that moment.
 
-To wake a reader costs more than to make its message. A port may therefore keep some messages together: they leave in
-one piece when there are enough of them, or when it settles.
+Waking a reader costs more than encoding a message. A port may therefore collect a batch of messages, which is sent in
+one piece when it is full or when the port settles.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from rtf.middleware.codecs import codec_of
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.outgoing import Outgoing
+from rtf.middleware.outgoing_message import OutgoingMessage
 from rtf.middleware.port import Port
 
 if TYPE_CHECKING:
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from rtf.middleware.outputs import Output
 
 T = TypeVar("T")
-#: Seconds that a reader may take for a message before it is cut off.
+#: Seconds that a reader may take for a message before it is disconnected.
 PATIENCE = 5.0
-#: Messages that are on their way to a reader before it is waited for.
+#: Messages that may be unacknowledged before the port waits for the reader.
 MOST = 16
 
 
-class PostingPort(Port):
-    """A port that one thread at a time writes to. A reader that takes more than ``patience`` for a message is cut off.
+class PipelinedPort(Port):
+    """A port for one writing thread at a time. A reader that takes more than ``patience`` s for a message is removed.
 
-    Where the carrier allows it several messages are on their way to a reader, :data:`MOST` at the most. ``together`` of
-    them are kept until they leave in one piece; ``settle`` sends all.
+    If the carrier allows it, up to :data:`MOST` messages are unacknowledged at a time. ``together`` is the size of a
+    batch; ``settle`` sends an incomplete one.
     """
 
     def __init__(
@@ -49,15 +49,15 @@ class PostingPort(Port):
         self._codec = codec
         self._patience = patience
         self._together = together
-        self._kept: list[Outgoing] = []
-        self._posted = 0  # since it was settled
+        self._kept: list[OutgoingMessage] = []
+        self._posted = 0  # since the last settle
         super().__init__(name, network=network, inputs=False, promise=codec.promise if codec else "")
 
     def write(self, value: object, codec: Codec[Any] | None = None, *, envelope: str | None = None) -> int:
-        """Send an object to every output; returns to how many. They may be still at work upon it.
+        """Send an object to every output and return their number. They may not have received it yet.
 
-        It must not change until the port has settled; if messages are kept together, only readers of this process that
-        share it would notice.
+        The object must not change until the port has settled. In a batch only ``local`` readers, which share the
+        object, would notice a change.
         """
         self._check_open()
         if envelope is not None:
@@ -65,7 +65,9 @@ class PostingPort(Port):
         outputs = self._outputs
         if not outputs:
             return 0
-        message = Outgoing("D", value, codec or self._codec or codec_of(value), self.network.dialect, self.envelope)
+        message = OutgoingMessage(
+            "D", value, codec or self._codec or codec_of(value), self.network.dialect, self.envelope
+        )
         if self._together == 1:
             return self._send((message,))
         message.freeze()
@@ -78,8 +80,8 @@ class PostingPort(Port):
         messages, self._kept = self._kept, []
         self._send(messages)
 
-    def _send(self, messages: Sequence[Outgoing]) -> int:
-        """Send messages to every output, all or none; returns to how many."""
+    def _send(self, messages: Sequence[OutgoingMessage]) -> int:
+        """Send messages to every output. Return the number of outputs that got all of them."""
         if self._posted + len(messages) > MOST:
             self._wait_for_all()
         self._posted += len(messages)
@@ -95,7 +97,7 @@ class PostingPort(Port):
         return sent
 
     def settle(self, timeout: float | None = None) -> bool:
-        """Wait until all that was sent has been dealt with; its own patience bounds that, whatever ``timeout`` says."""
+        """Send the batch and wait for all acknowledgements. The wait is limited by ``patience``, not by ``timeout``."""
         del timeout
         self.flush()
         if self._posted:
@@ -103,7 +105,7 @@ class PostingPort(Port):
         return True
 
     def flush(self) -> None:
-        """Send what is kept, without waiting for anybody."""
+        """Send an incomplete batch, without waiting for acknowledgements."""
         if self._kept:
             self._send_kept()
 
@@ -117,5 +119,5 @@ class PostingPort(Port):
                 self._lost(output, error)
 
     def connected(self, output: Output) -> None:
-        """See Port: a wait for it is bounded."""
+        """Limit every wait for the output to ``patience``."""
         output.link.limit_waiting(self._patience)

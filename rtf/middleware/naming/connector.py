@@ -1,4 +1,4 @@
-"""How a name server has two ports connected: it asks the source, as the connect tool does."""
+"""The connector of a name server: it asks the source port to connect to a target, as the connect tool does."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from rtf.middleware import remote
 from rtf.middleware.names import Contact
-from rtf.middleware.naming.asked import Asked
-from rtf.middleware.naming.errands import Errands
+from rtf.middleware.naming.port_query import PortQuery
+from rtf.middleware.naming.work_queue import WorkQueue
 
 if TYPE_CHECKING:
     from rtf.errors import RtfError
@@ -16,32 +16,32 @@ if TYPE_CHECKING:
 
 
 class Connector:
-    """Makes and ends connections between other ports of a network, one after the other, in a thread of its own.
+    """Makes and ends connections between other ports of a network, one at a time, in a thread of its own.
 
-    The network's ``report`` hears what was done or could not be done, its ``patience`` is how long a port may take.
+    Results and failures are passed to the network's ``report``; its ``patience`` is the timeout of a request.
     """
 
     def __init__(self, network: Network) -> None:
         self._network = network
-        self._errands = Errands("rtf-names-connecting", self._failed)
+        self._queue = WorkQueue("rtf-names-connecting", self._failed)
 
     def settle(self, source: str, target: str, wanted: bool) -> None:
-        """Have two ports connected, or not any more. What is asked for last counts."""
-        asked = Asked.parse(source), Asked.parse(target)
+        """Request that two ports are connected, or disconnected. The last request for a pair counts."""
+        asked = PortQuery.parse(source), PortQuery.parse(target)
         key = asked[0].name, asked[1].name
         if wanted:
-            self._errands.put(key, partial(self._connect, *asked))
+            self._queue.put(key, partial(self._connect, *asked))
             return
-        # It is looked up now, because it may be about to be unregistered.
+        # Looked up now, because the source may be about to be unregistered.
         place = self._network.names.query(asked[0].name)
         if place is not None:
-            self._errands.put(key, partial(self._disconnect, place, asked[1].name))
+            self._queue.put(key, partial(self._disconnect, place, asked[1].name))
 
     def close(self) -> None:
-        """Do nothing more; waits for what is being done."""
-        self._errands.close()
+        """Discard the requests that wait, and wait for the one in progress."""
+        self._queue.close()
 
-    def _connect(self, source: Asked, target: Asked) -> None:
+    def _connect(self, source: PortQuery, target: PortQuery) -> None:
         network = self._network
         place, aim = network.names.query(source.name), network.names.query(target.name)
         if place is None or aim is None or remote.connection(network, place, aim) is not None:

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from rtf.bottle import Bottle
 from rtf.middleware.errors import AddressError
 from rtf.middleware.names import Contact, is_host
-from rtf.middleware.naming.asked import Asked
-from rtf.middleware.naming.interfaces import own_addresses
-from rtf.middleware.naming.lines import command, read_registration, register_command, registration
+from rtf.middleware.naming.line_protocol import command, read_registration, register_command, registration
+from rtf.middleware.naming.network_interfaces import own_addresses
+from rtf.middleware.naming.port_query import PortQuery
 
 _NAMES = st.text(st.characters(exclude_categories=("Cc", "Cs", "Z")), min_size=1, max_size=30)
 
@@ -80,21 +80,21 @@ def test_one_line_is_one_line(bad: str):
 @pytest.mark.parametrize(
     ("text", "asked"),
     [
-        ("/a", Asked("/a")),
-        ("tcp:/a", Asked("/a", "tcp")),
-        ("tcp://a/b", Asked("/a/b", "tcp")),
-        ("topic:/t", Asked("/t", "topic")),
-        ("/net=10.0/a", Asked("/a", "", "10.0")),
-        ("udp://NET=10/a/b", Asked("/a/b", "udp", "10")),
-        ("/net=10", Asked("", "", "10")),
-        ("/a:/b", Asked("/a:/b")),
-        ("fallback", Asked("fallback")),
-        ("", Asked("")),
+        ("/a", PortQuery("/a")),
+        ("tcp:/a", PortQuery("/a", "tcp")),
+        ("tcp://a/b", PortQuery("/a/b", "tcp")),
+        ("topic:/t", PortQuery("/t", "topic")),
+        ("/net=10.0/a", PortQuery("/a", "", "10.0")),
+        ("udp://NET=10/a/b", PortQuery("/a/b", "udp", "10")),
+        ("/net=10", PortQuery("", "", "10")),
+        ("/a:/b", PortQuery("/a:/b")),
+        ("fallback", PortQuery("fallback")),
+        ("", PortQuery("")),
     ],
 )
-def test_names_are_taken_apart(text: str, asked: Asked):
+def test_names_are_taken_apart(text: str, asked: PortQuery):
     """Carrier, network, name."""
-    assert Asked.parse(text) == asked
+    assert PortQuery.parse(text) == asked
 
 
 def test_own_addresses():

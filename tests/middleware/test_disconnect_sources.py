@@ -16,7 +16,7 @@ from rtf.middleware.port import Port
 from waiting import eventually
 
 if TYPE_CHECKING:
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.network import Network
 
 #: Seconds that sources have together, and as many again for a machine that is busy.
@@ -115,7 +115,7 @@ class TestBounded:
         """A writer whose message is being dealt with cannot disconnect: it is not asked by the callback that closes."""
         took: list[float] = []
 
-        def close(delivery: Delivery) -> None:
+        def close(delivery: IncomingMessage) -> None:
             began = clock.monotonic()
             reader.close()
             took.append(clock.monotonic() - began)

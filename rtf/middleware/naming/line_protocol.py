@@ -1,4 +1,4 @@
-"""The lines that name servers and their clients exchange: written and read."""
+"""The line protocol of name servers: encoding of commands and decoding of registrations."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rtf.middleware.names import Contact, is_host
 
 PREFIX = "NAME_SERVER"
 QUERY = f"{PREFIX} query"
-#: What ends an answer.
+#: The last line of an answer.
 END = "*** end of message"
-#: A field that the server fills in.
+#: The text of a field that the server shall fill in.
 AUTOMATIC = "..."
 _KEYWORD = "registration"
 _NUMBER = re.compile(r"[0-9]{1,5}")
@@ -21,12 +21,12 @@ _MOST = 65535
 
 
 def registration(contact: Contact) -> str:
-    """Where a port is, as a name server says it."""
+    """Return the line by which a name server describes the contact of a port."""
     return f"{_KEYWORD} name {contact.name} ip {contact.host} port {contact.port} type {contact.carrier}"
 
 
 def read_registration(line: str) -> Contact | None:
-    """Where a port is: the words after ``name``, ``ip``, ``port`` and ``type``. None for any other line."""
+    """Parse the contact of a port: the words after ``name``, ``ip``, ``port`` and ``type``. None for another line."""
     words = line.split()
     if not words or words[0] != _KEYWORD:
         return None
@@ -40,9 +40,9 @@ def read_registration(line: str) -> Contact | None:
 
 
 def word(text: str) -> str:
-    """One word of a command: as it is, when it reads as itself, else in quotes."""
+    """Encode one word of a command: unchanged if it parses as itself, else in quotes."""
     if any(letter in text for letter in "\r\n\0"):
-        raise AddressError(f"{text!r} cannot be said to a name server: it has more than one line")
+        raise AddressError(f"{text!r} cannot be sent to a name server: it has more than one line")
     try:
         items = Bottle.parse(text)
     except BottleError:
@@ -51,12 +51,12 @@ def word(text: str) -> str:
 
 
 def command(*words: str) -> str:
-    """A command of several words."""
+    """Encode a command of several words."""
     return " ".join(map(word, words))
 
 
 def register_command(name: str, carrier: str, host: str, port: int, promise: str) -> str:
-    """A registration, as short as it can be said."""
+    """Encode a registration, with as few fields as possible."""
     fields: list[str] = []
     if carrier or host or port:
         fields = [carrier, host, str(port or "")]

@@ -1,4 +1,4 @@
-"""A message that has arrived, as its port's owner sees it."""
+"""A message that a port has received, as its owner sees it."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ if TYPE_CHECKING:
     from rtf.bottle import Bottle, Dialect
     from rtf.middleware.carriers.base import Buffer
     from rtf.middleware.codecs import Codec
-    from rtf.middleware.outgoing import Outgoing
+    from rtf.middleware.outgoing_message import OutgoingMessage
 
 T = TypeVar("T")
 _NOTHING: tuple[Buffer, ...] = ()
 
 
-class Delivery:
-    """One message: whom it is from, its envelope, what it holds, and the way to reply.
+class IncomingMessage:
+    """A received message: its sender, its envelope, its contents, and the way to reply.
 
-    ``read`` and ``reply`` are for the thread that was given the delivery, and before it returns it: the data lie in a
-    buffer that the next message will use. ``wants_reply`` says whether the sender waits for one.
-    ``dialect`` is the one that the sender is taken to speak; reading may find out that it is the other one.
+    ``read`` and ``reply`` may be called only by the thread that was given the message, and only until its callback
+    returns: the data lie in a buffer that the next message reuses. ``wants_reply`` says whether the sender waits for a
+    reply. ``dialect`` is the dialect that the sender is assumed to speak; ``read`` corrects it if the data only make
+    sense in the other one.
     """
 
     __slots__ = ("_data", "_own", "_text", "answer", "dialect", "envelope", "sender", "wants_reply")
@@ -36,7 +37,7 @@ class Delivery:
         envelope: str,
         data: Buffer,
         dialect: Dialect,
-        wants_reply: bool,  # in order, as a keyword each would make this twice as slow
+        wants_reply: bool,  # positional: keyword arguments would make this twice as slow
         text: bool,
         own: bool = False,
     ) -> None:
@@ -46,8 +47,8 @@ class Delivery:
         self._data = data
         self.dialect = dialect
         self._text = text
-        self._own = own  # nobody else will use the data
-        #: The bytes of the reply. For the port.
+        self._own = own  # nothing else uses the data
+        #: The bytes of the reply; read by the port.
         self.answer: Sequence[Buffer] = _NOTHING
 
     @overload
@@ -55,14 +56,14 @@ class Delivery:
     @overload
     def read(self, codec: Codec[T]) -> T: ...
     def read(self, codec: Codec[Any] = BOTTLE) -> Any:
-        """What the message holds. Raises a RtfError when it is something else."""
+        """Decode the contents of the message. Raises an RtfError if the codec cannot decode them."""
         if self._text:
             return codec.from_text(bytes(self._data).decode("utf-8", "surrogateescape"))
         decode = codec.adopt if self._own else codec.decode
         try:
             return decode(self._data, self.dialect)
         except RtfError:
-            # Nothing on the wire says which dialect a peer speaks; what makes no sense in one may do so in the other.
+            # The wire format does not name the dialect; data that are invalid in one may be valid in the other.
             with contextlib.suppress(RtfError):
                 value = decode(self._data, other_dialect(self.dialect))
                 self.dialect = other_dialect(self.dialect)
@@ -71,15 +72,15 @@ class Delivery:
 
     @property
     def size(self) -> int | None:
-        """How many bytes it is long; None when the object itself was handed over."""
+        """The number of bytes of the data; None if the object itself was passed within the process."""
         return len(self._data)
 
-    def kept(self) -> Delivery:
-        """The same message, to be read at any time and by any thread; there is no replying to it any more."""
-        return Delivery(self.sender, self.envelope, bytes(self._data), self.dialect, False, self._text)
+    def kept(self) -> IncomingMessage:
+        """Return a copy that any thread may read at any time. It cannot be replied to."""
+        return IncomingMessage(self.sender, self.envelope, bytes(self._data), self.dialect, False, self._text)
 
     def reply(self, value: object, codec: Codec[object] | None = None) -> None:
-        """Give the reply; without ``wants_reply`` nobody hears it. The last one counts."""
+        """Set the reply. Ignored without ``wants_reply``; the last call counts."""
         if not self.wants_reply:
             return
         codec = codec or codec_of(value)
@@ -89,12 +90,12 @@ class Delivery:
             self.answer = codec.encode(value, self.dialect)
 
 
-class HandedOver(Delivery):
-    """A message from a port of this process: the object itself, which neither side may change."""
+class LocalMessage(IncomingMessage):
+    """A message from a port of the same process: the object itself, which neither side may change."""
 
     __slots__ = ("_message", "replied")
 
-    def __init__(self, sender: str, message: Outgoing) -> None:
+    def __init__(self, sender: str, message: OutgoingMessage) -> None:
         super().__init__(sender, message.envelope, b"", message.dialect, wants_reply=message.key == "d", text=False)
         self._message = message
         self.replied: tuple[object, Codec[object]] | None = None
@@ -104,7 +105,7 @@ class HandedOver(Delivery):
     @overload
     def read(self, codec: Codec[T]) -> T: ...
     def read(self, codec: Codec[Any] = BOTTLE) -> Any:
-        """The object; written and read once if it was sent as something else."""
+        """Return the object; encode and decode it once if it was sent with another codec."""
         message = self._message
         if message.codec is codec:
             return message.value
@@ -114,7 +115,7 @@ class HandedOver(Delivery):
     def size(self) -> int | None:
         return None
 
-    def kept(self) -> Delivery:
+    def kept(self) -> IncomingMessage:
         return self
 
     def reply(self, value: object, codec: Codec[object] | None = None) -> None:

@@ -8,15 +8,15 @@ from functools import partial
 import pytest
 
 from rtf.middleware.errors import ConnectError
-from rtf.middleware.naming import errands as module
-from rtf.middleware.naming.errands import Errands
+from rtf.middleware.naming import work_queue as module
+from rtf.middleware.naming.work_queue import WorkQueue
 
 
 @pytest.fixture
 def errands(nothing_left: None):
     """Nothing to do yet; errors are a failure of the test."""
     failures: list[Exception] = []
-    made = Errands("errands", failures.append)
+    made = WorkQueue("errands", failures.append)
     yield made
     made.close()
     assert failures == []
@@ -25,7 +25,7 @@ def errands(nothing_left: None):
 class Gate:
     """Holds the thread up until it is opened."""
 
-    def __init__(self, errands: Errands) -> None:
+    def __init__(self, errands: WorkQueue) -> None:
         self.reached, self.open = threading.Event(), threading.Event()
         errands.put("gate", self._wait)
         assert self.reached.wait(10)
@@ -35,14 +35,14 @@ class Gate:
         self.open.wait(10)
 
 
-def finish(errands: Errands) -> None:
+def finish(errands: WorkQueue) -> None:
     """Wait until all that was put is done."""
     done = threading.Event()
     errands.put("done", done.set)
     assert done.wait(10)
 
 
-def test_in_order_and_the_newest_of_a_kind(errands: Errands):
+def test_in_order_and_the_newest_of_a_kind(errands: WorkQueue):
     """What waits is replaced by what has its key, and comes last then."""
     done: list[str] = []
     gate = Gate(errands)
@@ -54,7 +54,7 @@ def test_in_order_and_the_newest_of_a_kind(errands: Errands):
     assert done == ["b1", "a2"]
 
 
-def test_bounded(errands: Errands, monkeypatch: pytest.MonkeyPatch):
+def test_bounded(errands: WorkQueue, monkeypatch: pytest.MonkeyPatch):
     """The oldest are not done."""
     monkeypatch.setattr(module, "MAX_WAITING", 3)
     done: list[int] = []
@@ -71,7 +71,7 @@ def test_bounded(errands: Errands, monkeypatch: pytest.MonkeyPatch):
 def test_an_error_is_told_and_the_next_is_done():
     """Errors of ours only: others are bugs and should be heard of."""
     failures: list[Exception] = []
-    errands = Errands("errands", failures.append)
+    errands = WorkQueue("errands", failures.append)
 
     def fail() -> None:
         raise ConnectError("no")
@@ -92,7 +92,7 @@ def test_a_bug_is_heard_of_and_the_next_is_done(monkeypatch: pytest.MonkeyPatch)
         ended.set()
 
     monkeypatch.setattr(threading, "excepthook", hear)
-    errands = Errands("errands", print)
+    errands = WorkQueue("errands", print)
     errands.put(1, lambda: 1 // 0)
     assert ended.wait(10)
     finish(errands)
@@ -103,7 +103,7 @@ def test_a_bug_is_heard_of_and_the_next_is_done(monkeypatch: pytest.MonkeyPatch)
 def test_nothing_after_the_end():
     """What waits is not done, and there is no thread."""
     done: list[int] = []
-    errands = Errands("errands", print)
+    errands = WorkQueue("errands", print)
     gate = Gate(errands)
     errands.put(1, partial(done.append, 1))
     closing = threading.Thread(target=errands.close)
@@ -118,7 +118,7 @@ def test_nothing_after_the_end():
 def test_no_thread_for_nothing():
     """It begins with the first errand."""
     before = threading.active_count()
-    Errands("errands", print).close()
-    errands = Errands("errands", print)
+    WorkQueue("errands", print).close()
+    errands = WorkQueue("errands", print)
     assert threading.active_count() == before
     errands.close()

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.bottle import Bottle
+from rtf.middleware.pipelined_port import PipelinedPort
 from rtf.middleware.port import Port
-from rtf.middleware.posting import PostingPort
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def test_it_does_not_wait_until_it_settles(network: Network):
     """What is written is on its way; when it has settled every reader has dealt with it, in order."""
     with ExitStack() as opened:
         readers = [opened.enter_context(closing(Reader(f"/reader{number}", network))) for number in range(3)]
-        port = opened.enter_context(closing(PostingPort("/post", network=network)))
+        port = opened.enter_context(closing(PipelinedPort("/post", network=network)))
         for reader in readers:
             port.add_output(reader.port.name)
         readers[1].go_on.clear()
@@ -59,8 +59,8 @@ def test_messages_are_kept_until_there_are_enough_of_them(network: Network):
     """Then they leave, or when they are told to, or when it settles; in order, and as they were when written."""
     with ExitStack() as opened:
         reader = opened.enter_context(closing(Reader("/reader", network)))
-        keeps = opened.enter_context(closing(PostingPort("/keeps", network=network, together=3)))
-        other = opened.enter_context(closing(PostingPort("/other", network=network)))
+        keeps = opened.enter_context(closing(PipelinedPort("/keeps", network=network, together=3)))
+        other = opened.enter_context(closing(PipelinedPort("/other", network=network)))
         for port in (keeps, other):
             port.add_output(reader.port.name)
         message = Bottle([0])
@@ -84,7 +84,7 @@ def test_a_reader_that_is_too_slow_is_cut_off(network: Network, said: list[str])
     """After its patience the port goes on without it, says so, and the others have missed nothing."""
     with ExitStack() as opened:
         slow, quick = (opened.enter_context(closing(Reader(name, network))) for name in ("/slow", "/quick"))
-        port = opened.enter_context(closing(PostingPort("/post", network=network, patience=0.2)))
+        port = opened.enter_context(closing(PipelinedPort("/post", network=network, patience=0.2)))
         for reader in (slow, quick):
             port.add_output(reader.port.name)
         slow.go_on.clear()
@@ -102,7 +102,7 @@ def test_a_reader_that_goes_away_is_let_go(network: Network):
     """Between two messages, or before it has dealt with the last one."""
     with ExitStack() as opened:
         gone, stays = (opened.enter_context(closing(Reader(name, network))) for name in ("/gone", "/stays"))
-        port = opened.enter_context(closing(PostingPort("/post", network=network, patience=1.0)))
+        port = opened.enter_context(closing(PipelinedPort("/post", network=network, patience=1.0)))
         for reader in (gone, stays):
             port.add_output(reader.port.name)
         port.write(Bottle([0]))

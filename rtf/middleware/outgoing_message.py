@@ -1,4 +1,4 @@
-"""A message on its way out: the object, and what carriers make of it, made when the first of them asks."""
+"""A message to be sent: the object, and its encoded forms, each made when a carrier first needs it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from rtf.middleware.codecs import Codec
 
 
-class Outgoing:
-    """One object that goes to any number of readers. ``key`` is the command: ``D``, or ``d`` when a reply is wanted.
+class OutgoingMessage:
+    """A message to any number of readers. ``key`` is the port command: ``D``, or ``d`` if a reply is wanted.
 
-    ``envelope`` is the text beside it. The object must not change until all have got it.
+    ``envelope`` is the text that travels beside the object. The object must not change until all outputs have sent it.
     """
 
     __slots__ = ("_blocks", "_frozen", "_size", "_text", "codec", "dialect", "envelope", "key", "value")
@@ -33,7 +33,7 @@ class Outgoing:
 
     @property
     def blocks(self) -> Sequence[Buffer]:
-        """Its bytes."""
+        """The encoded object, in blocks."""
         blocks = self._blocks
         if blocks is None:
             blocks = self._blocks = self.codec.encode(self.value, self.dialect)
@@ -41,21 +41,21 @@ class Outgoing:
         return blocks
 
     def freeze(self) -> None:
-        """Make its bytes now, in memory of their own: what the object is later has no effect on them and the text."""
+        """Encode the object now, into memory of its own. Later changes of the object do not change bytes or text."""
         self._frozen = True
         self._blocks = (b"".join(self.codec.encode(self.value, self.dialect)),)
         self._size = len(self._blocks[0])
 
     @property
     def size(self) -> int:
-        """The number of its bytes."""
+        """The number of encoded bytes."""
         if self._blocks is None:
             self.blocks  # noqa: B018 - makes them
         return self._size
 
     @property
     def text(self) -> str:
-        """Its text form, on one line."""
+        """The text form of the object, on one line."""
         if self._text is None:
             value = self.codec.decode(self.blocks[0], self.dialect) if self._frozen else self.value
             self._text = self.codec.to_text(value)

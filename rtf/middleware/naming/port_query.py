@@ -1,4 +1,4 @@
-"""How a port may be named in a question to the name server: with a carrier, with the network to reach it by."""
+"""Names of ports as written in requests to the name server: with a carrier, or with a network prefix."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import NamedTuple
 _CHOICES = ("/net=", "/NET=")
 
 
-class Asked(NamedTuple):
-    """A name taken apart: ``fast_tcp://net=192.168/name`` asks for ``/name``, there, by that carrier."""
+class PortQuery(NamedTuple):
+    """The parts of a written name: ``fast_tcp://net=192.168/name`` is ``/name``, in that network, by that carrier."""
 
     name: str
     carrier: str = ""
-    #: The beginning of the address that is wanted, when the port has several.
+    #: The beginning of the requested address, if the port has several.
     network: str = ""
 
     @classmethod
-    def parse(cls, text: str) -> Asked:
-        """Take a name apart. Whatever it is, it is some name."""
+    def parse(cls, text: str) -> PortQuery:
+        """Split a written name into its parts. Every text is accepted as some name."""
         carrier, separator, rest = text.partition(":/")
         if not separator or not carrier or "/" in carrier:
             carrier, rest = "", text

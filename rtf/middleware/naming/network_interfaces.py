@@ -1,4 +1,4 @@
-"""The addresses of this machine, and which of them others shall use."""
+"""The addresses of this machine, and the choice of the one that other machines shall use."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 
 def own_addresses(*, inet6: bool = True) -> list[str]:
-    """The addresses of all interfaces, IPv4 first, loopback first among them."""
-    import psutil  # as large as all the rest of a tool that only asks
+    """Return the addresses of all interfaces: IPv4 before IPv6, loopback first."""
+    import psutil  # imported here: it takes as long as all the rest of a small tool
 
     families = (socket.AF_INET, socket.AF_INET6) if inet6 else (socket.AF_INET,)
     found = psutil.net_if_addrs().values()
@@ -28,7 +28,7 @@ def own_addresses(*, inet6: bool = True) -> list[str]:
 
 
 def chosen_address(environment: Mapping[str, str]) -> str:
-    """The address that begins like ``YARP_IP``; empty when the variable is. Raises AddressError when there is none."""
+    """Return the address that begins with ``YARP_IP``; empty if that is not set. Raises AddressError if none does."""
     wanted = environment.get("YARP_IP", "")
     if not wanted:
         return ""

@@ -18,15 +18,15 @@ from rtf.middleware import wire
 from rtf.middleware.errors import ProtocolError
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.network import Network
+from rtf.middleware.pipelined_port import PipelinedPort
 from rtf.middleware.port import Port
-from rtf.middleware.posting import PostingPort
 from rtf.middleware.qos import Qos, QosError
 from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
 
 
 class Keeper(Port):
@@ -35,9 +35,9 @@ class Keeper(Port):
     def __init__(self, name: str, network: Network) -> None:
         self.came: list[object] = []
         self.threads: list[str] = []
-        super().__init__(name, self._keep, network=network, keeps=True)
+        super().__init__(name, self._keep, network=network, nonblocking=True)
 
-    def _keep(self, delivery: Delivery) -> None:
+    def _keep(self, delivery: IncomingMessage) -> None:
         self.came.append(delivery.read().get(0))
         self.threads.append(threading.current_thread().name)
 
@@ -48,9 +48,9 @@ def threads_of_inputs() -> int:
 
 
 @pytest.fixture
-def pair(network: Network) -> Iterator[tuple[PostingPort, Keeper]]:
+def pair(network: Network) -> Iterator[tuple[PipelinedPort, Keeper]]:
     """A writer that is connected to a keeper by tcp, which is gathered."""
-    with Keeper("/keeper", network) as keeper, PostingPort("/writer", network=network) as writer:
+    with Keeper("/keeper", network) as keeper, PipelinedPort("/writer", network=network) as writer:
         writer.add_output("/keeper", "tcp")
         writer.write(Bottle([0]))
         writer.settle()
@@ -65,7 +65,7 @@ class TestStreams:
         """From the second message on; all of them arrive, in order, and are acknowledged."""
         before = threads_of_inputs()
         keepers = [Keeper(f"/keeper{number}", network) for number in range(12)]
-        writers = [PostingPort(f"/writer{number}", network=network, together=3) for number in range(12)]
+        writers = [PipelinedPort(f"/writer{number}", network=network, together=3) for number in range(12)]
         for keeper, writer in zip(keepers, writers, strict=True):
             writer.add_output(keeper.name, "tcp")
             writer.write(Bottle([0]))
@@ -78,7 +78,7 @@ class TestStreams:
             writer.settle()
         for keeper in keepers:
             assert keeper.came == [*range(40)]
-            assert set(keeper.threads[1:]) == {"rtf-gatherer"}
+            assert set(keeper.threads[1:]) == {"rtf-shared-reader"}
         for port in (*writers, *keepers):
             port.close()
 
@@ -91,7 +91,7 @@ class TestStreams:
                 writer.write(Bottle([number]))
                 eventually(lambda number=number: keeper.came == [*range(number + 1)], "it did not come")  # type: ignore[misc]
 
-    def test_what_is_large_has_a_thread_of_its_own(self, pair: tuple[PostingPort, Keeper]):
+    def test_what_is_large_has_a_thread_of_its_own(self, pair: tuple[PipelinedPort, Keeper]):
         """It would hold the others up; it arrives all the same, and so does what follows."""
         writer, keeper = pair
         writer.write(Bottle([1, "x" * 300_000]))
@@ -106,13 +106,13 @@ class TestStreams:
         """What it has sent already is older than what comes from the same port by a new connection."""
 
         class Impatient(Keeper):
-            def _keep(self, delivery: Delivery) -> None:
+            def _keep(self, delivery: IncomingMessage) -> None:
                 super()._keep(delivery)
                 if self.came[-1] == 3:
                     assert self.remove_input(delivery.sender)
 
         with Impatient("/keeper", network) as keeper:
-            keeper.keeps = gathered
+            keeper.nonblocking = gathered
             with raw(keeper, specifier) as caller:
                 caller.sendall(framed(encode(Bottle([0]))))
                 eventually(lambda: keeper.came and gathered is (threads_of_inputs() == 0), "it is not as wanted")
@@ -128,14 +128,14 @@ class TestStreams:
         """Who answers may take its time: here until another stream has brought something."""
 
         class Answering(Keeper):
-            def _keep(self, delivery: Delivery) -> None:
+            def _keep(self, delivery: IncomingMessage) -> None:
                 super()._keep(delivery)
                 if delivery.wants_reply:
                     other.write(Bottle([7]))
                     other.settle()
                     delivery.reply(Bottle(["done"]))
 
-        with Answering("/keeper", network) as keeper, PostingPort("/other", network=network) as other:
+        with Answering("/keeper", network) as keeper, PipelinedPort("/other", network=network) as other:
             other.add_output("/keeper", "tcp")
             other.write(Bottle([0]))
             other.settle()
@@ -151,13 +151,13 @@ class TestStreams:
 class TestEnds:
     """How a connection ends."""
 
-    def test_the_writer_leaves(self, pair: tuple[PostingPort, Keeper]):
+    def test_the_writer_leaves(self, pair: tuple[PipelinedPort, Keeper]):
         """The keeper knows of it, without another message."""
         writer, keeper = pair
         writer.close()
         eventually(lambda: not keeper.inputs, "it is still connected")
 
-    def test_the_keeper_hangs_up(self, pair: tuple[PostingPort, Keeper]):
+    def test_the_keeper_hangs_up(self, pair: tuple[PipelinedPort, Keeper]):
         """The writer notices with its next message."""
         writer, keeper = pair
         assert keeper.remove_input("/writer")
@@ -173,15 +173,15 @@ class TestEnds:
         """It is told, and the other streams go on."""
 
         class Fussy(Keeper):
-            def _keep(self, delivery: Delivery) -> None:
+            def _keep(self, delivery: IncomingMessage) -> None:
                 super()._keep(delivery)
                 if self.came[-1] == "bad":
                     raise ProtocolError("that is bad")
 
         with (
             Fussy("/keeper", network) as keeper,
-            PostingPort("/good", network=network) as good,
-            PostingPort("/bad", network=network) as bad,
+            PipelinedPort("/good", network=network) as good,
+            PipelinedPort("/bad", network=network) as bad,
         ):
             for writer in (good, bad):
                 writer.add_output("/keeper", "tcp")
@@ -205,9 +205,9 @@ class TestEnds:
             with pytest.raises(OSError, match=r"reset|pipe"):
                 caller.sendall(1_000_000 * message)
             eventually(lambda: not keeper.inputs, "it is still connected")
-            assert any("does not take what is sent to it" in line for line in said)
+            assert any("does not read what is sent to it" in line for line in said)
 
-    def test_a_thread_cannot_be_given_another_priority(self, pair: tuple[PostingPort, Keeper]):
+    def test_a_thread_cannot_be_given_another_priority(self, pair: tuple[PipelinedPort, Keeper]):
         """It is not its own; who asks is told."""
         _, keeper = pair
         with pytest.raises(QosError, match="one thread reads all streams"):

@@ -1,4 +1,4 @@
-"""Reaching an address: the one way in which connections begin that this side makes."""
+"""Outgoing TCP connections: every connection that this process initiates is opened here."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from rtf.middleware.naming import authentication
 from rtf.middleware.stream import Stream
 
 
-def dial(host: str, port: int, patience: float, key: bytes) -> Stream:
-    """A connection to an address, with the key proved where there is one, and nothing said yet.
+def open_stream(host: str, port: int, patience: float, key: bytes) -> Stream:
+    """Open a connection to an address and authenticate it if there is a key. Nothing else is sent.
 
-    It waits no longer than ``patience`` seconds for anything. Raises OSError, UnicodeError for a host that is no name,
-    and MiddlewareError for a peer that does not know the key.
+    No single wait takes longer than ``patience`` seconds. Raises OSError, UnicodeError for an invalid host name, and
+    MiddlewareError if the peer does not know the key.
     """
     connection = socket.create_connection((host, port), timeout=patience)
     connection.settimeout(None)

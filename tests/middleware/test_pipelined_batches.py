@@ -14,13 +14,13 @@ from rtf.bottle import Bottle
 from rtf.middleware import wire
 from rtf.middleware.carriers.tcp import Tcp, TcpInput
 from rtf.middleware.errors import ProtocolError
+from rtf.middleware.pipelined_port import MOST, PipelinedPort
 from rtf.middleware.port import Port
-from rtf.middleware.posting import MOST, PostingPort
 from rtf.middleware.stream import Stream
 from rtf.middleware.types.plain import BYTES
 
 if TYPE_CHECKING:
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.network import Network
 
 COUNT = 3 * MOST
@@ -33,10 +33,10 @@ def test_when_it_has_settled_everybody_has_got_everything(network: Network, carr
     """In order and with their envelopes, also when more are sent than may be on their way, or are kept together."""
     came: list[tuple[str, Bottle]] = []
 
-    def take(delivery: Delivery) -> None:
+    def take(delivery: IncomingMessage) -> None:
         came.append((delivery.envelope, delivery.read()))
 
-    with Port("/reader", take, network=network), PostingPort("/writer", network=network, together=together) as writer:
+    with Port("/reader", take, network=network), PipelinedPort("/writer", network=network, together=together) as writer:
         writer.add_output("/reader", carrier)
         for number in range(COUNT):
             assert writer.write(Bottle([number]), envelope=f"{number} 0.5") == 1
@@ -49,10 +49,10 @@ def test_what_is_kept_is_told_as_it_was(network: Network, carrier: str):
     """Whoever gets bytes or text; in this process it is the object itself."""
     came: list[Bottle] = []
 
-    def take(delivery: Delivery) -> None:
+    def take(delivery: IncomingMessage) -> None:
         came.append(Bottle([*delivery.read()]))
 
-    with Port("/reader", take, network=network), PostingPort("/writer", network=network, together=3) as writer:
+    with Port("/reader", take, network=network), PipelinedPort("/writer", network=network, together=3) as writer:
         writer.add_output("/reader", carrier)
         message = Bottle([0])
         for number in range(3):
@@ -67,11 +67,11 @@ def test_messages_of_any_size_are_sent_together(network: Network, size: int):
     """Small ones are joined, large ones are not copied."""
     came: list[bytes] = []
 
-    def take(delivery: Delivery) -> None:
+    def take(delivery: IncomingMessage) -> None:
         came.append(delivery.read(BYTES))
 
     sent = [bytes([number]) * size for number in range(4)]
-    with Port("/reader", take, network=network), PostingPort("/writer", network=network, together=4) as writer:
+    with Port("/reader", take, network=network), PipelinedPort("/writer", network=network, together=4) as writer:
         writer.add_output("/reader", "tcp")
         for one in sent:
             writer.write(one)
@@ -83,11 +83,11 @@ def test_it_does_not_wait_for_a_reader_that_works(network: Network):
     """To settle means to wait for all that are on their way."""
     may_go, came = threading.Event(), []
 
-    def take(delivery: Delivery) -> None:
+    def take(delivery: IncomingMessage) -> None:
         assert may_go.wait(10)
         came.append(delivery.read())
 
-    with Port("/reader", take, network=network), PostingPort("/writer", network=network) as writer:
+    with Port("/reader", take, network=network), PipelinedPort("/writer", network=network) as writer:
         writer.add_output("/reader", "tcp")
         for number in range(MOST):
             writer.write(Bottle([number]))

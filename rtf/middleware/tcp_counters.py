@@ -1,8 +1,8 @@
-"""What Linux has counted for the TCP connections of this machine, whichever programs they belong to.
+"""Byte and segment counters of this machine's TCP connections, from the Linux kernel.
 
-The kernel tells everybody, over a netlink socket (``sock_diag(7)``); where it does not, there are no connections. The
-layouts are those of ``linux/inet_diag.h`` and ``linux/tcp.h``, which only grow at their ends; it takes
-Linux 4.19.
+They are read over a netlink socket (``sock_diag(7)``), which needs no privilege and covers the connections of all
+programs. Where the kernel does not answer, the result is empty. The layouts are those of ``linux/inet_diag.h`` and
+``linux/tcp.h``, which only grow at their ends; Linux 4.19 or later is required.
 """
 
 from __future__ import annotations
@@ -37,27 +37,27 @@ _ROOM = 1 << 18
 _PATIENCE = 2.0
 
 
-class Ends(NamedTuple):
-    """The two ends of a connection, this machine's end that was asked about first."""
+class Endpoints(NamedTuple):
+    """The addresses of the two ends of a connection; ``near`` is the end that the counters belong to."""
 
     near: Address
     far: Address
 
 
-class Counted(NamedTuple):
-    """Bytes that came, bytes that went, and the segments these went in."""
+class TcpCounters(NamedTuple):
+    """Bytes received, bytes sent, and segments with data sent."""
 
     received: int
     sent: int
     segments_sent: int
 
-    def since(self, before: Counted) -> Counted:
-        """What was added."""
-        return Counted(*(now - then for now, then in zip(self, before, strict=True)))
+    def since(self, before: TcpCounters) -> TcpCounters:
+        """Return the difference to an earlier reading."""
+        return TcpCounters(*(now - then for now, then in zip(self, before, strict=True)))
 
 
-def connections() -> dict[Ends, Counted]:
-    """All established connections over IPv4; a connection within this machine is there twice, once for each end."""
+def connections() -> dict[Endpoints, TcpCounters]:
+    """Return all established IPv4 connections. One within this machine is listed twice, once for each end."""
     request = _REQUEST.pack(socket.AF_INET, socket.IPPROTO_TCP, _WITH_INFO, _ESTABLISHED, b"")
     head = _HEAD.pack(_HEAD.size + len(request), _SOCK_DIAG_BY_FAMILY, _REQUEST_DUMP, 1, 0)
     found = {}
@@ -70,7 +70,7 @@ def connections() -> dict[Ends, Counted]:
                 if counted is not None:
                     found[ends] = counted
     except OSError:
-        return {}  # a kernel, or a container, that does not tell
+        return {}  # the kernel or the container does not allow it
     return found
 
 
@@ -86,15 +86,15 @@ def _messages(asking: socket.socket) -> Iterator[bytes]:
             start += (size + 3) & ~3
 
 
-def _read(message: bytes) -> tuple[Ends, Counted | None]:
+def _read(message: bytes) -> tuple[Endpoints, TcpCounters | None]:
     near, far = _PORTS.unpack_from(message, 4)
-    ends = Ends((socket.inet_ntoa(message[8:12]), near), (socket.inet_ntoa(message[24:28]), far))
+    ends = Endpoints((socket.inet_ntoa(message[8:12]), near), (socket.inet_ntoa(message[24:28]), far))
     start = _SOCKET_SIZE
     while start + _ATTRIBUTE.size <= len(message):
         size, kind = _ATTRIBUTE.unpack_from(message, start)
         if kind == _INET_DIAG_INFO and size >= _ATTRIBUTE.size + _INFO_SIZE:
             info = message[start + _ATTRIBUTE.size :]
             (received,), (sent,) = _LONG.unpack_from(info, _RECEIVED), _LONG.unpack_from(info, _SENT)
-            return ends, Counted(received, sent, *_SHORT.unpack_from(info, _SEGMENTS))
+            return ends, TcpCounters(received, sent, *_SHORT.unpack_from(info, _SEGMENTS))
         start += max(_ATTRIBUTE.size, (size + 3) & ~3)
     return ends, None

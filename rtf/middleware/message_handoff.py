@@ -1,4 +1,4 @@
-"""Where the thread of an input meets the one that reads the port: the sender waits until its message has been read."""
+"""The handoff of messages from input threads to a reader: the sender waits until its message has been read."""
 
 from __future__ import annotations
 
@@ -12,39 +12,39 @@ from rtf.middleware.errors import PortClosedError, WaitTimeoutError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.delivery import Delivery
+    from rtf.middleware.incoming_message import IncomingMessage
 
 
-class Rendezvous:
-    """Hands deliveries over one at a time. ``whose`` is the port's name, for errors."""
+class MessageHandoff:
+    """Passes messages to readers one at a time. ``whose`` is the port's name, for errors."""
 
     def __init__(self, whose: str) -> None:
         self._whose = whose
         self._changed = threading.Condition()
-        self._waiting: Delivery | None = None  # brought by an input, not yet taken
-        self._taken: Delivery | None = None  # being read
+        self._waiting: IncomingMessage | None = None  # offered by an input, not yet taken
+        self._taken: IncomingMessage | None = None  # being read
         self._open = True
-        self._interruptions = 0  # a reader is woken by one that is over before it has its turn
+        self._interruptions = 0  # a reader notices one that is over before the reader runs
 
-    def bring(self, delivery: Delivery) -> None:
-        """Wait until somebody has read this message, or the port is interrupted. In the thread of an input."""
+    def offer(self, delivery: IncomingMessage) -> None:
+        """Wait until a reader has read this message, or the port is interrupted. Runs in the thread of an input."""
         with self._changed:
             self._changed.wait_for(lambda: self._waiting is None or not self._open)
             if not self._open:
                 return
             self._waiting = delivery
             self._changed.notify_all()
-            # Who has begun to read is waited for, even when the port is interrupted: the data are in its hands.
+            # A reader that has started is awaited even when the port is interrupted: it uses the data.
             self._changed.wait_for(lambda: self._taken is not delivery and not self._pending(delivery))
             if self._waiting is delivery:
                 self._waiting = None
 
-    def _pending(self, delivery: Delivery) -> bool:
+    def _pending(self, delivery: IncomingMessage) -> bool:
         return self._waiting is delivery and self._open
 
     @contextmanager
-    def take(self, timeout: float | None) -> Iterator[Delivery]:
-        """The next message; its sender waits until the block is left. One reader at a time.
+    def take(self, timeout: float | None) -> Iterator[IncomingMessage]:
+        """Take the next message; its sender waits until the block is left. One reader at a time.
 
         Raises WaitTimeoutError, and PortClosedError when the port is interrupted or closed.
         """
@@ -55,7 +55,7 @@ class Rendezvous:
                 if not self._open or self._interruptions > before:
                     raise PortClosedError(f"{self._whose} was interrupted while it was read")
                 if deadline.expired:
-                    raise WaitTimeoutError(f"nothing came to {self._whose} within {timeout:g} s")
+                    raise WaitTimeoutError(f"no message arrived at {self._whose} within {timeout:g} s")
                 self._changed.wait(None if timeout is None else deadline.remaining())
             delivery = self._taken = self._waiting
             self._waiting = None
@@ -67,7 +67,7 @@ class Rendezvous:
                 self._changed.notify_all()
 
     def set_open(self, *, is_open: bool) -> None:
-        """Wake everybody, and let messages pass unread until it is open again."""
+        """Wake all threads. While not open, messages are discarded unread."""
         with self._changed:
             self._open = is_open
             self._interruptions += not is_open

@@ -1,4 +1,4 @@
-"""One thread that waits on many sockets, for what is dealt with quickly: callers, and messages that are only kept."""
+"""A thread that waits on many sockets whose events are handled quickly: new connections and small messages."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-class Watcher:
-    """Calls what belongs to each socket when there is something to read. Its thread lives as long as there is one.
+class SocketWatcher:
+    """Calls a function for each socket that is readable. Its thread runs while there is at least one socket.
 
-    What is called must not wait, and must bear to be called when there is nothing after all.
+    The functions must not block, and must accept a call when nothing can be read after all.
     """
 
     def __init__(self, name: str) -> None:
@@ -29,14 +29,14 @@ class Watcher:
         self._thread: threading.Thread | None = None
 
     def add(self, watched: socket.socket, ready: Callable[[], None]) -> None:
-        """Call ``ready`` in the thread of the watcher, from now on, whenever the socket has something to read."""
+        """Call ``ready`` in the watcher's thread, from now on, whenever the socket is readable."""
         with self._changed:
             poll = self._poll = self._poll or self._open()
             number = watched.fileno()
             self._numbers[watched] = number
             known = number in self._ready
             self._ready[number] = ready
-            if known:  # somebody has closed a socket behind our back, and this one got its number
+            if known:  # a watched socket was closed without remove(), and this one has its number
                 with contextlib.suppress(FileNotFoundError):
                     poll.unregister(number)
             poll.register(number, select.EPOLLIN)
@@ -46,14 +46,14 @@ class Watcher:
             self._changed.notify_all()
 
     def remove(self, watched: socket.socket) -> None:
-        """Stop waiting on a socket, which is still open. Others than the watcher's thread wait for its last call."""
+        """Stop watching a socket, which must still be open. Other threads wait for its last call to end."""
         with self._changed:
             number = self._numbers.pop(watched, -1)
             if number < 0 or number in self._numbers.values():
                 return
             del self._ready[number]
             assert self._poll is not None
-            with contextlib.suppress(OSError):  # closed behind our back, which has done it
+            with contextlib.suppress(OSError):  # closed without remove(), which unregistered it
                 self._poll.unregister(number)
             thread = self._thread
             if self._ready or thread is None:
@@ -68,7 +68,7 @@ class Watcher:
 
     @property
     def is_here(self) -> bool:
-        """Whether this is its thread."""
+        """Whether the current thread is the watcher's."""
         return self._thread is threading.current_thread()
 
     def _open(self) -> select.epoll:
@@ -78,7 +78,7 @@ class Watcher:
         return poll
 
     def _run(self, poll: select.epoll) -> None:
-        """Flat: it is between a message and who waits for it."""
+        """Run the event loop. No helper functions: its latency is part of every message."""
         wait, find, bell = poll.poll, self._ready.get, self._bell
         while True:
             for number, _ in wait():
@@ -86,14 +86,14 @@ class Watcher:
                 if ready is not None:
                     try:
                         ready()
-                    except Exception as error:  # noqa: BLE001 - told as any thread's are; the other sockets go on
+                    except Exception as error:  # noqa: BLE001 - reported like that of any thread; the loop continues
                         told = type(error), error, error.__traceback__, threading.current_thread()
                         threading.excepthook(threading.ExceptHookArgs(told))
                 elif number == bell and self._is_done(bell):
                     return
 
     def _is_done(self, bell: int) -> bool:
-        """Whether nothing is left to wait for; then the thread has ended."""
+        """Return whether no socket is left. If so, the thread's resources are released."""
         with self._changed:
             with contextlib.suppress(BlockingIOError):
                 os.eventfd_read(bell)

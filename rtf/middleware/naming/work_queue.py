@@ -1,4 +1,4 @@
-"""Work that a name server does beside answering: one thread, and a bounded queue in front of it."""
+"""A queue of tasks that a name server executes in the background: one thread, and a bounded number of waiting tasks."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 MAX_WAITING = 4096
 
 
-class Errands:
-    """Does one thing after the other. Its thread begins with the first errand and ends with ``close``.
+class WorkQueue:
+    """Executes tasks in order. Its thread starts with the first task and ends with ``close``.
 
-    ``failed`` is called, in it, with the error of an errand. When too much waits, the oldest is not done.
+    ``failed`` is called in that thread with the error of a task. When the queue is full, the oldest task is dropped.
     """
 
     def __init__(self, name: str, failed: Callable[[RtfError], None]) -> None:
@@ -27,13 +27,13 @@ class Errands:
         self._thread: threading.Thread | None = None
         self._open = True
 
-    def put(self, key: Hashable, errand: Callable[[], None]) -> None:
-        """Do this when all before it is done; one of the same key that still waits is replaced."""
+    def put(self, key: Hashable, task: Callable[[], None]) -> None:
+        """Append a task. It replaces a waiting task with the same key."""
         with self._changed:
             if not self._open:
                 return
             self._waiting.pop(key, None)
-            self._waiting[key] = errand
+            self._waiting[key] = task
             if len(self._waiting) > MAX_WAITING:
                 del self._waiting[next(iter(self._waiting))]
             if self._thread is None:
@@ -42,12 +42,12 @@ class Errands:
             self._changed.notify_all()
 
     def cancel(self, key: Hashable) -> None:
-        """Do not do what waits under this key."""
+        """Remove the waiting task with this key."""
         with self._changed:
             self._waiting.pop(key, None)
 
     def close(self) -> None:
-        """Do nothing more; waits for what is being done."""
+        """Discard the waiting tasks, and wait for the running one."""
         with self._changed:
             self._open = False
             self._waiting.clear()
@@ -61,7 +61,7 @@ class Errands:
             self._work()
         finally:
             with self._changed:
-                if self._open:  # a bug ends the thread, and is heard of; the next errand gets another one
+                if self._open:  # an unexpected error ends the thread and is reported; the next task starts another one
                     self._thread = None
 
     def _work(self) -> None:
@@ -70,8 +70,8 @@ class Errands:
                 self._changed.wait_for(lambda: self._waiting or not self._open)
                 if not self._open:
                     return
-                errand = self._waiting.pop(next(iter(self._waiting)))
+                task = self._waiting.pop(next(iter(self._waiting)))
             try:
-                errand()
+                task()
             except RtfError as error:
                 self._failed(error)

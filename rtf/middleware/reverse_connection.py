@@ -1,4 +1,4 @@
-"""Turning a connection round: who called in order to send asks, by the command ``r``, to be sent to instead."""
+"""Reversal of a connection: a caller sends the command ``r`` so that the port sends to it instead."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from rtf.middleware.stream import Stream
 
 
-def turned_round(link: InputLink, stream: Stream) -> Output:
-    """The connection as an output. Raises ProtocolError where its carrier goes one way only."""
+def output_from_input(link: InputLink, stream: Stream) -> Output:
+    """Return an output that uses the connection of an input. Raises ProtocolError if its carrier is one-way."""
     made: OutputLink
     if isinstance(link, TcpInput):
         made = TcpOutput(link.carrier, stream)
     elif isinstance(link, TextInput):
         made = TextOutput(link.carrier, stream)
     else:
-        raise ProtocolError(f"a connection by {link.carrier.name} cannot be turned round; tcp and text can")
+        raise ProtocolError(f"a connection by {link.carrier.name} cannot be reversed; tcp and text can")
     return Output(made, Contact(link.sender, carrier=link.carrier.name))

@@ -1,9 +1,9 @@
-"""Has the names of open ports known by a name server that was restarted and forgot them.
+"""Re-registration of open ports with a name server that was restarted without its data.
 
-A server tells nobody that it is back, so it is asked about one port every two seconds, in a thread that lives only
-while there are ports. When that port is not known, or the server had not answered before, all are looked at, and
-those that are missing are registered again as they were. So a name that somebody takes from the server while its port
-is open comes back, too; but one that another program has registered since is left to it.
+A server does not announce that it is back, so it is queried for one port every two seconds, in a thread that runs only
+while there are ports. If that port is unknown, or the server had not answered before, all ports are checked, and the
+missing ones are registered again as they were. A name that is removed from the server while its port is open therefore
+comes back, too; but a name that another program has registered since is left to that program.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Record:
-    """All that a server was told about a port."""
+    """Everything that the server was told about a port."""
 
     contact: Contact
     promise: str = ""
     properties: dict[str, Sequence[str]] = field(default_factory=dict)
     announced: bool = False
-    #: The server could not be told that it is announced.
+    #: The port is announced, but the server has not received it.
     owed: bool = False
 
 
-class Keeper:
-    """Looks after the names of this process: ``find`` asks the server for one, ``restore`` tells it one again."""
+class RegistrationKeeper:
+    """Keeps the names of this process registered: ``find`` queries the server, ``restore`` registers a port again."""
 
     def __init__(self, find: Callable[[str], Contact | None], restore: Callable[[Record], None], period: float) -> None:
         self._find = find
@@ -42,13 +42,13 @@ class Keeper:
         self._period = period
         self._records: dict[str, Record] = {}
         self._changed = threading.Condition()
-        # Held while one name is restored or unregistered, so that none comes back after it was given up.
+        # Held while a name is restored or unregistered, so that no unregistered name is restored.
         self._changing = threading.RLock()
         self._doubtful = False
         self._thread: threading.Thread | None = None
 
     def keep(self, record: Record) -> None:
-        """A port has been registered."""
+        """Start keeping a registered port."""
         with self._changed:
             self._records[record.contact.name] = record
             if self._thread is None:
@@ -56,13 +56,13 @@ class Keeper:
                 self._thread.start()
 
     def note(self, name: str, key: str, values: Sequence[str]) -> None:
-        """Something was noted about a port, perhaps one of ours."""
+        """Record a property that was set for a port. Ignored for ports of other processes."""
         with self._changed:
             if name in self._records:
                 self._records[name].properties[key] = tuple(values)
 
     def announced(self, name: str, *, heard: bool) -> bool:
-        """A port was announced, whether the server has heard it or not. False when it is none of ours."""
+        """Record an announcement; ``heard``: the server has received it. Return False for a port of another process."""
         with self._changed:
             record = self._records.get(name)
             if record is not None:
@@ -70,12 +70,15 @@ class Keeper:
             return record is not None
 
     def doubt(self) -> None:
-        """The server did not answer: once it does again, all names are looked at."""
+        """Record that the server did not answer. When it answers again, all names are checked."""
         self._doubtful = True
 
     @contextmanager
     def forgetting(self, name: str) -> Iterator[None]:
-        """Around unregistering a port and, as the server does, what it owns; the thread ends with the last one."""
+        """Stop keeping a port and the ports that it owns, for the duration of their unregistration.
+
+        The thread ends with the last port.
+        """
         with self._changing:
             with self._changed:
                 pending = [name]
@@ -87,7 +90,7 @@ class Keeper:
             yield
 
     def close(self) -> None:
-        """Look after nothing any more."""
+        """Stop keeping all ports."""
         with self._changing, self._changed:
             self._records.clear()
             thread = self._thread
@@ -111,7 +114,7 @@ class Keeper:
                     self._doubtful = False
                     self._look_at(names)
             except MiddlewareError:
-                self._doubtful = True  # it is away: the same again after the next period
+                self._doubtful = True  # the server is down: check again after the next period
 
     def _look_at(self, names: Sequence[str]) -> None:
         for name in names:
@@ -122,7 +125,7 @@ class Keeper:
                     record.owed = False
 
     def _missing(self, record: Record) -> bool:
-        """Whether the server does not know one of our ports, or not all of it."""
+        """Return whether the server does not know one of our ports, or lacks its announcement."""
         contact = record.contact
         found = self._find(contact.name)
         with self._changed:
