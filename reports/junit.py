@@ -179,7 +179,7 @@ class JUnitReporter(Reporter):
     def _suite_cases(self, suite: SuiteResult, spool: Spool, names: _Names, results: RunResult) -> Iterator[bytes]:
         group = _class_name(results, suite.name)
         for result in suite.tests.values():
-            head = [*names.identity(group, result.name), ("time", seconds_of(result.duration))]
+            head = [*names.identity(group, result.label), ("time", seconds_of(result.duration))]
             body = spool.get(result.id) if result.id in spool else self._cases.body(result, []).encode()
             yield f"<testcase{attributes([*head, *self._cases.place(result)])}>\n".encode() + body + b"</testcase>\n"
         problems = of_suite(suite)

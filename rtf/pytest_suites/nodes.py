@@ -15,7 +15,6 @@ from rtf.pytest_suites.session import SuiteSession
 from rtf.pytest_suites.warnings import SuiteFileWarning
 from rtf.testing.report.text import place, shown
 from rtf.testing.sharing import uses
-from rtf.testing.suite.values import NameBook
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -49,10 +48,9 @@ class SuiteFile(pytest.File):
         for diagnosed in loaded.diagnostics:
             self.warn(SuiteFileWarning(_said(diagnosed)))
         self._planned = planned
-        names = NameBook()
+        prefix = f"{planned.suite.id}/"
         return [
-            SuiteItem.from_parent(self, name=names.unique(safe_name(test.entry.name)), test=test)
-            for test in planned.tests
+            SuiteItem.from_parent(self, name=test.entry.id.removeprefix(prefix), test=test) for test in planned.tests
         ]
 
     @property
@@ -175,13 +173,6 @@ def marker_name(tag: str) -> str:
     """The name of the marker that a tag becomes: what ``-m`` can read, and nothing that pytest would act upon."""
     name = _NOT_IN_A_MARKER.sub("_", tag)
     return f"tag_{name}" if name.startswith("_") or name in _ACTED_UPON else name
-
-
-def safe_name(name: str) -> str:
-    """A name as part of a node's id: in one line, and without what separates the parts of an id."""
-    plain = "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in shown(name))
-    plain = re.sub(":{2,}", ":", plain)
-    return f" {plain}" if plain.startswith("()") else plain or "(unnamed)"
 
 
 def _said(diagnosed: Diagnosed) -> str:

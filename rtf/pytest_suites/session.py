@@ -22,8 +22,8 @@ from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, load_repor
 from rtf.testing.run_control import Control
 from rtf.testing.run_folder import LatestRun, make_run_folder
 from rtf.testing.runner import RunOptions, most_memory
-from rtf.testing.suite.model import Timeouts, suite_id_of
-from rtf.testing.suite.values import NameBook
+from rtf.testing.suite.ids import SuiteIds
+from rtf.testing.suite.model import Timeouts
 
 if TYPE_CHECKING:
     from rtf.testing.events import Diagnosed
@@ -38,7 +38,7 @@ class SuiteSession:
         self._config = config
         self._settings = Settings.of(config)
         self._planner = Planner()
-        self._ids = NameBook()
+        self._ids = SuiteIds()
         self._diagnostics: list[Diagnosed] = []
         self._reporters: list[Reporter] = []
         self._conductor: Conductor | None = None
@@ -72,7 +72,7 @@ class SuiteSession:
             return None, loaded
         self._diagnostics += loaded.diagnostics
         suite = loaded.suites[0]
-        suite = suite.with_id(self._ids.unique(suite_id_of(suite.name)))
+        suite = suite.with_id(self._ids.unique(suite.name, suite.file))
         (planned,) = self._planner.plan(self._planner.complete([suite]))
         return planned, loaded
 

@@ -17,6 +17,7 @@ from rtf.testing.events import Diagnosed
 from rtf.testing.matrix import combinations
 from rtf.testing.plugin_spec import UNKNOWN, PluginSpec
 from rtf.testing.plugins import PluginError, PluginRef, find, spec_of
+from rtf.testing.suite.ids import TestIds, label_of_plugin, name_of_plugin, varied
 from rtf.testing.suite.model import (
     TEST_REQUIREMENT,
     FixtureEntry,
@@ -26,7 +27,6 @@ from rtf.testing.suite.model import (
     number_suites,
     suite_id_of,
 )
-from rtf.testing.suite.values import NameBook, plugin_stem, slug
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
@@ -128,14 +128,19 @@ def suite_of_plugins(
 ) -> TestSuite:
     """A suite without a file, for plug-ins that were named on the command line (name, type)."""
     suite_id = suite_id_of(name)
-    tests: list[TestEntry] = []
-    ids = NameBook()
-    for plugin, type_ in plugins:
-        stem = plugin_stem(plugin)
-        file, _, class_name = stem.partition("::")
-        test_id = ids.unique(f"{suite_id}/{file}{'-' * bool(class_name)}{slug(class_name, '')}")
-        tests.append(TestEntry(id=test_id, name=stem, plugin=plugin, type=type_, param=param, environment=environment))
-    return TestSuite(id=suite_id, name=name, environment=environment, tests=tuple(tests))
+    ids = TestIds(suite_id)
+    tests = tuple(
+        TestEntry(
+            id=ids.unique(label_of_plugin(plugin, param), plugin, type_),
+            name=name_of_plugin(plugin, param),
+            plugin=plugin,
+            type=type_,
+            param=param,
+            environment=environment,
+        )
+        for plugin, type_ in plugins
+    )
+    return TestSuite(id=suite_id, name=name, environment=environment, tests=tests)
 
 
 class Planner:
@@ -191,10 +196,13 @@ class Planner:
     def _completed_suite(self, suite: TestSuite) -> TestSuite:
         tests: list[TestEntry] = []
         made: dict[str, list[str]] = {}
-        ids = NameBook()
+        ids = TestIds(suite.id)
         for entry in suite.tests:
             completed = [one for member in self._of_classes(entry) for one in self._of_matrix(member)]
-            completed = [replace(one, id=ids.unique(one.id)) for one in completed]
+            completed = [
+                replace(one, id=ids.unique(one.id.removeprefix(f"{suite.id}/"), one.plugin, one.param, one.parameters))
+                for one in completed
+            ]
             made[entry.id] = [one.id for one in completed]
             tests += completed
         return suite.with_tests(_with_requirements(entry, made) for entry in tests)
@@ -206,7 +214,7 @@ class Planner:
         return [
             replace(
                 entry,
-                id=f"{entry.id}-{slug(name, 'class')}",
+                id=varied(entry.id, class_name=name),
                 name=f"{entry.name}::{name}",
                 plugin=f"{entry.plugin}::{name}",
             )
@@ -232,7 +240,7 @@ class Planner:
         return [
             replace(
                 entry,
-                id=entry.id + _UNSAFE.sub("-", f"[{label}]") if label else entry.id,
+                id=varied(entry.id, variant=label),
                 name=f"{entry.name}[{label}]" if label else entry.name,
                 parameters=(*entry.parameters, *parameters),
             )
@@ -258,9 +266,8 @@ class Planner:
         return found
 
 
-#: A key of a parameter string, and what an id of a test does not contain.
+#: A key of a parameter string.
 _KEY = re.compile(r"(?<!\S)--(\S+)")
-_UNSAFE = re.compile(r"[^\w.:+\[\]-]+", re.ASCII)
 
 
 def _with_requirements(entry: TestEntry, made: Mapping[str, list[str]]) -> TestEntry:

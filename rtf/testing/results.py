@@ -59,6 +59,11 @@ class TestResult:
         return self.planned.test
 
     @property
+    def label(self) -> str:
+        """The part of the id behind the suite's."""
+        return self.planned.test.removeprefix(f"{self.planned.suite}/")
+
+    @property
     def last(self) -> TestEnded | None:
         """The end of the last attempt."""
         return self.attempts[-1] if self.attempts else None

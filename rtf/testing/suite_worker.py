@@ -214,11 +214,13 @@ class SuiteWorker:
         counts = result.counts()
         bad = any(not verdict.good for verdict in counts) or result.problems
         verdict = Verdict.FAILED if bad else Verdict.PASSED
+        done = self._run.options.done  # tests of earlier parts of this run, whose time is the suite's too
+        earlier = sum(test.duration for test in result.tests.values() if test.id in done)
         self._emit(
             SuiteEnded(
                 suite=planned.suite.id,
                 verdict=verdict,
-                duration=duration,
+                duration=earlier + duration,
                 counts={str(key): count for key, count in counts.items()},
             ),
         )

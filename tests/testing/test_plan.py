@@ -123,15 +123,15 @@ def test_all_test_classes_of_a_file_run(folder: Path):
     """Each with its own tags; the base that they share is none of them."""
     entries = planned(folder, "<test>two.py</test>")
     assert [(test.name, test.id, test.tags) for test in entries] == [
-        ("two::Left", "s/two-left", ("left",)),
-        ("two::Right", "s/two-right", ("right",)),
+        ("two::Left", "s/two.Left", ("left",)),
+        ("two::Right", "s/two.Right", ("right",)),
     ]
 
 
 @pytest.mark.parametrize("test", ['<test class="Right">two.py</test>', "<test>two.py::Right</test>"])
 def test_one_class_of_a_file_is_named_by_class_or_after_two_colons(folder: Path, test: str):
     """Either way it is the same test with the same id."""
-    assert [(entry.name, entry.id) for entry in planned(folder, test)] == [("two::Right", "s/two-right")]
+    assert [(entry.name, entry.id) for entry in planned(folder, test)] == [("two::Right", "s/two.Right")]
 
 
 @pytest.mark.parametrize(

@@ -295,7 +295,7 @@ def test_worker_that_breaks_leaves_the_others_alone(tmp_path: Path, monkeypatch:
     assert "in take" in told.traceback
     assert {test.id: test.verdict for test in outcome.results.tests.values()} == {
         "a/bad": Verdict.NOT_RUN,
-        "a/bad~2": Verdict.NOT_RUN,
+        "a/bad+2": Verdict.NOT_RUN,
         "b/t": Verdict.PASSED,
     }
     assert isinstance(outcome.events[-1], RunEnded)

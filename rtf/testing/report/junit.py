@@ -190,7 +190,8 @@ class CaseWriter:
     def _facts(self, result: TestResult, last: AttemptEvents, attempts: int) -> list[tuple[str, str]]:
         """What is known of a test beside its output, as names and values."""
         planned, ended = result.planned, last.ended
-        facts = [("id", result.id), ("verdict", str(result.verdict or Verdict.NOT_RUN))]
+        facts = [("id", result.id), ("name", result.name if result.name != result.label else "")]
+        facts += [("verdict", str(result.verdict or Verdict.NOT_RUN))]
         if planned.file and self._strict:
             facts += [("file", near_path(planned.file)), ("line", str(planned.line or ""))]
         facts += [("plugin", planned.plugin), ("param", planned.param), ("description", result.description)]

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from rtf.testing.suite.fields import Budget, Fields
+from rtf.testing.suite.ids import TestIds, label_of_name, label_of_plugin, name_of_plugin
 from rtf.testing.suite.model import Expected, FixtureEntry, Isolation, LostPolicy, Scope, TestEntry, Timeouts
-from rtf.testing.suite.values import NameBook, parameter_file_stem, plugin_stem, quote, slug
+from rtf.testing.suite.values import NameBook, plugin_stem, quote
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -55,8 +56,7 @@ class EntryReader:
     """Turns elements into entries. A faulty one is reported, all its faults at once, and None comes back."""
 
     def __init__(self, suite_id: str, problems: DiagnosticLog, budget: Budget) -> None:
-        self._suite_id = suite_id
-        self._ids = NameBook()
+        self._ids = TestIds(suite_id)
         self._problems = problems
         self._budget = budget
 
@@ -77,18 +77,21 @@ class EntryReader:
         elif class_name:
             plugin = f"{plugin}::{class_name}"
         param = fields.text("param")
-        name = fields.text("name").strip() or _test_name(plugin, param, around.loop_values)
+        name = fields.text("name").strip()
+        type_ = _lower(fields.optional("type"))
+        own, inherited = self._own_parameters(fields, around.bindings), defaults.parameters
+        label = label_of_name(name) if name else label_of_plugin(plugin, param, own, around.loop_values)
         expected, reason = self._expectation(fields)
         retries = fields.integer("retries", defaults.retries, MAX_RETRIES)
         fixtures = fields.words("fixtures")
         own_environment = self.last_text(element, "environment", around.bindings)
         entry = TestEntry(
-            id=f"{self._suite_id}/{self._ids.unique(slug(name, 'test'))}",
-            name=name,
+            id=self._ids.unique(label, name, plugin, type_, param, own),
+            name=name or name_of_plugin(plugin, param, around.loop_values),
             plugin=plugin,
-            type=_lower(fields.optional("type")),
+            type=type_,
             param=param,
-            parameters=self._own_parameters(fields, defaults.parameters, around.bindings),
+            parameters=inherited + own if own else inherited,
             environment=around.environment if own_environment is None else own_environment,
             repetition=fields.integer("repetition", 0, MAX_REPETITION),
             retries=retries,
@@ -124,7 +127,7 @@ class EntryReader:
             plugin=plugin,
             type=_lower(fields.optional("type")),
             param=fields.text("param"),
-            parameters=self._own_parameters(fields, (), around.bindings),
+            parameters=self._own_parameters(fields, around.bindings),
             environment=around.fixture_environment if environment is None else environment,
             depends=tuple(dict.fromkeys(fields.words("depends") or ())),
             scope=fields.choice("scope", Scope) or Scope.SUITE,
@@ -176,10 +179,10 @@ class EntryReader:
                 return self.fields(child, bindings).body()
         return None
 
-    def _own_parameters(self, fields: Fields, inherited: Parameters, bindings: Mapping[str, str]) -> Parameters:
+    def _own_parameters(self, fields: Fields, bindings: Mapping[str, str]) -> Parameters:
         own, ok = self.parameters(fields.element, bindings)
         fields.ok = fields.ok and ok
-        return inherited + own if own else inherited
+        return own
 
     def _plugin(self, fields: Fields) -> str:
         plugin = fields.body()
@@ -204,12 +207,6 @@ class EntryReader:
             if not token or (colon and kind in _REQUIREMENT_KINDS and not value):
                 fields.fail(f"the requirement {quote(token)} names nothing", "requires")
         return tokens
-
-
-def _test_name(plugin: str, param: str, loop_values: tuple[str, ...]) -> str:
-    stem = plugin_stem(plugin)
-    piece = " ".join(loop_values) or parameter_file_stem(param)
-    return f"{stem} [{piece}]" if piece else stem
 
 
 def _lower(text: str | None) -> str | None:

@@ -11,7 +11,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from rtf.errors import Location, RtfError
-from rtf.testing.suite.values import NameBook, slug
+from rtf.testing.suite.ids import SuiteIds, slug
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -102,7 +102,7 @@ class FixtureEntry:
 class TestEntry:
     """One line of a suite: which plug-in runs, with what, and how its outcome is judged.
 
-    ``id`` is ``<suite id>/<slug of the name>`` and unique in a run. ``repetition`` counts the additional runs of the
+    ``id`` is unique in a run and made by :mod:`rtf.testing.suite.ids`. ``repetition`` counts the additional runs of the
     body, ``retries`` the additional attempts after a failure. ``parameters`` holds the suite's values first, so that
     the last of a name wins. ``requires`` entries that begin with ``test:`` name an earlier test by its id.
     Tests that ``occupies`` the same thing never run at the same time.
@@ -221,11 +221,11 @@ def suite_id_of(name: str) -> str:
 
 
 def number_suites(suites: Sequence[TestSuite]) -> tuple[TestSuite, ...]:
-    """Make the ids of the suites of one run unique: the second of a name gets ``~2``, the third ``~3``."""
-    book = NameBook()
+    """Make the ids of the suites of one run unique."""
+    ids = SuiteIds()
     numbered = []
     for suite in suites:
-        unique = book.unique(suite_id_of(suite.name))
+        unique = ids.unique(suite.name, suite.file)
         numbered.append(suite if unique == suite.id else suite.with_id(unique))
     return tuple(numbered)
 

@@ -6,6 +6,7 @@ import heapq
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rtf.testing.suite.ids import slug
 from rtf.testing.suite.model import TEST_REQUIREMENT, FixtureEntry, Scope, TestEntry
 from rtf.testing.suite.values import quote
 
@@ -121,7 +122,8 @@ def resolve_requirements(
         if resolved is None:
             continue
         kept.append(resolved)
-        for key in {test.id, test.id.removeprefix(f"{suite_id}/"), test.name}:
+        label = test.id.removeprefix(f"{suite_id}/")
+        for key in {test.id, label, test.name, slug(label), f"{suite_id}/{slug(label)}"}:  # ids were in lower case once
             targets.setdefault(key, []).append(test.id)
     return kept
 

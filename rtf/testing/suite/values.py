@@ -7,7 +7,6 @@ them adds the place.
 from __future__ import annotations
 
 import re
-import unicodedata
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -15,8 +14,6 @@ if TYPE_CHECKING:
 
 MAX_TEXT = 64 * 1024
 """The longest attribute or text after variables were put in, in characters."""
-MAX_SLUG = 100
-"""Ids end up in links and file names; most file systems allow 255 bytes for a name."""
 
 _SECONDS = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}
 _DURATION = re.compile(r"([0-9]{1,12}(?:\.[0-9]{0,9})?|\.[0-9]{1,9}) ?(ms|s|min|h)?")
@@ -24,7 +21,6 @@ _INTEGER = re.compile(r"[+-]?[0-9]{1,12}")
 _VARIABLE = re.compile(r"\$\{([^{}$]{1,64})\}")
 _FROM_FILE = re.compile(r'(?<![^ ])--from +(?:"([^"]*)"|([^ "]+))')
 _SUFFIX = re.compile(r"\.[A-Za-z]{1,5}(?:\.[0-9]{1,9})*$")
-_NOT_SLUG = re.compile(r"[^a-z0-9._]+")
 
 
 class NameBook:
@@ -53,12 +49,6 @@ class NameBook:
 def condense(text: str) -> str:
     """Trim a text and turn every run of white space in it into one blank."""
     return " ".join(text.split())
-
-
-def slug(text: str, fallback: str) -> str:
-    """Make an id out of a name: lower case ASCII letters, digits, dots, underscores and dashes, safe in a link."""
-    plain = unicodedata.normalize("NFKD", text[: 4 * MAX_SLUG]).encode("ascii", "ignore").decode("ascii")
-    return _NOT_SLUG.sub("-", plain.lower())[:MAX_SLUG].strip("-.") or fallback
 
 
 def split_words(text: str, *, commas: bool = True) -> tuple[str, ...]:

@@ -157,4 +157,4 @@ def test_tests_of_one_plugin_are_told_apart_by_their_file():
     """Reports need a name for each."""
     suite = load_suite(FOLDER / "jointsLimits_robotCan.xml").suite
     assert [f"JointLimits [joint_limits_{part}]" for part in PARTS] == [test.name for test in suite.tests]
-    assert suite.tests[0].id == "motor-control-suite/jointlimits-joint_limits_right_arm"
+    assert suite.tests[0].id == "motor-control-suite/JointLimits[joint_limits_right_arm]"

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.errors import Location, RtfError
+from rtf.testing.suite.ids import slug
 from rtf.testing.suite.model import (
     Expected,
     FixtureEntry,
@@ -20,7 +21,7 @@ from rtf.testing.suite.model import (
     number_suites,
     suite_id_of,
 )
-from rtf.testing.suite.values import NameBook, parse_duration, parse_integer, plugin_stem, slug, split_words, substitute
+from rtf.testing.suite.values import NameBook, parse_duration, parse_integer, plugin_stem, split_words, substitute
 
 
 def entry(name: str, **more: object) -> TestEntry:
@@ -116,10 +117,10 @@ def test_suites_of_one_name_are_numbered_and_their_tests_follow():
     """In one run no two suites share an id; requirements keep naming the same tests."""
     tests = (entry("a"), entry("b", requires=("test:s/a", "env:HOME", "test:other/x")))
     first, second, third = number_suites([suite(tests=tests)] * 3)
-    assert (first.id, second.id, third.id) == ("s", "s~2", "s~3")
-    assert [test.id for test in second.tests] == ["s~2/a", "s~2/b"]
-    assert third.tests[1].requires == ("test:s~3/a", "env:HOME", "test:other/x")
-    assert third.test("s~3/b").required_tests == ("s~3/a", "other/x")
+    assert (first.id, second.id, third.id) == ("s", "s+2", "s+3")
+    assert [test.id for test in second.tests] == ["s+2/a", "s+2/b"]
+    assert third.tests[1].requires == ("test:s+3/a", "env:HOME", "test:other/x")
+    assert third.test("s+3/b").required_tests == ("s+3/a", "other/x")
 
 
 def test_asking_for_an_unknown_test_is_a_key_error():

@@ -98,13 +98,13 @@ def test_a_required_test_may_be_named_by_id_or_by_name():
     """A name that several tests share means all of them."""
     suite = sound(
         '<test name="Left arm">A</test><test name="Left arm">A</test>'
-        """<test requires="test:s/left-arm">B</test><test requires="test:left-arm~2,test:other/x">C</test>"""
+        """<test requires="test:s/left-arm">B</test><test requires="test:Left-arm+2,test:other/x">C</test>"""
         """<test requires="'test:Left arm' feature">D</test>""",
     )
     assert [test.requires for test in suite.tests[2:]] == [
-        ("test:s/left-arm",),
-        ("test:s/left-arm~2", "test:other/x"),
-        ("test:s/left-arm", "test:s/left-arm~2", "feature"),
+        ("test:s/Left-arm",),
+        ("test:s/Left-arm+2", "test:other/x"),
+        ("test:s/Left-arm", "test:s/Left-arm+2", "feature"),
     ]
 
 
@@ -141,7 +141,7 @@ def test_an_include_stands_where_its_tests_run(tmp_path: Path):
         arm='<suite name="Arm" preload="json"><fixture>F</fixture><test param="${p}">J</test></suite>',
     )
     suite = load_suite(tmp_path / "main.xml").suite
-    assert [test.id for test in suite.tests] == ["m/a", "m/j-x", "m/j-y", "m/b"]
+    assert [test.id for test in suite.tests] == ["m/A", "m/J[x]", "m/J[y]", "m/B"]
     assert ([fixture.name for fixture in suite.fixtures], suite.preload) == (["F"], ("json",))
 
 

@@ -110,7 +110,7 @@ def test_dashes_in_comments_are_forgiven_with_a_warning():
 def test_a_suite_without_a_name_is_unknown():
     """As in the C++ framework, but it is said."""
     loaded = load("<suite><test>A</test></suite>")
-    assert (loaded.suite.name, loaded.suite.tests[0].id) == ("unknown", "unknown/a")
+    assert (loaded.suite.name, loaded.suite.tests[0].id) == ("unknown", "unknown/A")
     assert len(loaded.warnings) == 1
 
 
@@ -125,14 +125,14 @@ def test_a_suite_without_tests_is_a_suite():
 @pytest.mark.parametrize(
     ("element", "name", "test_id"),
     [
-        ("<test>CameraTest</test>", "CameraTest", "s/cameratest"),
+        ("<test>CameraTest</test>", "CameraTest", "s/CameraTest"),
         (
             '<test param="--from camera_left.ini">CameraTest</test>',
             "CameraTest [camera_left]",
-            "s/cameratest-camera_left",
+            "s/CameraTest[camera_left]",
         ),
-        ('<test param="--x --from &quot;a/my arm.ini&quot;">T.py</test>', "T [my arm]", "s/t-my-arm"),
-        ('<test param="--fromage x.ini">T</test>', "T", "s/t"),
+        ('<test param="--x --from &quot;a/my arm.ini&quot;">T.py</test>', "T [my arm]", "s/T[my-arm]"),
+        ('<test param="--fromage x.ini">T</test>', "T", "s/T[fromage-x.ini]"),
         ('<test name="left eye" param="--from x.ini">T</test>', "left eye", "s/left-eye"),
         ("<test>dir/check.sh</test>", "check", "s/check"),
     ],
@@ -146,13 +146,13 @@ def test_a_test_is_named_after_what_tells_it_apart(element: str, name: str, test
 def test_equal_names_are_numbered_in_file_order():
     """Ids stay unique and stable."""
     suite = sound("<test>A</test><test>B</test><test>A</test><test>A</test>")
-    assert [test.id for test in suite.tests] == ["s/a", "s/b", "s/a~2", "s/a~3"]
+    assert [test.id for test in suite.tests] == ["s/A", "s/B", "s/A+2", "s/A+3"]
 
 
 def test_a_faulty_test_keeps_its_number():
     """Mending it renames no other test."""
     loaded = load('<suite name="S"><test retries="x">A</test><test>A</test></suite>')
-    assert [test.id for test in loaded.suite.tests] == ["s/a~2"]
+    assert [test.id for test in loaded.suite.tests] == ["s/A+2"]
 
 
 # --- loops and variables ----------------------------------------------------------------------------------------------
@@ -293,7 +293,7 @@ def test_suite_parameters_come_first_wherever_they_stand():
 def test_an_included_file_keeps_its_defaults_for_its_own_tests():
     """Its time-out and retries apply to its tests and to no others; tags add up."""
     suite = load_suite(DATA / "arms.xml").suite
-    left, right = (suite.test(f"arms-and-cameras/jointlimits-{side}_leg") for side in ("left", "right"))
+    left, right = (suite.test(f"arms-and-cameras/JointLimits[{side}_leg]") for side in ("left", "right"))
     assert (left.timeouts.run, right.timeouts.run, suite.tests[1].timeouts.run) == (99, 7, None)
     assert (left.retries, suite.tests[1].retries) == (0, 1)
     assert left.tags == ("legs", "nightly", "safe")

@@ -1,0 +1,113 @@
+"""Ids of tests: made from what a test is, the same whatever stands beside it, and words for ``-k``."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+
+import pytest
+from _pytest.mark.expression import Expression
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rtf.testing.selection import parse_expression
+from rtf.testing.suite.ids import SuiteIds, TestIds, label_of_name, label_of_plugin, renewed
+from rtf.testing.suite.xml import load_suite_bytes
+
+PARAMS = st.sampled_from(["", "--speed 20", "--speed -20", "--from left_arm.ini", "--from right_arm.ini --speed 20"])
+#: Tests that a suite may have: plug-in, param, a parameter of its own.
+ENTRIES = st.tuples(
+    st.sampled_from(["Nod", "a/Nod.py", "JointLimits"]),
+    PARAMS | st.text('abc -/"\u00e9', max_size=60),
+    st.sampled_from(["", "left", "right arm"]),
+)
+Entry = tuple[str, str, str]
+
+
+def ids_of(entries: list[Entry]) -> list[str]:
+    """The ids in a suite of these tests."""
+    tests = ""
+    for plugin, param, part in entries:
+        parameter = f'<parameter name="part">{part}</parameter>' if part else ""
+        tests += f'<test param="{escape(param)}">{parameter}{plugin}</test>'
+    suite = load_suite_bytes(f'<suite name="S">{tests}</suite>'.encode(), "s.xml", variables={}).suite
+    return [test.id for test in suite.tests]
+
+
+def label_of(entry: Entry) -> str:
+    """What the id of a test is made from."""
+    plugin, param, part = entry
+    return label_of_plugin(plugin, param, [("part", part)] if part else [])
+
+
+@settings(deadline=None)
+@given(st.lists(ENTRIES, unique_by=label_of, max_size=6), st.data())
+def test_id_stays_when_other_tests_come_and_go(entries: list[Entry], data: st.DataObject):
+    """In any order and any part of a suite, each test has the id that it had."""
+    before = dict(zip(entries, ids_of(entries), strict=True))
+    others = data.draw(st.permutations(entries))[: data.draw(st.integers(0, len(entries)))]
+    assert ids_of(others) == [before[entry] for entry in others]
+
+
+@settings(deadline=None)
+@given(st.lists(ENTRIES, max_size=8))
+def test_id_is_unique_and_a_word_for_k(entries: list[Entry]):
+    """No two tests share one; our runner and pytest read it as one word; it is harmless in links and file names."""
+    ids = ids_of(entries)
+    assert len({*ids}) == len(ids)
+    for test in ids:
+        assert re.fullmatch(r"s/[A-Za-z0-9._-]+(\[[A-Za-z0-9._-]+\])?(\+[0-9]+)?", test)
+        assert len(test) < 200
+        assert Expression.compile(f"{test} and not x").evaluate(lambda word, /, test=test, **_: word == test)
+        assert parse_expression(f"{test} and not x").holds(lambda word, test=test: word == test)
+
+
+@pytest.mark.parametrize(
+    ("plugin", "param", "parameters", "variant", "label"),
+    [
+        ("Nod", "", [], (), "Nod"),
+        ("checks/Nod.py", "", [], (), "Nod"),
+        ("libNod.so.2", "", [], (), "libNod"),
+        ("JointLimits", "--from left_arm.ini", [], (), "JointLimits[left_arm]"),
+        ("JointLimits", "--speed 20 --joint 3", [], (), "JointLimits[speed-20-joint-3]"),
+        ("JointLimits", "--speed -20", [], (), "JointLimits[speed--20]"),
+        ("JointLimits", "", [("part", "left_arm")], (), "JointLimits[part-left_arm]"),
+        ("JointLimits", "--from x.ini", [("part", "x")], ("left_arm", "20"), "JointLimits[left_arm-20]"),
+        ("JointLimits", "--port /icub/head", [], (), "JointLimits[port--icub-head-af03b3]"),
+        ("\u89c6\u89c9", "", [], (), "test"),
+    ],
+)
+def test_label_is_made_of_plugin_and_parameters(plugin, param, parameters, variant, label):
+    """Short and readable; where not every character is fit for it, a digest keeps it apart from others."""
+    assert label_of_plugin(plugin, param, parameters, variant) == label
+
+
+def test_only_the_same_test_is_numbered():
+    """A test with the label of another one gets a digest instead, which does not depend on the order."""
+    one, other = TestIds("s"), TestIds("s")
+    assert [one.unique("Nod", "a"), one.unique("Nod", "a"), one.unique("Nod", "b")][:2] == ["s/Nod", "s/Nod+2"]
+    third = one.unique("Nod", "b")
+    other.unique("Nod", "a")
+    assert other.unique("Nod", "b") + "+2" == third
+
+
+def test_suites_of_one_name_are_told_apart_by_their_files():
+    """As long as those differ."""
+    ids = SuiteIds()
+    told = [ids.unique("Arm", file) for file in ("lab/arm.xml", "lab/second.xml", "lab/second.xml", "")]
+    assert told == ["arm", "arm[second]", "arm+2", "arm+3"]
+
+
+@pytest.mark.parametrize(
+    ("old", "name", "new"),
+    [
+        ("s/jointlimits-left_arm", "JointLimits [left_arm]", "s/JointLimits[left_arm]"),
+        ("s/jointlimits-left_arm~2", "JointLimits [left_arm]", "s/JointLimits[left_arm]+2"),
+        ("s/left-arm", "Left arm", "s/Left-arm"),
+        ("s/nod", "renamed by the test", "s/nod"),
+    ],
+)
+def test_id_of_an_older_version_has_its_successor(old: str, name: str, new: str):
+    """Older versions made ids of the name, in lower case, and numbered them in the order of the file."""
+    assert renewed(old, "s", name) == new
+    assert label_of_name(name) == new.removeprefix("s/").removesuffix("+2") or name == "renamed by the test"
