@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from harness import run_command
-from rtf.cli import network
-from rtf.cli.arguments import build_parser
+from rtf.cli.arguments import parse_run
+from rtf.cli.command_tree import RTF, TESTRUNNER
 
 ROOT = Path(__file__).parents[1]
 JENKINS, GITLAB = ROOT / "Jenkinsfile", ROOT / ".gitlab-ci.yml.example"
@@ -18,8 +18,8 @@ PIPELINES = [JENKINS, GITLAB]
 BATTERY = "suites/icubSim/battery.xml"
 SHOWN = re.compile(r"^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 #: What runs tests or asks about them; the names of the others are in the help of the tools.
-COMMANDS = {"describe", "validate", "report", "page", "history", "where"}
-TOOLS = {*COMMANDS, *network.TOOLS, "robotinterface", "simulator", "proof", "demo", "run"}
+COMMANDS = {command.name for command in TESTRUNNER.commands}
+TOOLS = {command.name for command in RTF.commands}
 
 
 def commands(path: Path) -> list[list[str]]:
@@ -52,9 +52,9 @@ def test_commands_can_be_given(path: Path, tmp_path: Path):
             assert words[0] in (TOOLS if program == "rtf" else COMMANDS), words
             assert all((ROOT / suite).is_file() for suite in words[1:] if words[0] == "validate"), words
         else:
-            options = build_parser().parse_args(words)
+            options = parse_run(words)
             selection = ["-k", options.names] if options.names else []
-            suites = [word for suite in options.suite for word in ("--suite", str(ROOT / suite))]
+            suites = [word for suite in (*options.suite, *options.targets) for word in ("--suite", str(ROOT / suite))]
             tests = ["--test", options.test] if options.test else []
             outcome = run_command(tmp_path, *suites, *tests, *selection, "--list")
             assert outcome.exit_code == 0, (words, outcome.stderr)

@@ -3,64 +3,82 @@
 from __future__ import annotations
 
 import argparse
+import difflib
+from typing import TYPE_CHECKING
 
 import rtf
+from rtf.cli.command_tree import EXIT_CODES, TESTRUNNER
 from rtf.cli.device import add_device_options
 from rtf.cli.parser import Parser, count, key_value, port, seconds
 
-_EPILOG = """\
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_EPILOG = f"""\
 commands (each has its own --help):
-  testrunner describe           which tests there are; with --fixture: which fixtures
-  testrunner describe NAME      what one of them is for, and its parameters
-  testrunner validate SUITE...  everything that is wrong in suite files, before anything moves
-  testrunner report RUN ...     write reports of a run that is over
-  testrunner page RUN           the page of a run that is over, or still going on
-  testrunner history [NAME...]  what became of tests and measurements over the runs
-  testrunner where FILE         where a parameter file is looked for, and which one wins
+{TESTRUNNER.listing()}
 
 examples:
-  testrunner --suite suites/demo/demo.xml                run a suite
-  testrunner --suite demo.xml -k "left and not leg"      only some of its tests
-  testrunner --test my_test.py --set speed=20            one test, with a parameter
-  testrunner --suites my_suites -r -j 2 --junit out.xml  all suites of a folder, two at a time
+  testrunner suites/demo/demo.xml                        run a suite; several, and folders of them, likewise
+  testrunner demo.xml -k "left and not leg"              only some of its tests
+  testrunner my_test.py --set speed=20                   one test, with a parameter
+  testrunner my_suites -r -j 2 --junit out.xml           all suites of a folder, two at a time
+  testrunner                                             what rtf.toml says
   testrunner --resume rtf-runs/latest                    only what an interrupted run still owes
 
-exit codes:
-  0 passed   1 failures   2 interrupted   3 internal error   4 usage or suite file   5 nothing ran
-  6 a fixture is not usable (the rig is broken, not the robot)
-"""
+{EXIT_CODES}"""
 
 
 def build_parser() -> Parser:
     """The parser of the run command."""
     parser = Parser(
         prog="testrunner",
+        usage="testrunner [options] [SUITE|TEST|DIR ...]   or   testrunner COMMAND ...",
         description="Run robot tests: isolated, supervised, truthful.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        add_help=False,
-        allow_abbrev=False,
     )
     _what(parser.add_argument_group("what to run"))
     _which(parser.add_argument_group("which of it"))
     _how(parser.add_argument_group("how"))
     add_report_options(parser.add_argument_group("what is said and written"))
     add_page_options(parser.add_argument_group("the live page"))
-    other = parser.add_argument_group("other")
-    other.add_argument("--version", action="version", version=f"testrunner version {rtf.__version__}")
-    other.add_argument("-?", "-h", "--help", action="help", help="show this text")
+    parser.add_argument("--show-config", action="store_true", help="print the settings, and where each is from")
+    parser.add_argument("--no-config", action="store_true", help="leave rtf.toml and pyproject.toml alone")
+    parser.add_argument("--version", action="version", version=f"testrunner version {rtf.__version__}")
     return parser
 
 
+def parse_run(words: Sequence[str]) -> argparse.Namespace:
+    """Read the words of a run. Options and targets come in any order; a word that is neither is an error."""
+    parser = build_parser()
+    options, unknown = parser.parse_known_intermixed_args(words)
+    if unknown:
+        known = [name for action in parser._actions for name in action.option_strings]  # noqa: SLF001 - no public way
+        near = difflib.get_close_matches(unknown[0].partition("=")[0], known, n=1)
+        parser.error(f"unknown option {unknown[0]}{f'; did you mean {near[0]}?' if near else ''}")
+    return options
+
+
+def blank_options(words: Sequence[str]) -> argparse.Namespace:
+    """What the words of a run say, and None for each option of which they say nothing."""
+    parser = build_parser()
+    blank = argparse.Namespace(**dict.fromkeys(action.dest for action in parser._actions))  # noqa: SLF001
+    return parser.parse_known_intermixed_args(words, blank)[0]
+
+
 def _what(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "targets",
+        metavar="SUITE|TEST|DIR",
+        nargs="*",
+        help="suite files, tests (file.py, file.py::Class), folders of suites or of tests",
+    )
     group.add_argument("-t", "--test", metavar="FILE", help="one test plug-in, by file or name")
     group.add_argument(
         "--type", metavar="TYPE", help="its type where the name does not tell: python, lua, tap, gtest, exit …"
     )
     group.add_argument("--tests", metavar="DIR", help="every test plug-in of a folder")
-    group.add_argument(
-        "-s", "--suite", metavar="XML", action="append", default=[], help="a suite file (may be repeated)"
-    )
+    group.add_argument("-s", "--suite", metavar="XML", nargs="+", action="extend", default=[], help="suite files")
     group.add_argument("--suites", metavar="DIR", help="every suite file of a folder, in sorted order")
     group.add_argument("-r", "--recursive", action="store_true", help="--tests and --suites descend into sub-folders")
     group.add_argument("-p", "--param", metavar="STRING", default="", help="parameter string for --test")

@@ -5,13 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from rtf.cli.running import Plan, show_diagnostics, show_plan
 from rtf.testing.events import Diagnosed
 from rtf.testing.inspection import Use, inspect_plugins
 from rtf.testing.plugins import shipped_folder
 from rtf.testing.suite.model import TestEntry
-from rtf.testing.verdict import Severity
+from rtf.testing.verdict import ExitCode, Severity
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Collection, Iterator, Sequence
 
     from rtf.cli.running import Plan
@@ -130,3 +132,13 @@ def _diagnosed(planned: PlannedSuite, entry: TestEntry | FixtureEntry, severity:
         column=location.column,
         suite=planned.suite.id,
     )
+
+
+def dry_run(plan: Plan, options: argparse.Namespace) -> ExitCode:
+    """Print the plan and every problem. Exit code 0 when a run could begin."""
+    show_plan(plan)
+    problems = tuple(problems_of(plan, options.overrides))
+    show_diagnostics(problems)
+    errors = sum(problem.severity is Severity.ERROR for problem in problems)
+    print(f"dry run: nothing was run, {errors} error{'s' if errors != 1 else ''} found")
+    return ExitCode.USAGE if errors else ExitCode.PASSED

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import rtf
 from rtf.cli.arguments import add_lenient_option
 from rtf.cli.parser import Parser, key_value
 from rtf.testing.verdict import ExitCode, Severity
@@ -90,11 +91,8 @@ def report(words: Sequence[str]) -> ExitCode:
     parser = Parser(
         prog="testrunner report",
         description="Write reports of a run that is over, from its journal alone.",
-        add_help=False,
-        allow_abbrev=False,
     )
     parser.add_argument("run", metavar="RUN", help="the folder of a run, such as rtf-runs/latest, or its journal")
-    parser.add_argument("-?", "-h", "--help", action="help", help="show this text")
     add_report_options(parser.add_argument_group("what is said and written"))
     parser.set_defaults(no_output=True)
     options = parser.parse_args(words)
@@ -115,18 +113,36 @@ def report(words: Sequence[str]) -> ExitCode:
     return ExitCode(results.ended.exit_code) if results.ended is not None else results.exit_code()
 
 
-def where(words: Sequence[str]) -> ExitCode:
-    """Print every place where a file is looked for, in order, and which one wins."""
+def where(words: Sequence[str]) -> int:
+    """Print every place where a file is looked for, in order, and which one wins; without a file the name server's."""
     from rtf.resources import ResourceFinder
     from rtf.testing.plugins import shipped_folder
 
-    parser = Parser(prog="testrunner where", description="Where a parameter file is looked for, and which one wins.")
-    parser.add_argument("file", metavar="FILE", help="the file, as --from names it")
+    parser = Parser(
+        prog="testrunner where",
+        description="Where a parameter file is looked for, and which one wins. Without FILE: where the name server is.",
+        epilog="example:\n  rtf where left_arm.ini --robot icubSim\n  rtf where",
+    )
+    parser.add_argument("file", nargs="?", metavar="FILE", help="the file, as --from names it")
     parser.add_argument("--context", default="RobotTesting", help="the context (default: RobotTesting)")
     parser.add_argument("--robot", default=None, help="the robot (default: YARP_ROBOT_NAME)")
     parser.add_argument("--suite", type=Path, default=None, metavar="XML", help="the suite beside which to look, too")
     options = parser.parse_args(words)
+    if options.file is None:
+        if words:
+            parser.error("these options are about a FILE, and there is none")
+        from rtf.cli.network.name_server import where as name_server
+        from rtf.cli.network.terminal import run_to_its_end
+
+        return run_to_its_end("rtf where", name_server, [])
     roots = [*([options.suite.parent] if options.suite else []), shipped_folder("suites")]
     search = ResourceFinder(contexts=[options.context], robot=options.robot, roots=roots).search(options.file)
     print("\n".join(search.lines()))
     return ExitCode.PASSED if search.path is not None else ExitCode.FAILURES
+
+
+def version(words: Sequence[str]) -> ExitCode:
+    """Print the version of the framework."""
+    Parser(prog="rtf version", description="The version of the framework.").parse_args(words)
+    print(f"rtf version {rtf.__version__}")
+    return ExitCode.PASSED

@@ -8,16 +8,22 @@ simulated robot that moves, and the battery: all tests of a lab on the simulated
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
+import tempfile
 import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from rtf import clock
 from rtf.cli.parser import Parser
+from rtf.errors import RtfError
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from rtf.middleware.network import Network
     from rtf.testing.results import RunResult
 
 #: The suites of the battery: the longest first, so that the others run beside it.
@@ -44,9 +50,9 @@ def demo(words: Sequence[str]) -> ExitCode:
     if first.code not in (ExitCode.PASSED, ExitCode.FAILURES):
         return first.code
     shown = [first]
-    wrong = first.wrong + _show("two programs that talk", _talk)
+    wrong = first.wrong + _show("two programs that talk", talk)
     if _can_simulate():
-        wrong += _show("a robot that moves", lambda: _move(runs))
+        wrong += _show("a robot that moves", lambda: move(runs))
         if not options.quick:
             shown.append(_battery(runs / "battery"))
             wrong += shown[-1].wrong
@@ -77,18 +83,6 @@ def _show(what: str, show: Callable[[], list[str]]) -> list[str]:
     except (RtfError, OSError) as error:
         return [f"{what}: {error}"]
     return []
-
-
-def _talk() -> list[str]:
-    from rtf.cli.demo_network import talk
-
-    return talk()
-
-
-def _move(runs: Path) -> list[str]:
-    from rtf.cli.demo_robot import move
-
-    return move(runs)
 
 
 def _what_goes_wrong(runs: Path, rest: Sequence[str]) -> _Shown:
@@ -189,3 +183,161 @@ def compare(results: RunResult, expected: dict[str, dict[str, object]]) -> list[
     if incidents != expected["fixture"]["incidents"]:
         wrong.append(f"{incidents} fixture incidents, expected {expected['fixture']['incidents']}")
     return wrong
+
+
+_SAYING = '[set] [pos] 0 12.5 "two words"'
+_QUESTIONS = 50
+_TALK_LIMIT = 20.0
+
+
+def talk() -> list[str]:
+    """Have two programs talk over a network of their own; returns what happened, a line each.
+
+    Raises MiddlewareError, or OSError, when they do not understand each other.
+    """
+    from rtf.middleware.errors import ProtocolError
+    from rtf.middleware.naming.client import RemoteNames
+    from rtf.middleware.naming.configuration import write_place
+    from rtf.middleware.naming.server import NameServer
+    from rtf.middleware.network import Network
+
+    with tempfile.TemporaryDirectory() as folder, NameServer() as server:
+        environment = {**os.environ, "YARP_CONFIG_HOME": folder}
+        write_place(server.contact, environment=environment)
+        command = [sys.executable, "-m", "rtf", "read", "/demo/reader", "once"]
+        names = RemoteNames(server.contact)
+        try:
+            with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as reader:
+                try:
+                    lines = _write(Network(names), reader.pid)
+                    heard, _ = reader.communicate(timeout=_TALK_LIMIT)
+                finally:
+                    reader.kill()
+        finally:
+            names.close()
+        if heard.strip() != _SAYING:
+            raise ProtocolError(f"the reader was sent {_SAYING!r} and printed {heard.strip()!r}")
+        return [*lines, f"  process {reader.pid} printed what it was sent: {heard.strip()}"]
+
+
+def _write(network: Network, reader: int) -> list[str]:
+    from rtf.bottle import Bottle
+    from rtf.middleware import remote
+    from rtf.middleware.errors import ConnectError
+    from rtf.middleware.names import Contact
+    from rtf.middleware.port import Port
+    from rtf.testing.statistics import median
+
+    target = Contact(name="/demo/reader")
+    deadline = clock.Deadline.after(_TALK_LIMIT)
+    while not remote.exists(network, target):
+        if deadline.expired:
+            raise ConnectError(f"/demo/reader, which process {reader} should open, is not there")
+        clock.sleep(0.02)
+    times = []
+    for _ in range(_QUESTIONS):
+        began = clock.monotonic()
+        remote.administer(network, target, Bottle.parse("[ver]"))
+        times.append(clock.monotonic() - began)
+    with Port("/demo/writer", network=network, inputs=False) as writer:
+        found = writer.add_output("/demo/reader", "tcp")
+        writer.write(Bottle.parse(_SAYING))
+    return [
+        f"Two programs talk as YARP's do: /demo/writer here, /demo/reader in process {reader} ({found.by('tcp')})",
+        f"  a connection, a question and its answer take {median(times) * 1e3:.2f} ms",
+    ]
+
+
+_ROBOT = "icubSim"
+_JOINT, _TARGET, _SPEED = "l_elbow", 90.0, 40.0  # deg, deg/s
+_ROBOT_LIMIT = 60.0
+
+
+class DemonstrationError(RtfError, RuntimeError):
+    """Something that is shown did not happen."""
+
+
+def move(runs: Path) -> list[str]:
+    """Start a robot, move its arm through the network, keep what its left eye sees; says what happened, a line each.
+
+    Raises RtfError, or OSError, when something does not work.
+    """
+    from rtf.middleware.naming.client import RemoteNames
+    from rtf.middleware.naming.configuration import write_place
+    from rtf.middleware.naming.server import NameServer
+    from rtf.middleware.network import Network
+
+    with tempfile.TemporaryDirectory() as folder, NameServer() as server:
+        environment = {**os.environ, "YARP_CONFIG_HOME": folder}
+        write_place(server.contact, environment=environment)
+        ready = Path(folder) / "ready"
+        words = ["--robot", _ROBOT, "--parts", "head,left_arm", "--lockstep", "--cameras", "auto"]
+        command = [sys.executable, "-m", "rtf", "simulator", *words, "--ready-file", str(ready)]
+        began = clock.monotonic()
+        names = RemoteNames(server.contact)
+        with subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL) as simulator:
+            try:
+                _wait_for(ready, simulator)
+                line = f"A simulated iCub is ready after {clock.monotonic() - began:.2f} s, in process {simulator.pid}"
+                return [line, *_command(Network(names), runs)]
+            finally:
+                simulator.terminate()
+                names.close()
+
+
+def _wait_for(ready: Path, simulator: subprocess.Popen[bytes]) -> None:
+    deadline = clock.Deadline.after(_ROBOT_LIMIT)
+    while not ready.exists():
+        if simulator.poll() is not None:
+            raise DemonstrationError(
+                f"the simulator ended with {simulator.returncode}; see rtf simulator --robot {_ROBOT}"
+            )
+        if deadline.expired:
+            raise DemonstrationError(f"the simulator was not ready within {_ROBOT_LIMIT:g} s")
+        clock.sleep(0.02)
+
+
+def _command(network: Network, runs: Path) -> list[str]:
+    from rtf.middleware.time import LockstepClock
+    from rtf.robot.client.control_board import connect
+
+    began = clock.monotonic()
+    with clock.use(LockstepClock("/clock", "demonstration", network=network)) as time:
+        with connect(f"/{_ROBOT}/left_arm", carrier="tcp", network=network) as arm:
+            joint = arm.axis_names().index(_JOINT)
+            time.sleep(0.1)
+            start, left = arm.encoder(joint), time.now()
+            arm.set_reference_speeds(_SPEED, joint)
+            arm.position_move(_TARGET, joint)
+            while not arm.motion_done(joint):
+                time.sleep(0.05)
+            time.sleep(0.2)
+            reached, seconds = arm.encoder(joint), time.now() - left
+        if abs(reached - _TARGET) > 1.0:
+            raise DemonstrationError(f"{_JOINT} was to move to {_TARGET:g} deg and is at {reached:.2f}")
+        factor = seconds / (clock.monotonic() - began)
+        moved = f"  {_JOINT} moved from {start:.1f} to {reached:.1f} deg in {seconds:.2f} s of its time"
+        return [f"{moved}, {factor:.0f} times as fast as a robot", _look(network, runs)]
+
+
+def _look(network: Network, runs: Path) -> str:
+    """Keep a picture of the left eye, where the machine can make one."""
+    from rtf.middleware import remote
+    from rtf.middleware.names import Contact
+
+    if not remote.exists(network, Contact(f"/{_ROBOT}/cam/left/rpc")):
+        return "  no picture: this machine cannot make any; see rtf simulator --cameras yes"
+    from rtf.bottle import Property
+    from rtf.robot.client.frame_grabber import FrameGrabberClient
+    from rtf.robot_testing.pictures import png
+
+    eye = FrameGrabberClient("eye", network=network)
+    eye.open(Property({"local": "/demo/eye", "remote": f"/{_ROBOT}/cam/left", "no_stream": 1}))
+    try:
+        image, _ = eye.image()
+    finally:
+        eye.close()
+    runs.mkdir(parents=True, exist_ok=True)
+    picture = runs / "demo-left-eye.png"
+    picture.write_bytes(png(image.pixels))
+    return f"  what its left eye sees: {picture.resolve()}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import fcntl
 import json
 import sys
@@ -15,6 +14,7 @@ from rtf.testing.history import History, default_place, trends
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
 
 _EPILOG = """\
@@ -62,9 +62,6 @@ def _parser() -> Parser:
         prog="testrunner history",
         description="What became of tests and measurements over the runs of a robot.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        add_help=False,
-        allow_abbrev=False,
     )
     shown = parser.add_argument_group("what is shown")
     shown.add_argument("names", metavar="NAME", nargs="*", help="part of a name, or a pattern")
@@ -84,7 +81,6 @@ def _parser() -> Parser:
     care.add_argument("--import", metavar="RUN", nargs="+", dest="runs", help="take in runs, by their folders")
     care.add_argument("--prune", metavar="N", type=count, help="keep only the last N runs of each robot and station")
     care.add_argument("--forget", metavar="RUN", action="append", help="take a run out, by its name or folder")
-    parser.add_argument_group("other").add_argument("-?", "-h", "--help", action="help", help="show this text")
     return parser
 
 

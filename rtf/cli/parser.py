@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import textwrap
 from typing import NoReturn
 
 from rtf.errors import RtfError
@@ -17,12 +18,30 @@ class UsageError(RtfError, ValueError):
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose usage errors end with our exit code."""
+    """An argument parser whose usage errors end with our exit code; its help ends with the text as it is written."""
+
+    def __init__(self, *, prog: str, description: str, usage: str | None = None, epilog: str | None = None) -> None:
+        super().__init__(
+            prog=prog,
+            usage=usage,
+            description=description,
+            epilog=epilog,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+            add_help=False,
+        )
+        self.add_argument("-?", "-h", "--help", action="help", help="show this text")
 
     def error(self, message: str) -> NoReturn:
         """Print usage and the error to stderr, and exit."""
         self.print_usage(sys.stderr)
         self.exit(int(ExitCode.USAGE), f"{self.prog}: {message}\nTry '{self.prog} --help'.\n")
+
+
+def make_parser(word: str, description: str, example: str) -> Parser:
+    """A parser of a command of ``rtf`` whose help ends with an example: commands, a line each."""
+    epilog = "example:\n" + textwrap.indent(textwrap.dedent(example).strip(), "  ")
+    return Parser(prog=f"rtf {word}", description="\n".join(textwrap.wrap(description, 100)), epilog=epilog)
 
 
 def key_value(text: str) -> tuple[str, str]:

@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.network.options import make_parser
-from rtf.cli.parser import count
+from rtf.cli.parser import count, make_parser
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:

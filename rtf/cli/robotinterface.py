@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import argparse
 import io
 import os
 import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 from rtf.bottle import as_string
 from rtf.cli.parser import Parser, seconds
 from rtf.errors import RtfError
 from rtf.resources import ResourceFinder, parse_arguments
-from rtf.robot.interface.program import FAILED, FINE, WRONG, Teller
+from rtf.robot.interface.program import FINE, WRONG, Teller
 from rtf.robot.interface.reading import Reading, read_robot
 from rtf.robot.interface.telling import Weight
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
 
     from rtf.bottle import Property
@@ -42,7 +42,8 @@ examples:
   rtf rpc /icub/yarprobotinterface is_ready                           # get_phase, get_level, get_robot, quit, help
 
 exit codes:
-  0  all was done   1  the startup or an action failed   2  the command line or the files are wrong
+  0 all was done   1 the startup or an action failed   2 interrupted before anything was opened
+  4 usage, or the files are wrong
 """
 
 
@@ -51,16 +52,6 @@ def robotinterface(words: Sequence[str]) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(encoding="utf-8", errors="backslashreplace")  # whatever the locale
-    try:
-        return _begin(words)
-    except KeyboardInterrupt:  # nothing has been opened yet
-        return FAILED
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python would complain at its end
-        return FINE
-
-
-def _begin(words: Sequence[str]) -> int:
     options, others = _parser().parse_known_args(words)
     if options.svg is not None and not options.dry_run:
         _parser().error("--svg draws what would be done; it goes with --dry-run")
@@ -79,22 +70,13 @@ def _begin(words: Sequence[str]) -> int:
     return _run(reading, options, tell)
 
 
-class _Parser(Parser):
-    def error(self, message: str) -> NoReturn:
-        """Print usage and the error to stderr, and exit."""
-        self.print_usage(sys.stderr)
-        self.exit(WRONG, f"{self.prog}: {message}\nTry '{self.prog} --help'.\n")
-
-
-def _parser() -> _Parser:
-    parser = _Parser(
+def _parser() -> Parser:
+    parser = Parser(
         prog="rtf robotinterface",
         usage="rtf robotinterface --config ROBOT.xml [options] [--KEY VALUE ...]",
         description="Start a robot from its configuration: open its devices, attach and calibrate them, run, and end in"
         " order.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     parser.add_argument(
         "--config",

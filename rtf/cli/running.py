@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.cli.device import device_record
+from rtf.cli.parser import UsageError
 from rtf.testing import run_folder
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files, plugin_files, suite_files, suite_of_plugins
 from rtf.testing.suite.model import Isolation, SuiteError, TestSuite, Timeouts, number_suites
@@ -16,7 +18,7 @@ from rtf.testing.verdict import ExitCode, Severity
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from rtf.testing.events import Diagnosed
     from rtf.testing.isolation.launch import Launched
@@ -66,21 +68,61 @@ def _with_fixtures(
 
 
 def _load(options: argparse.Namespace) -> Loaded:
-    made: list[TestSuite] = []
-    if options.test:
-        made.append(_suite_for(options, "test", [(options.test, options.type)]))
+    """All suites that the command line names: single tests as one suite, then what its words name, then options."""
+    tests = [(options.test, options.type)] if options.test else []
+    tests += [(word, options.type) for word in options.targets if _is_test(word)]
+    parts = [Loaded((_suite_for(options, "test", tests),), ())] if tests else []
     if options.tests:
-        files = plugin_files(Path(options.tests), recursive=options.recursive)
-        made.append(
-            _suite_for(options, Path(options.tests).name or "tests", [(str(path.resolve()), None) for path in files])
-        )
-    files_wanted = [(Path(name), True) for name in options.suite]
+        parts.append(_tests_of(Path(options.tests), options))
+    parts += [_load_target(Path(word), options) for word in options.targets if not _is_test(word)]
+    wanted = [(Path(name), True) for name in options.suite]
     if options.suites:
-        files_wanted += [(path, False) for path in suite_files(Path(options.suites), recursive=options.recursive)]
-    if not files_wanted:
-        return Loaded(number_suites(made), ())
-    loaded = load_files(files_wanted, dict(options.define), lenient=options.lenient)
-    return Loaded(number_suites([*made, *loaded.suites]), loaded.diagnostics)
+        wanted += [(path, False) for path in suite_files(Path(options.suites), recursive=options.recursive)]
+    parts.append(_load_suites(wanted, options))
+    suites = number_suites([suite for part in parts for suite in part.suites])
+    return Loaded(suites, tuple(said for part in parts for said in part.diagnostics))
+
+
+def _is_test(word: str) -> bool:
+    """Whether a word names a test plug-in: a file that is no suite file, or a class of a file."""
+    file = Path(word.partition("::")[0])
+    return file.is_file() and file.suffix != ".xml"
+
+
+def _load_target(path: Path, options: argparse.Namespace) -> Loaded:
+    """The suite of a file; all suites of a folder, or else all its tests. Raises UsageError when nothing is there."""
+    if path.is_file():
+        return _load_suites([(path, True)], options)
+    if not path.is_dir():
+        raise UsageError(_nothing_like(path))
+    files = suite_files(path, recursive=options.recursive)
+    loaded = _load_suites([(file, False) for file in files], options)
+    if not (loaded.suites or loaded.diagnostics):
+        loaded = _tests_of(path, options)
+        if not any(suite.tests for suite in loaded.suites):
+            deeper = "" if options.recursive else "; -r looks into its folders, too"
+            raise UsageError(f"the folder {path} has neither suites nor tests in it{deeper}")
+    return loaded
+
+
+def _nothing_like(path: Path) -> str:
+    """Say that there is no such file or folder, and which name is near."""
+    from rtf.cli.command_tree import TESTRUNNER
+
+    siblings = [one.name for one in path.parent.iterdir()] if path.parent.is_dir() else []
+    near = difflib.get_close_matches(path.name, [*siblings, *(command.name for command in TESTRUNNER.commands)], n=1)
+    hint = f"did you mean {near[0]}?" if near else "a test is named by --test, or by its file"
+    return f"there is no file or folder {str(path)!r}; {hint}"
+
+
+def _load_suites(wanted: Sequence[tuple[Path, bool]], options: argparse.Namespace) -> Loaded:
+    return load_files(wanted, dict(options.define), lenient=options.lenient) if wanted else Loaded((), ())
+
+
+def _tests_of(folder: Path, options: argparse.Namespace) -> Loaded:
+    files = plugin_files(folder, recursive=options.recursive)
+    plugins: list[tuple[str, str | None]] = [(str(path.resolve()), None) for path in files]
+    return Loaded((_suite_for(options, folder.resolve().name or "tests", plugins),), ())
 
 
 def _suite_for(options: argparse.Namespace, name: str, plugins: list[tuple[str, str | None]]) -> TestSuite:
@@ -201,7 +243,7 @@ def make_run_folder(options: argparse.Namespace, plan: Plan) -> Path:
         raise SuiteError(f"--runs {runs}: {error.strerror or error}; name another folder with --runs") from None
 
 
-def run_options(options: argparse.Namespace, folder: Path, words: list[str]) -> RunOptions:
+def run_options(options: argparse.Namespace, folder: Path, words: Sequence[str]) -> RunOptions:
     """The options of the runner."""
     from rtf.testing.isolation.attempt import GRACE
     from rtf.testing.operator import make_operator

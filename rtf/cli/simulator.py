@@ -13,7 +13,7 @@ from rtf.errors import RtfError
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from rtf.simulator.faults import Fault
 
@@ -34,26 +34,28 @@ examples:
 The first SIGINT or SIGTERM closes all ports, the second ends it at once.
 
 exit codes:
-  0  it ended because it was asked to   1  it was not started, or its time ended with an error
-  4  the command line is wrong   130  ended at once
+  0 it ended because it was asked to   1 it was not started, or its time ended with an error   2 ended at once
+  4 usage
 """
 _FASTEST = float("inf")
 
 
+def _told(command: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], int]:
+    """A command that ends with 1, not with 4, when the simulator refuses or cannot be reached."""
+
+    def run(words: Sequence[str]) -> int:
+        try:
+            return command(words)
+        except RtfError as error:
+            print(f"rtf simulator: {error}", file=sys.stderr)
+            return int(ExitCode.FAILURES)
+
+    return run
+
+
+@_told
 def simulator(words: Sequence[str]) -> int:
-    """Run one of the commands; returns the exit code."""
-    command = _COMMANDS.get(words[0]) if words else None
-    try:
-        return command(words[1:]) if command is not None else _run(words)
-    except RtfError as error:
-        print(f"rtf simulator: {error}", file=sys.stderr)
-        return int(ExitCode.FAILURES)
-
-
-# Starting one ----------------------------------------------------------------------------------------------------
-
-
-def _run(words: Sequence[str]) -> int:
+    """Start a simulator and run it until a signal ends it; returns the exit code."""
     from rtf.bottle import Dialect
     from rtf.simulator.program import Settings, run_simulator
 
@@ -81,8 +83,6 @@ def _parser() -> Parser:
         usage="rtf simulator [options] | faults | status | inject | clear ...",
         description="Start a simulated iCub: its ports are those of the robot, and /clock is its time.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     _add_robot(parser)
     parser.add_argument("--parts", metavar="A,B", type=_parts, default=(), help="the parts to serve (default: all)")
@@ -163,8 +163,10 @@ def _factor(text: str) -> float:
 # What can be broken ----------------------------------------------------------------------------------------------
 
 
-def _faults(words: Sequence[str]) -> int:
-    parser = Parser(prog="rtf simulator faults", description="The kinds of faults, by layer.", allow_abbrev=False)
+@_told
+def faults(words: Sequence[str]) -> int:
+    """Print the kinds of faults, or all about one."""
+    parser = Parser(prog="rtf simulator faults", description="The kinds of faults, by layer.")
     parser.add_argument("kind", nargs="?", metavar="KIND", help="this one only, with all there is to say of it")
     parser.add_argument("--json", action="store_true", help="for a program")
     options = parser.parse_args(words)
@@ -181,8 +183,10 @@ def _faults(words: Sequence[str]) -> int:
 # Talking to one that runs ----------------------------------------------------------------------------------------
 
 
-def _status(words: Sequence[str]) -> int:
-    parser = Parser(prog="rtf simulator status", description="How a simulator is.", allow_abbrev=False)
+@_told
+def status(words: Sequence[str]) -> int:
+    """Print how a simulator is."""
+    parser = Parser(prog="rtf simulator status", description="How a simulator is.")
     _add_robot(parser)
     options = parser.parse_args(words)
     from rtf.cli.network.options import make_network
@@ -193,13 +197,13 @@ def _status(words: Sequence[str]) -> int:
     return int(ExitCode.PASSED)
 
 
-def _inject(words: Sequence[str]) -> int:
+@_told
+def inject(words: Sequence[str]) -> int:
+    """Break something in a simulator that runs."""
     parser = Parser(
         prog="rtf simulator inject",
         description="Break something in a simulator that runs; prints the number of the fault, for clear.",
         epilog="example:\n  rtf simulator inject encoder_drift l_elbow rate=0.5 --delay 2 --duration 10",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     _add_robot(parser)
     parser.add_argument("kind", metavar="KIND", help="one of 'rtf simulator faults'")
@@ -228,11 +232,12 @@ def _value(parser: Parser, word: str) -> tuple[str, float]:
         parser.error(f"{name}: {text!r} is no number")
 
 
-def _clear(words: Sequence[str]) -> int:
+@_told
+def clear(words: Sequence[str]) -> int:
+    """Mend a simulator that runs."""
     parser = Parser(
         prog="rtf simulator clear",
         description="Fix a simulator that runs; prints how many faults were taken out.",
-        allow_abbrev=False,
     )
     _add_robot(parser)
     parser.add_argument("number", nargs="?", type=count, metavar="NUMBER", help="of the fault (default: all)")
@@ -243,6 +248,3 @@ def _clear(words: Sequence[str]) -> int:
     with SimulatorControl(options.robot, network=make_network()) as control:
         print(control.clear(options.number))
     return int(ExitCode.PASSED)
-
-
-_COMMANDS = {"faults": _faults, "status": _status, "inject": _inject, "clear": _clear}

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.errors import RtfError
+from rtf.cli.arguments import build_parser, parse_run
 from rtf.testing.permission import give_permission
 from rtf.testing.verdict import ExitCode
 
@@ -18,68 +17,43 @@ if TYPE_CHECKING:
 
     from rtf.testing.runner import RunOptions
 
-#: The commands beside running, and the module of each.
-COMMANDS = {
-    **dict.fromkeys(("validate", "report", "where"), "commands"),
-    "describe": "describe",
-    "history": "history",
-    "page": "page",
-}
-
 _WHICH_TESTS = "'testrunner describe' says which tests there are"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code. Nothing is imported that the command does not need."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        if words and words[0] in COMMANDS:
-            module = import_module(f"rtf.cli.{COMMANDS[words[0]]}")
-            return int(getattr(module, words[0])(words[1:]))
-        return _run(words)
-    except RtfError as error:
-        print(f"testrunner: {error}", file=sys.stderr)
-        return int(ExitCode.USAGE)
-    except KeyboardInterrupt:  # before the run takes the signals over, or in a command that only reads
-        print("testrunner: interrupted", file=sys.stderr)
-        return int(ExitCode.INTERRUPTED)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nobody reads; do not complain at exit
-        return int(ExitCode.INTERNAL)
+    """Run ``testrunner``, or one of the commands below it; returns the exit code."""
+    from rtf.cli.command_tree import TESTRUNNER, main
+
+    return main(TESTRUNNER, arguments)
 
 
-def _run(words: list[str]) -> int:
-    from rtf.cli.arguments import build_parser
+def run(words: Sequence[str]) -> int:
+    """Run suites and tests; returns the exit code."""
+    options = parse_run(words)
+    if not (options.no_config or options.resume):
+        from rtf.cli.project import find_project, show_config
 
-    parser = build_parser()
-    options, extra = parser.parse_known_args(words)
-    unknown = [word for word in extra if word.startswith("-")]
-    if unknown:
-        parser.error(f"unknown option {unknown[0]}{_near_option(parser, unknown[0])}")
-    if extra and not (options.test or options.tests or options.suite or options.suites or options.resume):
-        parser.error(f"what is {extra[0]!r}? Suites are named with --suite, tests with --test")
+        project = find_project(Path.cwd())
+        if options.show_config:
+            print("\n".join(show_config(project, words)))
+            return int(ExitCode.PASSED)
+        if project is not None:
+            words = project.in_front_of(words)
+            options = parse_run(words)
     if options.isolation == "none":
         print("testrunner: isolation 'none': a test that hangs or crashes takes the run with it", file=sys.stderr)
     give_permission(given=options.allow_motion)
     if options.resume:
         return _resume(options)
-    if not (options.test or options.tests or options.suite or options.suites):
+    if not (options.targets or options.test or options.tests or options.suite or options.suites):
         if options.list:
-            parser.error(f"--list needs --suite, --suites, --test or --tests; {_WHICH_TESTS}")
-        parser.print_help()
+            build_parser().error(f"--list of what? Name suites or tests; {_WHICH_TESTS}")
+        build_parser().print_help()
         return int(ExitCode.USAGE)
     return _execute(options, words)
 
 
-def _near_option(parser: argparse.ArgumentParser, word: str) -> str:
-    import difflib
-
-    known = [name for action in parser._actions for name in action.option_strings]  # noqa: SLF001 - no public way
-    near = difflib.get_close_matches(word.partition("=")[0], known, n=1)
-    return f"; did you mean {near[0]}?" if near else ""
-
-
-def _execute(options: argparse.Namespace, words: list[str]) -> int:
+def _execute(options: argparse.Namespace, words: Sequence[str]) -> int:
     launched = None
     if not (options.list or options.dry_run or options.isolation == "none"):
         from rtf.testing.isolation.launch import launch
@@ -93,7 +67,7 @@ def _execute(options: argparse.Namespace, words: list[str]) -> int:
     if planned.refused:
         return int(running.refuse(planned))
     if options.dry_run:
-        from rtf.cli.dry_run import dry_run
+        from rtf.cli.check_plan import dry_run
 
         return int(dry_run(planned, options))
     folder = running.make_run_folder(options, planned)
@@ -113,7 +87,6 @@ def _resume(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from rtf.cli import running
-    from rtf.cli.arguments import build_parser
     from rtf.robot_testing.ledger import MotionLedger
     from rtf.testing import journal, replay
     from rtf.testing.events import RunStarted
@@ -131,7 +104,7 @@ def _resume(options: argparse.Namespace) -> int:
         print(f"testrunner: {folder} was made by pytest, which goes on with it by --last-failed", file=sys.stderr)
         return int(ExitCode.USAGE)
     done = replay.finished_tests(journal.read(folder))
-    original = build_parser().parse_args(list(started.command))
+    original = parse_run(started.command)
     original.device, original.device_file, original.device_ask = [*started.device.items()], None, False
     original.planned = replay.planned_tests(journal.read(folder))  # whatever it was that selected them then
     for name in _OF_REPORTING:

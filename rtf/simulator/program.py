@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 FINE, FAILED = 0, 1
 #: What a second signal ends it with, as a shell says of a program that SIGINT ended.
-_AT_ONCE = 130
+_AT_ONCE = 2
 CLOCK = "/clock"
 
 

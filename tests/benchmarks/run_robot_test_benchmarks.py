@@ -43,7 +43,7 @@ def jobs(folder: Path, swings: int) -> dict[str, Job]:
         "four": Job((*TESTRUNNER, "--suite", str(SUITES / "four.xml")), 60.0),
         "battery": Job((*TESTRUNNER, *battery, "--jobs", "2", "--answer", "default"), 240.0),
         "drift": Job((*TESTRUNNER, "--suite", "drift.xml"), 120.0),
-        "proof": Job((sys.executable, "-m", "rtf.cli.tools", "proof", "--fast", "-j", "2"), 120.0),
+        "proof": Job((sys.executable, "-m", "rtf", "proof", "--fast", "-j", "2"), 120.0),
     }
 
 

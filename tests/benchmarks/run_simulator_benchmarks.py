@@ -282,7 +282,7 @@ def start(turns: int) -> None:
 
 
 def _until_ready(folder: str, environment: dict[str, str]) -> str:
-    command = [sys.executable, "-m", "rtf.cli.tools", "simulator", "--nameserver", "--lockstep"]
+    command = [sys.executable, "-m", "rtf", "simulator", "--nameserver", "--lockstep"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment, cwd=folder) as program:
         assert program.stderr is not None
         said: list[str] = []

@@ -196,7 +196,7 @@ def test_rtf_gathers_the_tools(folder: Path):
     """One name, a word for each tool; a misspelt one is told."""
 
     def rtf(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "rtf.cli.tools", *arguments]
+        command = [sys.executable, "-m", "rtf", *arguments]
         return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
 
     assert rtf("--help").returncode == 0

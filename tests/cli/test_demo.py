@@ -33,7 +33,7 @@ def test_the_demo_sees_what_happens(tmp_path: Path):
     """Every verdict of the demonstration is the expected one, and the last lines say so and name the archived page."""
     (tmp_path / "before.py").write_text(BEFORE)
     assert call(sys.executable, "-m", "rtf.cli.testrunner", "--test", "before.py", folder=tmp_path).returncode == 0
-    done = call(sys.executable, "-m", "rtf.cli.tools", "demo", "--quick", folder=tmp_path)
+    done = call(sys.executable, "-m", "rtf", "demo", "--quick", folder=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     page, verdict = done.stdout.rstrip().splitlines()[-2:]
     assert verdict.startswith("DEMO PASSED")

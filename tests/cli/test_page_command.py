@@ -22,7 +22,7 @@ class Viewer:
 
     def __init__(self, folder: Path, *arguments: str) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "rtf.cli.tools", "page", *arguments, "--web-port", "0"],
+            [sys.executable, "-m", "rtf", "page", *arguments, "--web-port", "0"],
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stderr=subprocess.PIPE,

@@ -39,7 +39,7 @@ class Program:
         self._err = lab.folder / "stderr.txt"
         with self._err.open("wb") as err, (lab.folder / "stdout.txt").open("wb") as out:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "rtf.cli.tools", "robotinterface", *words],
+                [sys.executable, "-m", "rtf", "robotinterface", *words],
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=err,
@@ -364,7 +364,7 @@ class TestUsage:
         assert 'a<&"b (no-such-type)' in texts
 
     def test_dry_run_in_any_locale(self, lab: Lab):
-        """What marks things that go on together is no ASCII, and is printed nevertheless; nobody has to read it."""
+        """What marks things that go on together is no ASCII, and is printed. A reader that is gone is no traceback."""
         lab.write(BOARD + calibrator())
         lab._environment |= {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
         program = lab.run("--config", "robot.xml", "--dry-run")
@@ -372,18 +372,18 @@ class TestUsage:
         assert "∥ calibrate board by cal" in (lab.folder / "stdout.txt").read_text(encoding="utf-8")
         reading, writing = os.pipe()
         os.close(reading)
-        words = [sys.executable, "-m", "rtf.cli.tools", "robotinterface", "--config", "robot.xml", "--dry-run"]
+        words = [sys.executable, "-m", "rtf", "robotinterface", "--config", "robot.xml", "--dry-run"]
         done = subprocess.run(
             words, stdout=writing, stderr=subprocess.PIPE, env=lab._environment, cwd=lab.folder, check=False
         )
         os.close(writing)
-        assert (done.returncode, done.stderr) == (0, b"")
+        assert (done.returncode, done.stderr) == (3, b"")
 
     def test_everything_that_is_wrong_is_told(self, lab: Lab):
-        """With exit code 2, before anything is opened."""
+        """With exit code 4, before anything is opened."""
         lab.write(BOARD + device("stub", inside=action("attach", device="bord")) + "<odd/>")
         program = lab.run()
-        assert program.process.returncode == 2
+        assert program.process.returncode == 4
         lines = program.stderr.splitlines()
         assert len(lines) == 2
         assert re.match(r"\[ERROR\] robot\.xml:6:1: <odd> has no place in <robot>", lines[0])
@@ -405,10 +405,10 @@ class TestUsage:
         ],
     )
     def test_wrong_usage(self, lab: Lab, words: tuple[str, ...], complaint: str):
-        """The exit code is 2, and it is said what to write."""
+        """The exit code is 4, and it is said what to write."""
         lab.write(BOARD)
         program = Program(lab, words, lab._environment)
-        assert program.end() == 2
+        assert program.end() == 4
         assert complaint in program.stderr
 
     def test_help_teaches(self, lab: Lab):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Dialect
-from rtf.cli.simulator import simulator
+from rtf.cli.command_tree import rtf_main
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.network import Network
@@ -24,6 +24,11 @@ if TYPE_CHECKING:
     from rtf.simulator.service import SimulatorService
 
 Captured = pytest.CaptureFixture[str]
+
+
+def simulator(words: list[str]) -> int:
+    """``rtf simulator`` with these words."""
+    return rtf_main(["simulator", *words])
 
 
 class TestStarting:
@@ -76,7 +81,7 @@ class TestStarting:
             ("--lockstep --realtime-factor 2", "not allowed with"),
             ("--seed -1", "must not be negative"),
             ("--robot /", "is no name of a robot"),
-            ("--clock clock", "is no port"),
+            ("--clock clock", "is not a port name"),
             ("--dialect 2", "invalid choice: 2"),
             ("--cameras maybe", "invalid choice: 'maybe'"),
             ("dance", "unrecognized arguments: dance"),

@@ -76,7 +76,7 @@ def test_without_a_selection_help_is_shown_and_it_is_an_error(folder: Path):
     done = run_command(folder)
     assert done.exit_code == ExitCode.USAGE
     assert "usage: testrunner" in done.stdout
-    assert "testrunner describe   " in done.stdout
+    assert "  describe [NAME] " in done.stdout
 
 
 def test_a_list_of_nothing_says_what_lists_all(folder: Path):
@@ -90,7 +90,11 @@ def test_a_list_of_nothing_says_what_lists_all(folder: Path):
     ("arguments", "said"),
     [
         (["--siute", "x.xml"], "did you mean --suite"),
-        (["both.xml"], "Suites are named with --suite"),
+        (["both.xnl"], "there is no file or folder 'both.xnl'; did you mean both.xml?"),
+        (["fine.xml", "Fine"], "a test is named by --test, or by its file"),
+        (["fine.xml", "-q", "descrbe"], "did you mean describe?"),
+        (["fine.xml", "lost.py::Class"], "there is no file or folder"),
+        (["empty"], "the folder empty has neither suites nor tests in it"),
         (["-s", "fine.xml", "--timeout", "never"], "is no duration"),
         (["-s", "fine.xml", "--repetition", "-2"], "must not be negative"),
         (["-s", "fine.xml", "--set", "level"], "key=value"),
@@ -104,6 +108,7 @@ def test_a_list_of_nothing_says_what_lists_all(folder: Path):
 )
 def test_wrong_usage_is_told_before_anything_runs(folder: Path, arguments: list[str], said: str):
     """Exit code 4, a sentence that names the thing, and no run."""
+    (folder / "empty").mkdir()
     done = run_command(folder, *arguments)
     assert done.exit_code == ExitCode.USAGE
     assert said in done.stderr
@@ -387,3 +392,24 @@ def test_the_operator_is_asked_for_the_device(folder: Path):
     assert "serial number of the device (Enter: not recorded)? " in done.stdout
     started = next(event for event in journal.read(folder / "rtf-runs" / "latest") if isinstance(event, RunStarted))
     assert started.device == {"serial": "A7", "firmware": "1.5", "batch": "9"}
+
+
+@pytest.mark.parametrize(
+    ("words", "ids"),
+    [
+        (("--suite", "both.xml", "fine.xml"), ["both/fine", "both/bad", "good/fine"]),
+        (("both.xml", "fine.xml"), ["both/fine", "both/bad", "good/fine"]),
+        (("fine.xml", "-q", "both.xml"), ["good/fine", "both/fine", "both/bad"]),
+        (("-s", "fine.xml", "-q", "both.xml"), ["both/fine", "both/bad", "good/fine"]),
+        (("fine.xml", "bad.py"), ["test/bad", "good/fine"]),
+        (("--test", "bad.py", "fine.py"), ["test/bad", "test/fine"]),
+        (("tests", "fine.xml"), ["tests/other", "good/fine"]),
+        ((".",), ["both/fine", "both/bad", "good/fine"]),
+    ],
+    ids=" ".join,
+)
+def test_every_word_is_run(folder: Path, words: tuple[str, ...], ids: list[str]):
+    """Suite files, tests, folders of suites and folders of tests: what a shell makes of ``*.xml`` is all run."""
+    write_files(folder, {"tests/other__py": FINE})
+    done = run_command(folder, *words)
+    assert [*done.results.tests] == ids

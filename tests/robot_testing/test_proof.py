@@ -243,7 +243,7 @@ def test_every_shipped_claim_can_be_tried():
 def test_a_part_of_the_proof_may_be_asked_for(tmp_path: Path):
     """The cases of one test with one fault; that they are then carried out is seen in test_proof_fast.py."""
     words = ["proof", "--list", "--test", "SensorsDuplicateReadings", "--fault", "duplicate"]
-    command = [sys.executable, "-m", "rtf.cli.tools", *words]
+    command = [sys.executable, "-m", "rtf", *words]
     done = subprocess.run(command, capture_output=True, text=True, timeout=100, cwd=tmp_path, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     *cases, count = done.stdout.splitlines()
@@ -256,7 +256,7 @@ def test_a_proof_of_nothing_is_refused(tmp_path: Path):
     """And what an earlier one has left in the folder stays."""
     kept = tmp_path / "rtf-runs" / "proof" / "run"
     kept.mkdir(parents=True)
-    command = [sys.executable, "-m", "rtf.cli.tools", "proof"]
+    command = [sys.executable, "-m", "rtf", "proof"]
     for words, said in (
         (["--test", "JointLimit"], "there is no claim of a test 'JointLimit'; did you mean JointLimits?"),
         (["--test", "JointLimit", "--list"], "there is no claim of a test 'JointLimit'; did you mean JointLimits?"),

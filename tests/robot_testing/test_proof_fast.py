@@ -30,7 +30,7 @@ SHARES = 2
 def test_what_the_tests_claim_holds(share: int, tmp_path: Path):
     """What is claimed to be found is found and named, the healthy robot passes, and the matrix has it all."""
     tests = TESTS[share::SHARES]
-    words = [sys.executable, "-m", "rtf.cli.tools", "proof", "--fast", "-j", "1", "--folder", str(tmp_path / "proof")]
+    words = [sys.executable, "-m", "rtf", "proof", "--fast", "-j", "1", "--folder", str(tmp_path / "proof")]
     words += [word for name in tests for word in ("--test", name)]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=790, check=False)
     assert done.returncode == 0, done.stdout[-5000:] + done.stderr
@@ -43,7 +43,7 @@ def test_what_the_tests_claim_holds(share: int, tmp_path: Path):
 @pytest.mark.timeout(200)
 def test_two_robots_are_tested_at_the_same_time(tmp_path: Path):
     """Each in a queue of its own; a proof that is gone on with keeps to its cases, whatever is asked for then."""
-    proof = [sys.executable, "-m", "rtf.cli.tools", "proof"]
+    proof = [sys.executable, "-m", "rtf", "proof"]
     words = ["-j", "2", "--test", "SensorsDuplicateReadings"]
     for more in (words, ["--resume", "-j", "1"]):
         done = subprocess.run([*proof, *more], cwd=tmp_path, capture_output=True, text=True, timeout=95, check=False)

@@ -158,7 +158,7 @@ def test_a_second_signal_ends_it_at_once(lab: Lab):
         "import threading, rtf.simulator.icub as icub\nicub.SimulatedIcub.close = lambda _: threading.Event().wait()"
     )
     program = lab.ready(before=hangs)
-    assert program.end(signal.SIGINT, signal.SIGINT) == 130
+    assert program.end(signal.SIGINT, signal.SIGINT) == 2
 
 
 def test_a_signal_while_it_starts(lab: Lab):

@@ -51,7 +51,7 @@ class Robot:
         self.folder = folder
         ready = folder / "ready"
         words = ["--parts", "torso,head", "--realtime-factor", "1", "--ready-file", str(ready)]
-        program = subprocess.Popen([sys.executable, "-m", "rtf.cli.tools", "simulator", *words], cwd=folder)
+        program = subprocess.Popen([sys.executable, "-m", "rtf", "simulator", *words], cwd=folder)
         stack.callback(program.wait, 30)
         stack.callback(program.terminate)
         eventually(ready.exists, "the simulator does not come up", _LIMIT)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import textwrap
 from typing import TYPE_CHECKING
 
-from rtf.cli.parser import Parser, seconds
+from rtf.cli.parser import Parser, make_parser, seconds
 from rtf.middleware.errors import AddressError
 from rtf.middleware.names import Contact
 
@@ -14,17 +13,6 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
 
 __all__ = ["add_carrier", "add_timeout", "contact", "make_network", "make_parser", "own_name"]
-
-
-def make_parser(word: str, description: str, example: str) -> Parser:
-    """A parser whose help ends with an example: commands, a line each."""
-    return Parser(
-        prog=f"rtf {word}",
-        description=description,
-        epilog="example:\n" + textwrap.indent(textwrap.dedent(example).strip(), "  "),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
 
 
 def add_carrier(parser: Parser) -> None:

@@ -130,8 +130,8 @@ def opened(make: Callable[[], P]) -> Iterator[P]:
         ENDING.release()
 
 
-def run_to_its_end(word: str, tool: Callable[[Sequence[str]], int], words: Sequence[str]) -> int:
-    """Run a tool; returns its exit code. Nobody who reads its output is no error, and nothing is a traceback."""
+def run_to_its_end(program: str, tool: Callable[[Sequence[str]], int], words: Sequence[str]) -> int:
+    """Run a command of the network; returns its exit code."""
     for stream in (sys.stdin, sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # Bytes that are no UTF-8 come and go as they are, whatever the locale.
@@ -139,14 +139,10 @@ def run_to_its_end(word: str, tool: Callable[[Sequence[str]], int], words: Seque
     try:
         with ENDING:
             code = tool(words)
-        sys.stdout.flush()
     except KeyboardInterrupt:
         return ExitCode.INTERRUPTED
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python would complain at its end
-        return ExitCode.PASSED
     except RtfError as error:
-        complain(f"rtf {word}: {error}", _KNOWN if isinstance(error, NameNotFoundError) else "")
+        complain(f"{program}: {error}", _KNOWN if isinstance(error, NameNotFoundError) else "")
         return ExitCode.FAILURES
     return code
 

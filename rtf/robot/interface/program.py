@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rtf.robot.interface.model import Robot
     from rtf.robot.interface.tasks import Patience
 
-FINE, FAILED, WRONG = 0, 1, 2
+FINE, FAILED, WRONG = 0, 1, 4
 
 
 class Teller:

@@ -33,7 +33,7 @@ class Tool:
         self._out, self._err = folder / f"{number}.out", folder / f"{number}.err"
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "rtf.cli.tools", *words],
+                [sys.executable, "-m", "rtf", *words],
                 stdin=subprocess.PIPE,
                 stdout=out,
                 stderr=err,

@@ -141,7 +141,7 @@ class TestEnds:
         tool = net.opened("/piped", "read", "/piped")
         tool.end()
         process = subprocess.Popen(
-            [sys.executable, "-m", "rtf.cli.tools", "read", "/piped"],
+            [sys.executable, "-m", "rtf", "read", "/piped"],
             env=net.environment,
             stdin=subprocess.DEVNULL,
             stdout=into,
@@ -152,7 +152,7 @@ class TestEnds:
         tool.until(lambda: net.answers("/piped"), "the port")
         net.run("write", "/writer", "/piped", lines=("one", "two"))
         assert process.communicate(timeout=30) == (None, b"")
-        assert process.returncode == 0
+        assert process.returncode == 3
 
     def test_a_reader_that_is_killed(self, net: Net, reader: Tool):
         """The writer says which reader is gone, and goes on for the others."""

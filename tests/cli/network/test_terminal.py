@@ -32,7 +32,7 @@ class Terminal:
         self._side, other = pty.openpty()
         self.shown = ""
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "rtf.cli.tools", *words],
+            [sys.executable, "-m", "rtf", *words],
             env={**net.environment, "TERM": "xterm"},
             stdin=other,
             stdout=other,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from rtf.cli.name_server import nameserver
+from rtf.cli.network.name_server import nameserver
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.client import RemoteNames
 from rtf.testing.verdict import ExitCode
@@ -19,7 +19,7 @@ from rtf.testing.verdict import ExitCode
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-_PROGRAM = "import sys; from rtf.cli.name_server import nameserver; sys.exit(nameserver(sys.argv[1:]))"
+_PROGRAM = "import sys; from rtf.cli.network.name_server import nameserver; sys.exit(nameserver(sys.argv[1:]))"
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-_PROGRAM = "import sys; from rtf.cli.name_server import nameserver; sys.exit(nameserver(sys.argv[1:]))"
+_PROGRAM = "import sys; from rtf.cli.network.name_server import nameserver; sys.exit(nameserver(sys.argv[1:]))"
 
 
 class Program:

@@ -49,7 +49,7 @@ class Program:
         self._err = folder / "stderr.txt"
         with self._err.open("wb") as err:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "rtf.cli.tools", "robotinterface", "--config", str(SHIPPED), "--factor", "10"],
+                [sys.executable, "-m", "rtf", "robotinterface", "--config", str(SHIPPED), "--factor", "10"],
                 stdin=subprocess.DEVNULL,
                 stderr=err,
                 env={**os.environ, "NO_COLOR": "1"},

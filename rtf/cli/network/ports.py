@@ -1,15 +1,15 @@
-"""``rtf top``: ports and connections while they work."""
+"""``rtf list`` and ``rtf top``: ports and connections, as tables of text or, on a terminal, with rules and colours."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.cli.network.options import contact, make_network, make_parser
-from rtf.cli.network.table import Table, show
-from rtf.cli.network.terminal import ENDING
+from rtf.cli.network.terminal import ENDING, say
 from rtf.cli.parser import seconds
 from rtf.middleware.monitor import Flow, Tap, Traffic, survey
 from rtf.testing.verdict import ExitCode
@@ -17,13 +17,115 @@ from rtf.testing.verdict import ExitCode
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from rich.table import Table as RichTable
+
     from rtf.middleware.monitor import PortState
     from rtf.middleware.names import Contact
     from rtf.middleware.network import Network
 
-_NUMBERS = ("PING", "IN", "OUT", "MSG/S", "BANDWIDTH")
+#: Colours of cells that are worth one.
+_STYLES = {"yes": "green", "no": "bold red"}
+
+
+@dataclass
+class Table:
+    """Rows of text below headings; ``numbers`` are the columns that are aligned on the right."""
+
+    headings: Sequence[str]
+    rows: list[Sequence[str]] = field(default_factory=list)
+    numbers: Sequence[str] = ()
+    title: str = ""
+
+    def to_text(self) -> str:
+        """Aligned columns, two blanks between them."""
+        rows = [self.headings, *self.rows]
+        widths = [max(len(row[column]) for row in rows) for column in range(len(self.headings))]
+        right = [heading in self.numbers for heading in self.headings]
+        lines = [
+            "  ".join(
+                cell.rjust(width) if to_right else cell.ljust(width)
+                for cell, width, to_right in zip(row, widths, right, strict=True)
+            ).rstrip()
+            for row in rows
+        ]
+        return "\n".join([self.title, *lines] if self.title else lines)
+
+    def to_rich(self) -> RichTable:
+        """The same for a terminal."""
+        from rich import box
+        from rich.table import Table as RichTable
+        from rich.text import Text
+
+        table = RichTable(title=self.title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+        for heading in self.headings:
+            table.add_column(heading, justify="right" if heading in self.numbers else "left", overflow="fold")
+        for row in self.rows:
+            table.add_row(*(Text(cell, style=_STYLES.get(cell, "")) for cell in row))
+        return table
+
+
+def show(*tables: Table) -> None:
+    """Print tables, a blank line between them."""
+    if sys.stdout.isatty():
+        from rich.console import Console
+
+        Console().print(*(table.to_rich() for table in tables), sep="")
+    else:
+        print("\n\n".join(table.to_text() for table in tables), flush=True)
+
+
 _UNKNOWN = "-"
 _ALIVE = {True: "yes", False: "no", None: _UNKNOWN}
+
+
+def list_ports(words: Sequence[str]) -> ExitCode:
+    """Print all ports."""
+    parser = make_parser(
+        "list",
+        "The ports of the network: where each is, and whether it answers.",
+        "rtf list /robot\nrtf list --tree    # which port sends to which, and how",
+    )
+    parser.add_argument("prefix", nargs="?", default="", metavar="/PREFIX", help="only ports at or below this name")
+    parser.add_argument("--tree", action="store_true", help="what each port sends to, below its name")
+    parser.add_argument("--names", action="store_true", help="the names alone, without asking the ports")
+    options = parser.parse_args(words)
+    network = make_network()
+    if options.names:
+        names = [contact.name for contact in network.names.list(options.prefix)]
+        if names:
+            say("\n".join(names))
+        return ExitCode.PASSED
+    ports = survey(network, options.prefix)
+    if options.tree:
+        for line in _tree(ports):
+            say(line)
+    else:
+        show(_table(ports))
+    return ExitCode.PASSED
+
+
+def _table(ports: Sequence[PortState]) -> Table:
+    table = Table(("PORT", "ADDRESS", "CARRIER", "ALIVE", "IN", "OUT"), numbers=("IN", "OUT"))
+    for port in ports:
+        contact = port.contact
+        ends = (str(len(port.inputs)), str(len(port.outputs))) if port.alive else ("-", "-")
+        table.rows.append((port.name, f"{contact.host}:{contact.port}", contact.carrier, _ALIVE[port.alive], *ends))
+    return table
+
+
+def _tree(ports: Sequence[PortState]) -> list[str]:
+    lines = []
+    for port in ports:
+        lines.append(port.name if port.alive is not False else f"{port.name}  (does not answer)")
+        last = len(port.outputs) - 1
+        lines += [
+            f"{'└──' if index == last else '├──'} {link.target}  ({link.carrier})"
+            for index, link in enumerate(port.outputs)
+        ]
+    return lines
+
+
+_NUMBERS = ("PING", "IN", "OUT", "MSG/S", "BANDWIDTH")
 
 
 def top(words: Sequence[str]) -> ExitCode:

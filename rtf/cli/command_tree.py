@@ -1,0 +1,240 @@
+"""The tree of all commands, how a command is found in it, and the exit codes that all of them share.
+
+A command is a function of its words that returns an exit code; its module is imported when it is run.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import signal
+import sys
+import traceback
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+import rtf
+from rtf.errors import RtfError
+from rtf.testing.verdict import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+EXIT_CODES = """\
+exit codes of all commands:
+  0 passed, done, or yes   1 failures, not done, or no   2 interrupted   3 internal error, or no standard output
+  4 usage or suite file    5 nothing ran                 6 a fixture is not usable (the rig is broken, not the robot)
+"""
+_HELP = ("-?", "-h", "--help")
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command: its name, its usage and purpose for the help, its function as ``module:function``, and what is below.
+
+    Without ``home`` it has only commands below. A command ``on_network`` talks to ports, see
+    :mod:`rtf.cli.network.terminal`.
+    """
+
+    name: str
+    usage: str
+    summary: str
+    home: str = ""
+    commands: tuple[Command, ...] = ()
+    group: str = ""
+    on_network: bool = False
+
+    def find(self, words: Sequence[str]) -> tuple[Command, list[str], list[str]]:
+        """The command that these words begin with, the names on the way to it, and the words that are left."""
+        for command in self.commands:
+            if words and words[0] == command.name:
+                found, names, rest = command.find(words[1:])
+                return found, [self.name, *names], rest
+        return self, [self.name], [*words]
+
+    def leaves(self, *above: str) -> Iterator[tuple[tuple[str, ...], Command]]:
+        """All commands that do something, each with the words that lead to it."""
+        if self.home:
+            yield above, self
+        for command in self.commands:
+            yield from command.leaves(*above, command.name)
+
+    def load(self) -> Callable[[Sequence[str]], int]:
+        """Import the function of the command."""
+        module, _, function = self.home.partition(":")
+        loaded: Callable[[Sequence[str]], int] = getattr(import_module(module), function)
+        return loaded
+
+    def listing(self) -> str:
+        """The commands below, a line each, under the headings of their groups."""
+        lines: list[str] = []
+        group = ""
+        for command in self.commands:
+            if command.group != group:
+                group = command.group
+                lines += ["", f"{group}:"]
+            lines.append(f"  {f'{command.name} {command.usage}':<24} {command.summary}".rstrip())
+        return "\n".join(lines).strip("\n")
+
+
+_TESTS = "tests (the first six are commands of testrunner, too)"
+_BESIDE_RUNNING = (
+    Command("describe", "[NAME]", "what tests and fixtures there are, and are for", "rtf.cli.describe:describe"),
+    Command("validate", "SUITE ...", "what is wrong in suite files; nothing moves", "rtf.cli.commands:validate"),
+    Command("report", "RUN ...", "write reports of a run that is over", "rtf.cli.commands:report"),
+    Command("page", "RUN", "serve the page of a run that is over, or still going on", "rtf.cli.page:page"),
+    Command("history", "[NAME ...]", "trends of tests and measurements over the runs", "rtf.cli.history:history"),
+    Command("where", "[FILE]", "where a parameter file is found; alone: the name server", "rtf.cli.commands:where"),
+)
+TESTRUNNER = Command(
+    "testrunner", "[SUITE ...]", "run suites and tests", "rtf.cli.testrunner:run", commands=_BESIDE_RUNNING
+)
+
+
+def _network(name: str, usage: str, summary: str, home: str) -> Command:
+    return Command(name, usage, summary, f"rtf.cli.network.{home}", group="network", on_network=True)
+
+
+_NETWORK = (
+    _network("nameserver", "", "keep the names of a network's ports", "name_server:nameserver"),
+    _network("list", "[/PREFIX]", "the ports of the network, and which of them answer", "ports:list_ports"),
+    _network("top", "[/PREFIX]", "rates, bandwidth and latency of ports and connections", "ports:top"),
+    _network("read", "/PORT ...", "open a port and print what comes to it", "read_write:read"),
+    _network("write", "/PORT ...", "open a port and send it the lines that are typed", "read_write:write"),
+    _network("rpc", "/PORT ...", "put questions to a port and print the answers", "rpc:rpc"),
+    _network("rpcserver", "/PORT", "open a port and type the answers to its questions", "rpc:rpcserver"),
+    _network("admin", "/PORT ...", "put questions of administration to a port", "rpc:admin"),
+    _network("connect", "/FROM /TO", "have a port send to another one", "connect:connect"),
+    _network("disconnect", "/FROM /TO", "end that again", "connect:disconnect"),
+    _network("exists", "/PORT [/TO]", "whether a port answers, or two are connected", "exists:exists"),
+    _network("wait", "/PORT [/TO]", "wait until a port answers, or two are connected", "exists:wait"),
+    _network("ping", "/PORT", "connections of a port, and how fast it answers", "exists:ping"),
+    _network("terminate", "/PORT", "ask the program of a port to end", "exists:terminate"),
+    _network("name", "WORD ...", "give the name server a command", "name_server:name"),
+    _network("clean", "", "forget the names of ports that are gone", "name_server:clean"),
+    _network("conf", "[HOST PORT]", "the file that says where the name server is", "name_server:conf"),
+    _network("detect", "", "look for a name server", "name_server:detect"),
+    _network("namespace", "[/NAME]", "the name of the name server", "name_server:namespace"),
+)
+_SIMULATOR = (
+    Command("faults", "[KIND]", "what can be broken", "rtf.cli.simulator:faults"),
+    Command("status", "", "how a simulator is, and what is broken", "rtf.cli.simulator:status"),
+    Command("inject", "KIND [TARGET]", "break something", "rtf.cli.simulator:inject"),
+    Command("clear", "[NUMBER]", "mend it, or everything", "rtf.cli.simulator:clear"),
+)
+RTF = Command(
+    "rtf",
+    "COMMAND ...",
+    "the tools of the framework",
+    commands=(
+        *(Command(one.name, one.usage, one.summary, one.home, group=_TESTS) for one in _BESIDE_RUNNING),
+        Command("run", "[SUITE ...]", "run suites and tests: the same as testrunner", TESTRUNNER.home, group=_TESTS),
+        Command("new", "KIND NAME", "write a new test, fixture, suite or robot", "rtf.cli.new:new", group=_TESTS),
+        Command("proof", "", "run robot tests on the faults they should find", "rtf.cli.proof:proof", group=_TESTS),
+        Command("demo", "", "run the demonstration and check every verdict", "rtf.cli.demo:demo", group=_TESTS),
+        *_NETWORK,
+        Command(
+            "robotinterface",
+            "--config FILE",
+            "start a robot from its configuration, and end it in order",
+            "rtf.cli.robotinterface:robotinterface",
+            group="robot",
+        ),
+        Command(
+            "simulator",
+            "",
+            "start a simulated iCub, and break it on purpose",
+            "rtf.cli.simulator:simulator",
+            commands=_SIMULATOR,
+            group="robot",
+        ),
+        Command("version", "", "the version of the framework", "rtf.cli.commands:version", group="other"),
+    ),
+)
+
+
+class SurroundingsError(RtfError):
+    """The process lacks something that every command needs: a standard output, or a working folder."""
+
+
+def main(root: Command, arguments: Sequence[str] | None = None) -> int:
+    """Run a command of a tree; returns the exit code. Without arguments those of the process, which then ends."""
+    program = root.name
+    try:
+        try:
+            _check_surroundings()
+            command, names, rest = root.find(sys.argv[1:] if arguments is None else arguments)
+            program = " ".join(names)
+            return _run(command, program, rest)
+        finally:
+            sys.stdout.flush()
+            if arguments is None:  # the exit code is settled, and nothing is left that could be interrupted
+                signal.signal(signal.SIGINT, signal.SIG_IGN)
+    except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 - 1, Python's own exit code, would mean failures
+        return int(_tell(program, error))
+
+
+def _run(command: Command, program: str, words: Sequence[str]) -> int:
+    if command.home and not command.on_network:
+        return int(command.load()(words))
+    if command.home:
+        from rtf.cli.network.terminal import run_to_its_end
+
+        return run_to_its_end(program, command.load(), words)
+    if words and words[0] in _HELP:
+        print(f"usage: {program} {command.usage}\n\n{command.listing()}\n\n{EXIT_CODES}\nEach has its own --help.")
+        return int(ExitCode.PASSED)
+    if words and words[0] == "--version":
+        print(f"{program} version {rtf.__version__}")
+        return int(ExitCode.PASSED)
+    if words:
+        names = [one.name for one in command.commands]
+        near = difflib.get_close_matches(words[0], names, n=1)
+        print(f"{program}: there is no {words[0]!r}{f'; did you mean {near[0]}?' if near else ''}", file=sys.stderr)
+    else:
+        print(f"usage: {program} {command.usage}\n\n{command.listing()}", file=sys.stderr)
+    print(f"Try '{program} --help'.", file=sys.stderr)
+    return int(ExitCode.USAGE)
+
+
+def _tell(program: str, error: Exception | KeyboardInterrupt) -> ExitCode:
+    """Say what ended a command, and which exit code that is."""
+    if isinstance(error, KeyboardInterrupt):
+        print(f"{program}: interrupted", file=sys.stderr)
+        return ExitCode.INTERRUPTED
+    if isinstance(error, RtfError):
+        print(f"{program}: {error}", file=sys.stderr)
+        return ExitCode.INTERNAL if isinstance(error, SurroundingsError) else ExitCode.USAGE
+    if isinstance(error, OSError):
+        if not isinstance(error, BrokenPipeError):  # whose reader has enough
+            print(f"{program}: {error}", file=sys.stderr)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Python flushes once more at its end, and must not complain
+    else:
+        traceback.print_exception(error)
+    return ExitCode.INTERNAL
+
+
+def _check_surroundings() -> None:
+    """See that the standard streams are open, so that no file takes their numbers, and that there is a folder."""
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+    if sys.stdin is None:
+        sys.stdin = open(0, closefd=False)  # noqa: SIM115 - for as long as the process lives
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115
+    if sys.stdout is None:
+        sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115
+        raise SurroundingsError("the standard output is closed; send it to a file, or to /dev/null")
+    try:
+        os.getcwd()  # noqa: PTH109 - an object is not needed
+    except OSError as error:
+        raise SurroundingsError(f"the working folder cannot be used: {error.strerror}; change to another one") from None
+
+
+def rtf_main(arguments: Sequence[str] | None = None) -> int:
+    """Run ``rtf``; returns the exit code."""
+    return main(RTF, arguments)
