@@ -168,11 +168,11 @@ def specs_in(path: Path) -> list[PluginSpec]:
 
 def spec_of(ref: PluginRef, bare_name: str = "") -> PluginSpec:
     """The description of a plug-in as far as its file's text tells; ``bare_name`` may be that of a class."""
-    if ref.language.partition(":")[0] in ("lua", "executable"):
-        return PluginSpec()  # they have no way to declare anything
     unknown = PluginSpec(safety=None, matrix=None)
-    if ref.language != "python":
+    if ref.language == "entry point":
         return unknown
+    if ref.language != "python":
+        return PluginSpec()  # scripts and programs have no way to declare anything
     source = source_of(Path(ref.path))
     declared = source.declared
     node = declared.get(ref.class_name) or declared.get(bare_name)

@@ -8,9 +8,10 @@ of old suites may so be a Python file that has its name, with ``.lua``, as an al
 2. each folder of ``RTF_PLUGIN_PATH`` (separated by ``:``),
 3. the user's plug-in folder,
 4. the folders that ship with RTF,
-5. entry points of installed packages (``rtf.tests``, ``rtf.fixtures``, ``rtf.reporters``).
+5. entry points of installed packages, in the group of the kind (:data:`GROUPS`).
 
-The file is loaded, in the process that needs it, as ``rtf_plugins.<kind>.<stem>``.
+The file is loaded, in the process that needs it, as ``rtf_plugins.<kind>.<stem>``. Reporters and kinds of faults are
+found and loaded in the same way; a language is an entry point alone, the type of a test whose file it loads.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from rtf.testing.source_location import PLUGINS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from importlib.metadata import EntryPoint
     from types import ModuleType
 
     from rtf.testing.case import TestCase
@@ -39,8 +41,15 @@ if TYPE_CHECKING:
 
 P = TypeVar("P", bound=object)
 
-KINDS = {"test": "icub_tests", "fixture": "fixtures", "report": "reports"}
-_GROUPS = {"test": "rtf.tests", "fixture": "rtf.fixtures", "report": "rtf.reporters"}
+#: The folder of each kind of plug-in, and its group of entry points.
+FOLDERS = {"test": "icub_tests", "fixture": "fixtures", "report": "reports", "fault": "faults"}
+GROUPS = {
+    "test": "rtf.tests",
+    "fixture": "rtf.fixtures",
+    "report": "rtf.reporters",
+    "fault": "rtf.faults",
+    "language": "rtf.languages",
+}
 
 #: The types a suite may name, and the language each means. ``dll`` is the C++ framework's word for a compiled plug-in;
 #: here it is the Python plug-in that declares the name.
@@ -88,7 +97,7 @@ class PluginRef(NamedTuple):
 def shipped_folder(kind: str) -> Path:
     """The folder of the plug-ins of one kind that come with RTF: inside the package, or beside it in a checkout."""
     package = Path(rtf.__file__).parent
-    folder = KINDS.get(kind, kind)
+    folder = FOLDERS.get(kind, kind)
     inside = package / "shipped" / folder
     return inside if inside.is_dir() else package.parent / folder
 
@@ -109,7 +118,7 @@ def user_folder(kind: str) -> Path:
     """The folder of the user's own plug-ins of one kind."""
     import platformdirs
 
-    return Path(platformdirs.user_data_dir("rtf", appauthor=False)) / KINDS[kind]
+    return Path(platformdirs.user_data_dir("rtf", appauthor=False)) / FOLDERS[kind]
 
 
 def find(kind: str, name: str, type_: str | None = None, *, beside: Path | None = None) -> PluginRef:
@@ -154,7 +163,10 @@ def _language(type_: str | None, name: str) -> str | None:
     if type_:
         language = LANGUAGES.get(type_.strip().lower())
         if language is None:
-            known = ", ".join(sorted(LANGUAGES))
+            offered = _installed("language")
+            if type_.strip().lower() in offered:
+                return type_.strip().lower()
+            known = ", ".join(sorted({*LANGUAGES, *offered}))
             raise PluginNotFoundError(f"unknown plug-in type {type_!r} of {name!r}; types are {known}")
         return language
     suffix = Path(name).suffix.lower()
@@ -231,13 +243,18 @@ def _on_path(kind: str, name: str, language: str | None, tried: list[str]) -> Pl
 def _entry_point(kind: str, name: str, language: str | None, tried: list[str]) -> PluginRef | None:
     if language not in (None, "python"):
         return None
+    point = _installed(kind).get(bare_name(name))
+    if point is not None:
+        return PluginRef(kind, name, point.value, "entry point")
+    tried.append(f"entry points {GROUPS[kind]!r} of installed packages")
+    return None
+
+
+def _installed(kind: str) -> dict[str, EntryPoint]:
+    """What installed packages offer of one kind, by name."""
     from importlib.metadata import entry_points
 
-    for point in entry_points(group=_GROUPS[kind]):
-        if point.name == bare_name(name):
-            return PluginRef(kind, name, point.value, "entry point")
-    tried.append(f"entry points {_GROUPS[kind]!r} of installed packages")
-    return None
+    return {point.name: point for point in entry_points(group=GROUPS[kind])}
 
 
 def _near_names(kind: str, name: str, beside: Path | None) -> str:
@@ -298,7 +315,10 @@ def test_maker(ref: PluginRef) -> Callable[[], TestCase]:
 
         return partial(ExecutableTest, Path(ref.path), mode)
     if language == "entry point":
-        return _from_entry_point(ref, TestCase)
+        return load_class(ref, TestCase)
+    if language != "python":
+        maker: Callable[[PluginRef], TestCase] = _installed("language")[language].load()
+        return partial(maker, ref)
     from rtf.testing.languages import legacy_python
 
     legacy_python.install()  # a script of the C++ framework may import what the C++ framework provided
@@ -318,13 +338,16 @@ def fixture_maker(ref: PluginRef) -> type[FixtureManager]:
     """Load a fixture plug-in."""
     from rtf.testing.fixture import FixtureManager
 
-    if ref.language == "entry point":
-        return _from_entry_point(ref, FixtureManager)
-    if ref.language != "python":
+    if ref.language not in ("python", "entry point"):
         raise PluginError(
             f"{ref.path}: a fixture manager is written in Python; to run a program, use the fixture 'process'"
         )
-    return choose_class(ref, load_module(ref), FixtureManager)
+    return load_class(ref, FixtureManager)
+
+
+def load_class(ref: PluginRef, base: type[P]) -> type[P]:
+    """Load the class of a plug-in in Python; raises PluginError, or what the plug-in itself raises."""
+    return _from_entry_point(ref, base) if ref.language == "entry point" else choose_class(ref, load_module(ref), base)
 
 
 class SeveralClassesError(PluginError):
@@ -356,13 +379,13 @@ def choose_class(ref: PluginRef, module: ModuleType, base: type[P]) -> type[P]:
 
 
 def _names_of(cls: type[Any]) -> set[str]:
-    return {cls.__name__, cls.plugin_name, *cls.aliases}
+    return {cls.__name__, getattr(cls, "plugin_name", ""), *getattr(cls, "aliases", ())}
 
 
 def _from_entry_point(ref: PluginRef, base: type[P]) -> type[P]:
     from importlib.metadata import EntryPoint
 
-    loaded = EntryPoint(ref.name, ref.path, _GROUPS[ref.kind]).load()
+    loaded = EntryPoint(ref.name, ref.path, GROUPS[ref.kind]).load()
     if not isinstance(loaded, type) or not issubclass(loaded, base):
         raise PluginError(f"entry point {ref.name} = {ref.path} is no class derived from {base.__name__}")
     return loaded

@@ -80,8 +80,7 @@ def load_reporter(name: str) -> type[Reporter]:
     """The reporter plug-in of this name along the search path. Raises PluginError."""
     from rtf.testing import plugins
 
-    ref = plugins.find("report", name)
-    return plugins.choose_class(ref, plugins.load_module(ref), Reporter)
+    return plugins.load_class(plugins.find("report", name), Reporter)
 
 
 class Broadcast:
