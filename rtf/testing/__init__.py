@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rtf.testing.case import TestCase
     from rtf.testing.fixture import FixtureManager, FixtureUnusable
+    from rtf.testing.fixture_values import FixtureValue, Value
     from rtf.testing.matrix import Matrix
     from rtf.testing.measurement import Measurement, Unit
     from rtf.testing.outcome import FixtureCollapsed, Inconclusive, SkipTest, TestFailure, TestProblem
@@ -20,6 +21,7 @@ __all__ = [
     "FixtureCollapsed",
     "FixtureManager",
     "FixtureUnusable",
+    "FixtureValue",
     "Inconclusive",
     "Matrix",
     "Measurement",
@@ -30,12 +32,14 @@ __all__ = [
     "TestFailure",
     "TestProblem",
     "Unit",
+    "Value",
 ]
 
 _HOMES = {
     "FixtureCollapsed": "outcome",
     "FixtureManager": "fixture",
     "FixtureUnusable": "fixture",
+    "FixtureValue": "fixture_values",
     "Inconclusive": "outcome",
     "Matrix": "matrix",
     "Measurement": "measurement",
@@ -46,6 +50,7 @@ _HOMES = {
     "TestFailure": "outcome",
     "TestProblem": "outcome",
     "Unit": "measurement",
+    "Value": "fixture_values",
 }
 
 

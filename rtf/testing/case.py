@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 from rtf.testing.events import Asked, Attached, Measured, Progressed, SeriesRecorded, TestRenamed
+from rtf.testing.fixture_values import UsesFixtures
 from rtf.testing.measurement import Measurement, Unit, limits_text, margin_of, quantity, require_limits, unit
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
 from rtf.testing.parameters import Declared, Parameter
@@ -38,7 +39,7 @@ _CHECKS = "checks"
 _UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
 
 
-class TestCase(Declared):
+class TestCase(Declared, UsesFixtures):
     """A test. Derive from it, declare parameters as class attributes, and write ``run``.
 
     ``plugin_name`` is the name suites use (default: the class name); ``aliases`` are further ones; ``tags`` and

@@ -131,7 +131,7 @@ def numbered_copy(planned: PlannedSuite, number: int) -> PlannedSuite:
         for test in planned.tests
     )
     suite = replace(planned.suite, fixtures=entries, tests=tuple(test.entry for test in tests))
-    return replace(planned, suite=suite, tests=tests, fixtures=fixtures)
+    return replace(planned, suite=suite, tests=tests, fixtures=fixtures, copy=number)
 
 
 def _copied(entry: FixtureEntry, number: int) -> FixtureEntry:
@@ -146,4 +146,9 @@ def _copied(entry: FixtureEntry, number: int) -> FixtureEntry:
 
 
 def _numbered(name: str, number: int) -> str:
-    return name if number == 1 else f"{name}~{number}"
+    return f"{name}{copy_suffix(number)}"
+
+
+def copy_suffix(number: int) -> str:
+    """What the names of the fixtures of a copy end with."""
+    return "" if number == 1 else f"@{number}"

@@ -25,12 +25,15 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, ClassVar
 
+from rtf.testing.fixture_values import FixtureValueError, UsesFixtures, Value, checked
 from rtf.testing.interrupts import FIXTURES_LIMIT
 from rtf.testing.outcome import FixtureCollapsed
 from rtf.testing.parameters import Declared
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rtf.testing.supervision.fixture_host import Host
 
 
@@ -38,11 +41,13 @@ class FixtureUnusable(FixtureCollapsed):
     """Raised in ``setup``: it cannot be brought up, and another try would come to the same."""
 
 
-class FixtureManager(Declared):
+class FixtureManager(Declared, UsesFixtures):
     """Brings up something that tests need, says whether it is still there, and brings it down.
 
     ``plugin_name`` is the name suites use (default: the class name), ``aliases`` are further ones. What it ``occupies``
     is there once, such as ``robot``: suites with fixtures that occupy the same never run at the same time.
+
+    It ``provides`` values, which are declared by key, to tests; :meth:`provide_value` hands them on.
 
     ``stop_limit`` is how many seconds ``enter_safe_state`` and ``teardown`` may take together when the run is ended by
     SIGTERM or SIGHUP. A run ends within eight seconds then, with four for its fixtures; one that needs longer declares
@@ -53,6 +58,7 @@ class FixtureManager(Declared):
     aliases: ClassVar[tuple[str, ...]] = ()
     occupies: ClassVar[str] = ""
     stop_limit: ClassVar[float] = FIXTURES_LIMIT
+    provides: ClassVar[Mapping[str, Value]] = {}
 
     _host: Host
     _environment: str = ""
@@ -128,6 +134,17 @@ class FixtureManager(Declared):
             if not name.isidentifier() or not name.isascii() or "\0" in value:
                 raise ValueError(f"the environment cannot hold {name}={value!r}")
         self._host.say(host="provides", variables=variables)
+
+    def provide_value(self, key: str, value: object) -> None:
+        """Hand a declared value to the tests, and the fixtures, that stand on this one; to be called in ``setup``.
+
+        A new generation has new ones. Raises FixtureValueError for one that is not declared, or of another type.
+        """
+        if key not in self.provides:
+            known = ", ".join(self.provides) or "nothing"
+            raise FixtureValueError(f"{type(self).__name__} does not declare {key!r} in provides, which has: {known}")
+        checked(value, self.provides[key].kind, f"{key!r} of fixture {self._host.name!r}")
+        self._host.provide_value(key, value)
 
     def report(self, text: str) -> None:
         """Say something."""

@@ -52,11 +52,15 @@ class PlannedTest:
 
 @dataclass(frozen=True, slots=True)
 class PlannedSuite:
-    """A suite of the plan; each fixture comes with its plug-in or the reason why there is none."""
+    """A suite of the plan; each fixture comes with its plug-in or the reason why there is none.
+
+    ``copy`` says which of the suite workers that run it at the same time this one is for.
+    """
 
     suite: TestSuite
     tests: tuple[PlannedTest, ...]
     fixtures: tuple[tuple[FixtureEntry, PluginRef | str], ...]
+    copy: int = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ an interrupt means for it. It has a fork server, a reactor and a supervisor of i
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from contextlib import contextmanager
 from dataclasses import replace
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
+from rtf.testing.dispatch import copy_suffix
 from rtf.testing.events import (
     Diagnosed,
     SuiteEnded,
@@ -473,6 +475,7 @@ class SuiteWorker:
             can_ask=options.ask is not None,
             last=last,
             variables=self._supervisor.variables(names),
+            values=self._values(names),
         )
 
     def _fixture_job(self, fixture: Fixture) -> Job:
@@ -495,7 +498,14 @@ class SuiteWorker:
             attempt=fixture.generation,
             check_period=entry.check_period,
             variables=self._supervisor.variables(entry.depends),
+            values=self._values(entry.depends),
         )
+
+    def _values(self, names: Iterable[str]) -> str:
+        """What the fixtures hand on, by the names that the suite gives them."""
+        values = self._supervisor.values(names)
+        suffix = copy_suffix(self._suite.copy)
+        return json.dumps({name.removesuffix(suffix): value for name, value in values.items()}) if values else ""
 
 
 def _changed(outcome: Outcome, verdict: Verdict, reason: str, detail: str) -> Outcome:

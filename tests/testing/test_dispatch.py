@@ -80,7 +80,7 @@ def test_tests_of_a_suite_run_at_once_each_on_a_copy_of_its_fixtures(tmp_path: P
         ("s/c", Verdict.PASSED),
     ]
     assert len(outcome.of(SuiteStarted)) == len(outcome.of(SuiteEnded)) == 1
-    assert {event.fixture for event in outcome.of(FixtureChanged, state=FixtureState.STOPPED)} == {"rig", "rig~2"}
+    assert {event.fixture for event in outcome.of(FixtureChanged, state=FixtureState.STOPPED)} == {"rig", "rig@2"}
     assert {(outcome.folder / f"mark-{name}").read_text() for name in "ab"} == {"bench1", "bench2"}
     assert outcome.exit_code == 0
 

@@ -20,7 +20,7 @@ class Job(NamedTuple):
     values; they count in this order. ``attempt`` counts the attempts at a test, or the generations of a fixture,
     from 1. ``suite_place`` is the suite's file and line, for provenance; ``suite_folder`` its folder. ``memory`` is the
     private memory in bytes a process may use, 0 for no limit. ``last`` says that no other job follows.
-    ``variables`` are set in the environment of the process.
+    ``variables`` are set in the environment of the process; ``values`` are those of its fixtures, as a JSON text.
 
     Jobs and plug-in references are tuples, so that a child makes them without running a line of Python.
     """
@@ -44,6 +44,7 @@ class Job(NamedTuple):
     check_period: float = 0.5
     last: bool = True
     variables: tuple[tuple[str, str], ...] = ()
+    values: str = ""
 
     def to_message(self) -> bytes:
         """Write the job as it crosses the wire. Both ends are the same interpreter, so ``marshal`` will do."""

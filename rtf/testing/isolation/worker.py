@@ -285,6 +285,7 @@ def run_test(job: Job, session: Session) -> dict[str, str]:
 def _load(job: Job, session: Session) -> TestCase:
     case = _make_case(job.plugin)
     case.attach_to(session, job.environment)
+    case.take_fixture_values(job.values)
     rows = case.resolve_parameters(
         param=job.param,
         parameters=job.parameters,

@@ -58,6 +58,7 @@ class Host:
         self._stoppable = False
         self._stopped = False
         self._lost = False
+        self._provided: set[str] = set()  # the keys of the values that were handed on
 
     # What the manager says ---------------------------------------------------------------------------------------
 
@@ -109,6 +110,12 @@ class Host:
             output=bounded(str(output)),
         )
 
+    def provide_value(self, key: str, value: object) -> None:
+        """Hand a value to those that stand on the fixture, and into the journal."""
+        self._provided.add(key)
+        self.say(host="value", key=key, value=value)
+        self.message(Severity.INFO, "provides", f"{key} = {json.dumps(value)}", ("", 0))
+
     # The life ----------------------------------------------------------------------------------------------------
 
     def live(self) -> None:
@@ -143,6 +150,7 @@ class Host:
             job = self._job
             manager = plugins.load_fixture(job.plugin)
             manager.attach_to(self, job.environment)
+            manager.take_fixture_values(job.values)
             manager.resolve_parameters(
                 param=job.param,
                 parameters=job.parameters,
@@ -166,6 +174,9 @@ class Host:
                 manager.before_restart(self.generation)
             if manager.setup() is False:
                 raise FixtureCollapsed("setup() returned False")
+            missing = [key for key in manager.provides if key not in self._provided]
+            if missing:
+                raise FixtureUnusable(f"setup() of fixture {self.name!r} did not provide {', '.join(missing)}")
 
         self._phase = Phase.SETUP
         error = self._stoppably(set_up)

@@ -316,6 +316,8 @@ class FixtureProcess:
             self._done = True
         elif kind == "provides":
             self._provides(message["variables"])
+        elif kind == "value":
+            self._fixture.values[str(message["key"])] = message["value"]
         else:
             if kind == "ready":
                 self._fixture.secures_robot = message["of_robot"] is True

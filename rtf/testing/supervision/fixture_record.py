@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
 
@@ -46,6 +46,8 @@ class Fixture:
     process: FixtureProcess | None = None
     #: Environment variables that this generation provides for those who stand on it.
     variables: dict[str, str] = field(default_factory=dict)
+    #: Values that it hands to them, as JSON has them.
+    values: dict[str, Any] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

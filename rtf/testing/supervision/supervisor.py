@@ -22,7 +22,7 @@ generation is a process (``generation``); nothing here runs an author's code.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rtf import clock
 from rtf.testing.interrupts import FIXTURES_LIMIT
@@ -116,6 +116,10 @@ class Supervisor:
         for fixture in self._with_dependencies(names):
             found |= fixture.variables
         return tuple(found.items())
+
+    def values(self, names: Iterable[str]) -> dict[str, dict[str, Any]]:
+        """The values that these fixtures, and those they depend on, hand to those that stand on them."""
+        return {fixture.name: fixture.values for fixture in self._with_dependencies(names)}
 
     def lost(self, names: Iterable[str]) -> str:
         """What happened to the first of these fixtures that is not up, or an empty text when all are."""
@@ -255,6 +259,7 @@ class Supervisor:
         fixture.generation += 1
         fixture.last_cause = ""
         fixture.variables.clear()
+        fixture.values.clear()
         try:
             process = FixtureProcess(fixture, self._notes, self._fork_server, self._wait, self._kill_now, self._stop_by)
         except ForkServerLostError as error:
