@@ -26,7 +26,7 @@ import sys
 from typing import TYPE_CHECKING, ClassVar
 
 from rtf.testing.fixture_values import FixtureValueError, UsesFixtures, Value, checked
-from rtf.testing.interrupts import FIXTURES_LIMIT
+from rtf.testing.isolation.fork_server_protocol import STOP_LIMIT
 from rtf.testing.outcome import FixtureCollapsed
 from rtf.testing.parameters import Declared
 from rtf.testing.verdict import Severity
@@ -57,7 +57,7 @@ class FixtureManager(Declared, UsesFixtures):
     plugin_name: ClassVar[str] = ""
     aliases: ClassVar[tuple[str, ...]] = ()
     occupies: ClassVar[str] = ""
-    stop_limit: ClassVar[float] = FIXTURES_LIMIT
+    stop_limit: ClassVar[float] = STOP_LIMIT
     provides: ClassVar[Mapping[str, Value]] = {}
 
     _host: Host

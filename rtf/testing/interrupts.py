@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rtf import clock
 from rtf.testing.events import Event, Interrupted
 from rtf.testing.isolation import processes
+from rtf.testing.isolation.fork_server_protocol import STOP_LIMIT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -20,10 +21,9 @@ if TYPE_CHECKING:
 #: The stage at which nothing is waited for any more.
 KILL_STAGE = 3
 _NOW_STAGE = 2
-#: Seconds that the running test, with its teardown, has to end after SIGTERM or SIGHUP; and then all fixtures together,
-#: unless one declares that it needs longer. Who sends these kills ten seconds later, and reports are to be written yet.
+#: Seconds that the running test, with its teardown, has to end after SIGTERM or SIGHUP. The fixtures come after it, and
+#: the reports, before the sender kills, which is ten seconds later as a rule.
 TEST_LIMIT = 2.5
-FIXTURES_LIMIT = 4.0
 
 
 class Interrupts:
@@ -71,7 +71,7 @@ class Interrupts:
 
     def fixtures_deadline(self, more: float) -> clock.Deadline:
         """When fixtures are killed that have not come down; ``more`` is what some need beyond the limit, in seconds."""
-        limit = FIXTURES_LIMIT + more
+        limit = STOP_LIMIT + more
         return clock.Deadline(self.test_deadline.at + limit, TEST_LIMIT + limit)
 
     def request(self, source: str, *, stage: int = 0) -> None:

@@ -21,8 +21,9 @@ from rtf.testing.events import (
     SuiteStarted,
     TestEnded,
 )
-from rtf.testing.interrupts import FIXTURES_LIMIT, KILL_STAGE, alarm
+from rtf.testing.interrupts import KILL_STAGE, alarm
 from rtf.testing.isolation.attempt import Attempt, Outcome, Stop
+from rtf.testing.isolation.fork_server_protocol import STOP_LIMIT
 from rtf.testing.isolation.job import Job
 from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.isolation.worker_pool import ForkServerClient
@@ -195,7 +196,7 @@ class SuiteWorker:
         interrupts = self._run.interrupts
         if interrupts.in_a_hurry and self._fixtures_deadline.at == clock.FOREVER:
             slow = self._supervisor.slow_to_stop()
-            more = sum(slow.values()) - len(slow) * FIXTURES_LIMIT
+            more = sum(slow.values()) - len(slow) * STOP_LIMIT
             self._fixtures_deadline = interrupts.fixtures_deadline(more)
             for name, seconds in slow.items():
                 text = f"fixture {name} needs up to {seconds:g} s to be brought down safely; the run waits for it"

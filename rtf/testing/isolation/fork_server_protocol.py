@@ -34,6 +34,8 @@ NUDGE_PERIOD = 0.1
 
 #: Seconds in which a fixture has put right what a test left, whoever waits for it: a robot may have some way to go.
 SAFE_STATE_LIMIT = 45.0
+#: Seconds that all fixtures together have to come down after SIGTERM or SIGHUP, unless one declares that it needs longer.
+STOP_LIMIT = 4.0
 #: What a fixture's process calls itself meanwhile (at most 15 bytes), so that its fork server knows without the runner.
 SAFE_STATE_NAME = "rtf parking"
 

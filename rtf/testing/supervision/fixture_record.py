@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec.structs import replace
 
 from rtf.testing.events import FixtureChanged, FixtureIncident, Message, OutputCaptured, StackDumped
-from rtf.testing.interrupts import FIXTURES_LIMIT
+from rtf.testing.isolation.fork_server_protocol import STOP_LIMIT
 from rtf.testing.verdict import FixtureState, Phase, Severity
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Fixture:
     #: Whether it puts back something of which there is only one, such as a robot; it says so when it is up.
     secures_robot: bool = False
     #: Seconds it may take to come down when the run has to end at once; it says so when it is up.
-    stop_limit: float = FIXTURES_LIMIT
+    stop_limit: float = STOP_LIMIT
     failure: str = ""
     last_cause: str = ""
     process: FixtureProcess | None = None

@@ -25,7 +25,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rtf import clock
-from rtf.testing.interrupts import FIXTURES_LIMIT
+from rtf.testing.isolation.fork_server_protocol import STOP_LIMIT
 from rtf.testing.isolation.worker_pool import ForkServerLostError
 from rtf.testing.supervision.fixture_process import FixtureProcess
 from rtf.testing.supervision.fixture_record import Cause, Fixture, Notes
@@ -134,7 +134,7 @@ class Supervisor:
         return {
             fixture.name: fixture.stop_limit
             for fixture in self._fixtures.values()
-            if fixture.stop_limit > FIXTURES_LIMIT and (fixture.process is not None or fixture.owes_safe_state)
+            if fixture.stop_limit > STOP_LIMIT and (fixture.process is not None or fixture.owes_safe_state)
         }
 
     def bring_up(self, names: Iterable[str]) -> str:
