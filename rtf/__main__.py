@@ -2,7 +2,7 @@
 
 import sys
 
-from rtf.cli.command_tree import rtf_main
+from rtf.cli.tools import main
 
 if __name__ == "__main__":
-    sys.exit(rtf_main())
+    sys.exit(main())

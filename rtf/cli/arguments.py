@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 from typing import TYPE_CHECKING
 
 import rtf
@@ -53,6 +52,8 @@ def parse_run(words: Sequence[str]) -> argparse.Namespace:
     parser = build_parser()
     options, unknown = parser.parse_known_intermixed_args(words)
     if unknown:
+        import difflib
+
         known = [name for action in parser._actions for name in action.option_strings]  # noqa: SLF001 - no public way
         near = difflib.get_close_matches(unknown[0].partition("=")[0], known, n=1)
         parser.error(f"unknown option {unknown[0]}{f'; did you mean {near[0]}?' if near else ''}")

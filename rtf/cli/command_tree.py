@@ -5,11 +5,9 @@ A command is a function of its words that returns an exit code; its module is im
 
 from __future__ import annotations
 
-import difflib
 import os
 import signal
 import sys
-import traceback
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -81,7 +79,7 @@ class Command:
 _TESTS = "tests (the first six are commands of testrunner, too)"
 _BESIDE_RUNNING = (
     Command("describe", "[NAME]", "what tests and fixtures there are, and are for", "rtf.cli.describe:describe"),
-    Command("validate", "SUITE ...", "what is wrong in suite files; nothing moves", "rtf.cli.commands:validate"),
+    Command("validate", "[SUITE ...]", "what is wrong in suite files; nothing moves", "rtf.cli.commands:validate"),
     Command("report", "RUN ...", "write reports of a run that is over", "rtf.cli.commands:report"),
     Command("page", "RUN", "serve the page of a run that is over, or still going on", "rtf.cli.page:page"),
     Command("history", "[NAME ...]", "trends of tests and measurements over the runs", "rtf.cli.history:history"),
@@ -189,6 +187,8 @@ def _run(command: Command, program: str, words: Sequence[str]) -> int:
         print(f"{program} version {rtf.__version__}")
         return int(ExitCode.PASSED)
     if words:
+        import difflib
+
         names = [one.name for one in command.commands]
         near = difflib.get_close_matches(words[0], names, n=1)
         print(f"{program}: there is no {words[0]!r}{f'; did you mean {near[0]}?' if near else ''}", file=sys.stderr)
@@ -211,6 +211,8 @@ def _tell(program: str, error: Exception | KeyboardInterrupt) -> ExitCode:
             print(f"{program}: {error}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Python flushes once more at its end, and must not complain
     else:
+        import traceback
+
         traceback.print_exception(error)
     return ExitCode.INTERNAL
 
@@ -233,8 +235,3 @@ def _check_surroundings() -> None:
         os.getcwd()  # noqa: PTH109 - an object is not needed
     except OSError as error:
         raise SurroundingsError(f"the working folder cannot be used: {error.strerror}; change to another one") from None
-
-
-def rtf_main(arguments: Sequence[str] | None = None) -> int:
-    """Run ``rtf``; returns the exit code."""
-    return main(RTF, arguments)

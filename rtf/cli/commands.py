@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 def validate(words: Sequence[str]) -> ExitCode:
     """Say everything that is wrong in suite files, their plug-ins and their parameters; run nothing."""
     from rtf.cli.check_plan import problems_of
+    from rtf.cli.project import project_value
     from rtf.cli.running import Plan, show_diagnostics
     from rtf.testing.plan import Planner
     from rtf.testing.suite.model import number_suites
@@ -29,7 +30,9 @@ def validate(words: Sequence[str]) -> ExitCode:
     parser = Parser(
         prog="testrunner validate", description="Everything that is wrong in suite files, before anything moves."
     )
-    parser.add_argument("suites", nargs="+", metavar="SUITE", help="suite files, or folders of them")
+    parser.add_argument(
+        "suites", nargs="*", metavar="SUITE", help="suite files, or folders of them (default: those of rtf.toml)"
+    )
     parser.add_argument(
         "--define", metavar="NAME=VALUE", type=key_value, action="append", default=[], help="replace ${NAME}"
     )
@@ -47,7 +50,10 @@ def validate(words: Sequence[str]) -> ExitCode:
     options = parser.parse_args(words)
     suites: list[TestSuite] = []
     found: list[Diagnosed] = []
-    for name in options.suites:
+    names = options.suites or project_value("suites")
+    if not names:
+        parser.error("which suites? Name files or folders, here or in rtf.toml")
+    for name in names:
         loaded = _loaded(Path(name), dict(options.define), lenient=options.lenient)
         suites += loaded.suites
         found += loaded.diagnostics

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-import tomllib
 from pathlib import Path
 
 from rtf.cli.parser import UsageError, key_value
@@ -49,6 +48,8 @@ def device_record(options: argparse.Namespace) -> dict[str, str]:
 
 
 def _read(path: Path) -> dict[str, str]:
+    import tomllib
+
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.cli.parser import Parser, count
+from rtf.cli.project import project_value
 from rtf.errors import RtfError
 from rtf.testing.history import History, default_place, trends
 from rtf.testing.verdict import ExitCode
@@ -44,7 +45,9 @@ exit codes:
 def history(words: Sequence[str]) -> ExitCode:
     """Show the history, or change what is in it."""
     options = _parser().parse_args(words)
-    path = Path(options.history) if options.history else default_place()
+    (said,) = project_value("history") or ("",)
+    chosen = options.history or said
+    path = Path(chosen) if chosen else default_place()
     if options.runs:
         return _import(path, [Path(run) for run in options.runs])
     with History(path) as opened:

@@ -64,6 +64,17 @@ class Project:
         settings = [one for one in self.settings if not (selecting and one.key == "suites")]
         return [*(word for one in settings for word in one.words), *words]
 
+    def value(self, key: str) -> tuple[str, ...]:
+        """What the file says of a key, as texts; nothing, if it does not have it."""
+        found = next((one.words for one in self.settings if one.key == key), ())
+        return tuple(word.partition("=")[2] if word.startswith("--") else word for word in found)
+
+
+def project_value(key: str) -> tuple[str, ...]:
+    """What the project of the working folder says of a key, as texts. Raises UsageError."""
+    project = find_project(Path.cwd())
+    return () if project is None else project.value(key)
+
 
 def find_project(folder: Path) -> Project | None:
     """The nearest file with settings, in the folder or above it. Raises UsageError for what is wrong in it."""

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.arguments import build_parser, parse_run
 from rtf.testing.permission import give_permission
 from rtf.testing.verdict import ExitCode
 
@@ -22,13 +21,15 @@ _WHICH_TESTS = "'testrunner describe' says which tests there are"
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run ``testrunner``, or one of the commands below it; returns the exit code."""
-    from rtf.cli.command_tree import TESTRUNNER, main
+    from rtf.cli import command_tree
 
-    return main(TESTRUNNER, arguments)
+    return command_tree.main(command_tree.TESTRUNNER, arguments)
 
 
 def run(words: Sequence[str]) -> int:
     """Run suites and tests; returns the exit code."""
+    from rtf.cli.arguments import build_parser, parse_run
+
     options = parse_run(words)
     if not (options.no_config or options.resume):
         from rtf.cli.project import find_project, show_config
@@ -87,6 +88,7 @@ def _resume(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from rtf.cli import running
+    from rtf.cli.arguments import build_parser, parse_run
     from rtf.robot_testing.ledger import MotionLedger
     from rtf.testing import journal, replay
     from rtf.testing.events import RunStarted

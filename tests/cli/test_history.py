@@ -233,4 +233,4 @@ def test_the_help_teaches(tmp_path: Path):
     """What the words mean, and examples; the other commands name this one."""
     text = run_command(tmp_path, "history", "--help").stdout
     assert all(word in text for word in ("Wilson", "Mann-Kendall", "Theil-Sen", "--import rtf-runs/*"))
-    assert "testrunner history [NAME...]" in run_command(tmp_path, "--help").stdout
+    assert "  history [NAME ...] " in run_command(tmp_path, "--help").stdout

@@ -81,6 +81,15 @@ def test_a_run_is_resumed_as_it_was_begun(folder: Path):
     assert [*resumed.results.tests] == [*begun.results.tests]
 
 
+def test_other_commands_know_the_project(folder: Path):
+    """Its suites are what is validated, its history is what is shown."""
+    assert "2 suites, 2 tests: 0 errors" in run_command(folder / "suites", "validate").stdout
+    run_command(folder)
+    assert "1 run" in run_command(folder, "history").stdout
+    (folder / "rtf.toml").unlink()
+    assert run_command(folder, "validate").exit_code == ExitCode.USAGE
+
+
 def test_pyproject_is_read_too(folder: Path):
     """A table of it, unless there is an rtf.toml."""
     settings = SETTINGS.replace("[", "[tool.rtf.", 4).replace("suites = [tool.rtf.", "suites = [")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Dialect
-from rtf.cli.command_tree import rtf_main
+from rtf.cli.tools import main
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.network import Network
@@ -28,7 +28,7 @@ Captured = pytest.CaptureFixture[str]
 
 def simulator(words: list[str]) -> int:
     """``rtf simulator`` with these words."""
-    return rtf_main(["simulator", *words])
+    return main(["simulator", *words])
 
 
 class TestStarting:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from rtf.cli.command_tree import RTF, rtf_main
+from rtf.cli.command_tree import RTF
+from rtf.cli.tools import main
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -194,7 +195,7 @@ class TestWords:
     def test_each_tool_teaches(self, capsys: pytest.CaptureFixture[str], word: str):
         """Its help says what it is for, and all but the server give an example that begins like a command."""
         with pytest.raises(SystemExit) as end:
-            rtf_main([word, "--help"])
+            main([word, "--help"])
         assert end.value.code == 0
         shown = capsys.readouterr().out
         assert f"usage: rtf {word}" in shown
@@ -207,6 +208,6 @@ class TestWords:
     def test_what_is_wrong_on_a_command_line(self, capsys: pytest.CaptureFixture[str], words: list[str]):
         """It ends with 4, says what is wrong and where help is."""
         with pytest.raises(SystemExit) as end:
-            rtf_main(words)
+            main(words)
         assert end.value.code == 4
         assert f"Try 'rtf {words[0]} --help'." in capsys.readouterr().err
