@@ -59,6 +59,7 @@ def test_the_wheel_puts_only_rtf_into_site_packages(wheel: Path):
         "rtf/shipped/reports/junit.py",
         "rtf/shipped/fixtures/process.py",
         "rtf/shipped/suites/demo/demo.xml",
+        "rtf/cli/templates/test/NAME.py.j2",
     ):
         assert shipped in names
 
