@@ -1,4 +1,4 @@
-"""Camera: pictures come at their rate and of their size, and show what is there now."""
+"""Camera: pictures arrive at their rate and size, and show the current scene."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from rtf.errors import RtfError
 from rtf.middleware.types import IMAGE
 from rtf.robot.client.frame_grabber import FrameGrabberClient
 from rtf.robot_testing import MotionGuard, Part, likely_causes
-from rtf.robot_testing.pictures import png
+from rtf.robot_testing.png import png
 from rtf.robot_testing.simulated import is_simulated
+from rtf.robot_testing.stream_statistics import within
 from rtf.robot_testing.stream_test import RateTest
-from rtf.robot_testing.streams import within
 from rtf.testing import Parameter
 from rtf.testing.verdict import MeasurementVerdict
 
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from rtf.middleware.types import Image
-    from rtf.robot_testing.listening import Message
+    from rtf.robot_testing.port_recorder import Message
 
-#: How far and how fast the simulated eyes are turned to see whether the picture follows, deg and deg/s; and from which
-#: speed on each picture has to differ: a third of a pixel (60 deg in 320) in the 33 ms between two.
+#: Way and speed by which the simulated eyes are turned to check that the picture changes, deg and deg/s; and the speed
+#: from which on each picture has to differ: a third of a pixel (60 deg in 320) in the 33 ms between two.
 _TURN, _TURNING_SPEED, _TURNING = 5.0, 10.0, 2.0
 _EYES = ("eyes_tilt", "eyes_version")
 
 
 class _Seen(NamedTuple):
-    """What is kept of a picture."""
+    """The kept facts of a picture."""
 
     width: int
     height: int
@@ -43,10 +43,10 @@ class _Seen(NamedTuple):
 
 
 class CameraTest(RateTest):
-    """Counts every picture of a camera, and looks at them: size, format, whether they show anything and go on.
+    """Checks every picture of a camera: rate, size, format, contrast, and repeated pictures.
 
-    On a real robot nothing moves, for no two pictures of a real camera are the same. The simulated world stands still;
-    there the eyes are turned a little if too many pictures were equal, and the pictures are judged that came meanwhile.
+    On a real robot nothing moves: two pictures of a real camera always differ. A simulated scene is static; if too many
+    pictures were equal there, the simulated eyes are turned a little, and the pictures of that motion are judged.
     """
 
     aliases = ("cameraTest", "camera", "Camera")
@@ -61,30 +61,30 @@ class CameraTest(RateTest):
     )
     # As in the original, of 30 pictures.
     tolerance = Parameter(float, "pictures more or less in the whole time", unit="count", default=5.0, low=0.0)
-    # Twice what is allowed of small messages: a picture takes a reader longer, and senders skip one that is busy.
+    # Twice the bound for small messages: reading a picture takes longer, and senders skip busy readers.
     max_loss = Parameter(float, "share of pictures that may be missing", unit="%", default=10.0, low=0.0, high=100.0)
     max_jitter = Parameter(
-        float, "by how much later than the quickest picture nine of ten may come, surely: about a period", unit="ms",
+        float, "greatest delay of nine of ten pictures behind the quickest one (lower confidence bound)", unit="ms",
         default=30.0, low=0.0,
     )  # fmt: skip
-    width = Parameter(int, "pixels a row; 0: as many as the camera says it has", unit="px", default=0, low=0)
+    width = Parameter(int, "pixels a row; 0: as the camera reports", unit="px", default=0, low=0)
     height = Parameter(int, "rows; 0: likewise", unit="px", default=0, low=0)
     format = Parameter(str, "format of the pixels, such as rgb; none: any, but always the same", default="")
-    # Noise of a sensor in the dark is less, and a white wall in daylight is more.
+    # The noise of a sensor in the dark is less, the contrast of a white wall in daylight is more.
     contrast = Parameter(
         float, "least standard deviation of the pixels, in per cent of white", unit="%", default=1.0, low=0.0
     )
-    # None should be; a driver that is polled out of step with its camera sends one of some dozens again.
+    # Ideally none; a driver that is polled asynchronously to its camera repeats one of some dozens.
     max_repeated = Parameter(
         float,
-        "pictures that may be equal to the one before; 100, with max_run 0, where a foreign simulator stands still",
+        "pictures that may equal the one before; set 100, and max_run 0, for the static scene of another simulator",
         unit="%",
         default=5.0,
         low=0.0,
         high=100.0,
     )
     max_run = Parameter(int, "pictures in a row that may be the same; 0: any number", unit="count", default=3, low=0)
-    eyes = Parameter(str, "the part that the simulated eyes belong to", default="head")
+    eyes = Parameter(str, "the part of the simulated eyes", default="head")
 
     def setup(self) -> None:
         """Find the cameras."""
@@ -94,7 +94,7 @@ class CameraTest(RateTest):
         self.ports = [self.port] if self.port else [name for name in self.known_ports("") if _is_camera(name, begin)]
         self.assert_error_if_false(
             self.ports,
-            f"the name server knows no camera below {begin}; give its port as portname, "
+            f"no camera below {begin} is registered at the name server; give its port as portname, "
             "and start a simulated robot with cameras",
         )
 
@@ -104,7 +104,7 @@ class CameraTest(RateTest):
         if there:
             self.listen(self.time)
         windows = {name: within(self.listener.recorders[name].messages, self.warm_up, self.time) for name in there}
-        # Nothing is turned but what the simulator itself moves: a real robot is never touched.
+        # Only simulated eyes are turned: a real robot is never moved.
         simulated = is_simulated(self.network, self.robot_name, self.eyes)
         turned = self._turned(there) if simulated and self._stands(windows.values()) else {}
         for name in there:
@@ -112,27 +112,27 @@ class CameraTest(RateTest):
                 self._judge(name, turned.get(name))
 
     def _listen_to(self, name: str) -> bool:
-        """Listen to one; of its pictures little is kept, and the last one as it is."""
+        """Record a camera: the facts of each picture, and the last picture itself."""
         try:
             self.listener.add(name, look=partial(self._look, self._last, name, self.network.dialect))
         except RtfError as error:
             with self.subresult(name):
-                self.assert_fail(f"{name} cannot be listened to: {error}")
+                self.assert_fail(f"cannot connect to {name}: {error}")
         return name in self.listener.recorders
 
     @staticmethod
     def _look(last: dict[str, Image], name: str, dialect: Dialect, data: bytes) -> _Seen:
-        """Look at a picture. In the thread of its connection."""
+        """Decode a picture. Called in the thread of its connection."""
         image = last[name] = IMAGE.decode(data, dialect)
         return _Seen(image.width, image.height, str(image.code), float(image.pixels[::4, ::4].std()))
 
     def _stands(self, windows: Iterable[Sequence[Message]]) -> bool:
-        """Whether an eye sees too little motion to tell whether its pictures go on; a limb may have crept by."""
+        """Whether too many pictures of a camera were equal: its scene may be static."""
         most = self.max_run or math.inf
         return any(_repeated(found) > self.max_repeated or _longest_run(found) > most for found in windows)
 
     def _turned(self, names: Sequence[str]) -> dict[str, list[Message]]:
-        """Turn the eyes and back; returns the pictures that were taken while they turned."""
+        """Turn the eyes and back; return the pictures taken while they turned."""
         before = {name: len(self.listener.recorders[name].messages) for name in names}
         part = self._open_eyes()
         joints = [part.joint(name) for name in _EYES]
@@ -140,7 +140,7 @@ class CameraTest(RateTest):
         with part.recorded() as trace:
             try:
                 there = part.move(start + _TURN, joints, speed=_TURNING_SPEED)
-                self.require(there, "where it should look", part, joints, start + _TURN)
+                self.require(there, "its viewing direction", part, joints, start + _TURN)
             finally:
                 part.move(start, joints, speed=_TURNING_SPEED)
         times, speeds = trace.time, np.abs(trace.velocities[:, joints]).max(axis=1)
@@ -154,7 +154,7 @@ class CameraTest(RateTest):
         }
 
     def _open_eyes(self) -> Part:
-        """The part of the simulated eyes, with a guard of its own: this test as such moves nothing."""
+        """Open the part of the simulated eyes with a guard of its own: the safety class of the test is STILL."""
         still = self.open_part(self.eyes)
         guard = MotionGuard(
             still.board, f"/{self.robot_name}/{self.eyes}", clock=self.clock, report=self.report, limits=self.limits
@@ -167,7 +167,7 @@ class CameraTest(RateTest):
     def _judge(self, name: str, turned: list[Message] | None) -> None:
         recorder = self.listener.recorders[name]
         if recorder.problems:
-            self.assert_fail(f"{len(recorder.problems)} messages of {name} hold no picture: {recorder.problems[0]}")
+            self.assert_fail(f"{len(recorder.problems)} messages of {name} are no pictures: {recorder.problems[0]}")
         found = self.judged(recorder.messages, self.time, name)
         self.judge(found, self.frequency, self.tolerance / self.time)
         seen = [message.content for message in found if isinstance(message.content, _Seen)]
@@ -182,7 +182,7 @@ class CameraTest(RateTest):
     def _judge_size(self, name: str, seen: Sequence[_Seen]) -> None:
         width, height = self._wanted_size(name)
         kinds = sorted({one[:3] for one in seen})
-        self.check_fail_if_true(len(kinds) > 1, f"pictures of {name} are not always of one size and format: {kinds}")
+        self.check_fail_if_true(len(kinds) > 1, f"size and format of the pictures of {name} change: {kinds}")
         self._measure_side("width", seen[-1].width, width)
         self._measure_side("height", seen[-1].height, height)
         if self.format:
@@ -194,7 +194,7 @@ class CameraTest(RateTest):
         self.measure(side, found, "px", low=limit, high=limit, hint=hint)
 
     def _wanted_size(self, name: str) -> tuple[int, int]:
-        """The size that the parameters say; else that the camera itself says, which it may not know."""
+        """Return the size of the parameters, or the size that the camera reports; 0 if it does not."""
         if self.width and self.height:
             return self.width, self.height
         camera = FrameGrabberClient(name, network=self.network)
@@ -202,7 +202,7 @@ class CameraTest(RateTest):
             camera.open(Property({"remote": name, "no_stream": True}))
             said = camera.width(), camera.height()
         except RtfError as error:
-            self.report(f"{name} does not say how large its pictures are: {error}")
+            self.report(f"{name} does not report the size of its pictures: {error}")
             said = 0, 0
         finally:
             camera.close()
@@ -210,7 +210,7 @@ class CameraTest(RateTest):
 
     def _judge_content(self, name: str, found: Sequence[Message]) -> None:
         self.assert_true(len(found) > 1, f"{len(found)} pictures came while the eyes of {name} were turned")
-        hint = f"pictures of {name} do not go on; {likely_causes('camera frozen')}"
+        hint = f"pictures of {name} do not change; {likely_causes('camera frozen')}"
         self.measure("repeated pictures", _repeated(found), "%", high=self.max_repeated, hint=hint)
         most = self.max_run or None
         self.measure("same picture in a row", _longest_run(found), "count", high=most, hint=hint)
@@ -225,16 +225,16 @@ class CameraTest(RateTest):
 
 
 def _is_camera(name: str, begin: str) -> bool:
-    """Whether a port is a camera's own; below it there are ports that answer questions."""
+    """Whether a port streams pictures; the ports below it answer requests."""
     return name.startswith(begin) and "/" not in name.removeprefix(begin)
 
 
 def _repeated(found: Sequence[Message]) -> float:
-    """How many of the pictures (%) are equal to the one before; none of a single one."""
+    """Return the share of the pictures (%) that equal the one before; 0 for a single picture."""
     digests = np.array([message.digest for message in found])
     return 100.0 * float(np.mean(digests[1:] == digests[:-1])) if digests.size > 1 else 0.0
 
 
 def _longest_run(found: Sequence[Message]) -> int:
-    """How many pictures in a row are the same, at most."""
+    """Return the length of the longest run of equal pictures."""
     return max(sum(1 for _ in same) for _, same in groupby(message.digest for message in found)) if found else 0

@@ -1,4 +1,4 @@
-"""Cluster tests: the machines of a robot are set up for real-time programs and large messages."""
+"""Cluster tests: the machines of a robot are configured for real-time programs and large messages."""
 
 from __future__ import annotations
 
@@ -7,32 +7,32 @@ import subprocess
 
 from rtf.testing import Parameter, TestCase
 
-#: What a host may be called, user included; nothing that ssh would take for an option.
+#: Valid host names, with an optional user; never an option of ssh.
 _HOST = re.compile(r"(?:[\w.-]+@)?\w[\w.:-]*", re.ASCII)
 
 
 class ClusterTests(TestCase):
-    """Asks each machine through ssh for limits of real-time priorities and for the size of network buffers.
+    """Reads from each machine, through ssh, the limits of real-time priorities and the size of network buffers.
 
-    ssh must be able to log in without being asked anything: a machine that wants a password is an error.
+    ssh has to log in without interaction: a machine that asks for a password is an error.
     """
 
     aliases = ("cluster-tests", "clusterTests", "cluster-tests.lua")
     tags = ("machine",)
-    words_key = "hosts"  # where their names stand alone, as they did for the script of old
+    words_key = "hosts"  # plain words are host names, as for the original script
 
     hosts = Parameter(list[str], "names of the machines, user@host allowed", default=[])
-    timeout_per_question = Parameter(float, "time that an answer may take", unit="s", default=10.0, low=0.1)
+    timeout_per_question = Parameter(float, "time-out of an answer", unit="s", default=10.0, low=0.1)
     priority = Parameter(int, "real-time priority that a process may have", default=99, low=0, high=99)
     receive_buffer = Parameter(int, "largest receive buffer of a socket", unit="B", default=8_388_608, low=0)
 
     def setup(self) -> None:
-        """Refuse what is no host."""
+        """Refuse invalid host names."""
         wrong = [host for host in self.hosts if not _HOST.fullmatch(host)]
         self.assert_error_if_true(wrong, f"{', '.join(map(repr, wrong))}: write a host as pc104 or icub@pc104")
 
     def run(self) -> None:
-        """Ask machine by machine."""
+        """Check machine by machine."""
         if not self.hosts:
             self.skip("no machines are named: --set 'hosts=(pc104 icub16)'")
         for host in self.hosts:
@@ -49,11 +49,11 @@ class ClusterTests(TestCase):
             self.check(condition=True, text=f"{host}: the {name} is unlimited")
             return
         if not answer.isdigit():
-            self.assert_error(f"{host} answers {' '.join(command)} with {answer[:60]!r}, which is no number")
+            self.assert_error(f"{host} answers {' '.join(command)} with {answer[:60]!r}, which is not a number")
         self.measure(name, int(answer), symbol, low=wanted)
 
     def _answer(self, host: str, command: tuple[str, ...]) -> str:
-        """What a command prints there. Ends as an error when ssh cannot log in, or takes too long."""
+        """Return the output of a command on a host. The test ends with an error if ssh cannot log in, or times out."""
         seconds = max(1, round(self.timeout_per_question))
         words = ["ssh", "-o", "BatchMode=yes", "-o", f"ConnectTimeout={seconds}", "--", host, *command]
         try:
@@ -67,7 +67,7 @@ class ClusterTests(TestCase):
                 check=False,
             )
         except FileNotFoundError:
-            self.assert_error("there is no program ssh here; install the package openssh-client")
+            self.assert_error("the program ssh was not found; install the package openssh-client")
         except subprocess.TimeoutExpired:
             self.assert_error(f"{host} did not answer {' '.join(command)} within {self.timeout_per_question:g} s")
         if done.returncode != 0:

@@ -1,4 +1,4 @@
-"""Control modes: every request in every mode leads where the table of modes says, and nothing moves in a wrong mode."""
+"""Control modes: every request in every mode follows the transition table, and no joint moves in a wrong mode."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from rtf.robot.control_modes import (
 )
 from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot_testing import Limits, Safety, likely_causes
-from rtf.robot_testing.joints_case import JointsTest, told_at
+from rtf.robot_testing.joints_test import JointsTest, command_at
 from rtf.robot_testing.mode_numbers import LEGEND, mode_numbers
 from rtf.robot_testing.mode_walk import ModeWalk
 from rtf.robot_testing.snapshot import answered
-from rtf.robot_testing.torque import greatest_torque, torque_flags
+from rtf.robot_testing.torque_control import greatest_torque, torque_flags
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 class _Command(NamedTuple):
-    """A command that moves joints, the modes that take it, and how it is sent: the board, joints, and which way."""
+    """A motion command: the modes that accept it, and a function that sends it to joints with their directions."""
 
     name: str
     modes: frozenset[ControlMode]
@@ -47,33 +47,33 @@ class _Command(NamedTuple):
 
 
 class ControlModes(JointsTest):
-    """Walks all joints through all modes; what each joint reads after each request is compared with the table.
+    """Walks all joints through all control modes, and compares the mode after each request with the transition table.
 
-    What must change changes within ``change_time`` and stays; what must not change is watched for ``settle`` seconds.
-    Then the joints are driven into faults by a greatest current of zero, which nothing but a forced idle may end.
-    One that has to be stopped fails and is left out from there on; those that share its motors are left out, too.
+    A mode that has to change must do so within ``change_time`` and stay; one that must not is watched for ``settle``
+    seconds. Then a greatest current of zero drives the joints into hardware faults, which only a forced idle may end.
+    A joint that the guard has to stop fails and is excluded from then on, together with those that share its motors.
     """
 
     aliases = ("controlModes",)
     tags = ("modes", "faults")
     safety = Safety.FAULT
-    # Joints fall while they have no power, which no motor holds against.
+    # Joints fall while they have no power.
     limits = Limits(beyond=15.0, speed=math.inf, current=None, contact=None)
 
-    tolerance = Parameter(float, "how near home is at home", unit="deg", default=0.5, low=0.001)
-    without = Parameter(list[str], "words of modes that the boards have not got, such as icur", default=[])
+    tolerance = Parameter(float, "tolerance of the home position", unit="deg", default=0.5, low=0.001)
+    without = Parameter(list[str], "modes that the boards do not have, such as icur", default=[])
     faults = Parameter(bool, "whether joints are driven into faults", default=True)
-    change_time = Parameter(float, "time that a board has to change a mode", unit="s", default=0.5, low=0.001)
-    settle = Parameter(float, "how long a mode is watched that must not change", unit="s", default=0.1, low=0.001)
-    moved = Parameter(float, "what counts as moving by a command of another mode", unit="deg", default=0.5, low=0.001)
+    change_time = Parameter(float, "greatest time of a mode change", unit="s", default=0.5, low=0.001)
+    settle = Parameter(float, "how long a mode that must not change is watched", unit="s", default=0.1, low=0.001)
+    moved = Parameter(float, "least motion that counts as obeying a wrong command", unit="deg", default=0.5, low=0.001)
 
     def setup(self) -> None:
-        """Open the part, ask what its joints can do, and bring them home."""
+        """Open the part, read the capabilities of its joints, and move them home."""
         super().setup()
         part = self.robot_part
         words = {mode.word: mode for mode in USER_MODES}
         unknown = [word for word in self.without if word not in words]
-        self.assert_error_if_true(unknown, f"without: {', '.join(unknown)} are none of {', '.join(words)}")
+        self.assert_error_if_true(unknown, f"without: unknown modes {', '.join(unknown)}; use {', '.join(words)}")
         self.missing = {words[word] for word in self.without}
         self.compliant = self._torque_controlled()
         self.currents = {joint: part.board.max_current(joint) for joint in self.chosen} if self.faults else {}
@@ -89,12 +89,12 @@ class ControlModes(JointsTest):
         self.bring_home(tolerance=self.tolerance)
 
     def _torque_controlled(self) -> set[int]:
-        """The chosen joints that have torque control, as the board's variable says; without it: none."""
+        """Return the chosen joints that have torque control by the board's variable; none without the variable."""
         part = self.robot_part
         try:
             flags = torque_flags(part)
         except (NotSupportedError, RefusedError) as error:
-            self.warn(f"{part.name} does not say which joints have torque control, none is taken to: {error}")
+            self.warn(f"{part.name} does not report which joints have torque control; none is assumed to: {error}")
             return set()
         return {joint for joint in self.chosen if flags[joint]}
 
@@ -110,7 +110,7 @@ class ControlModes(JointsTest):
             with self.subresult(self.robot_part.names[joint]):
                 self._keep(joint, trace)
                 self._judge(joint, needed)
-        self.robot_part.tell_of_clocks(self.report)
+        self.robot_part.report_clock_offset(self.report)
 
     # Modes -------------------------------------------------------------------------------------------------------
 
@@ -131,7 +131,7 @@ class ControlModes(JointsTest):
             state = answer(state, request)[1]
 
     def _visit(self, state: ControlMode) -> None:
-        """What is tried once in each mode: to be compliant, commands of other modes, what nobody may ask for."""
+        """Try once in each mode: a change of the interaction mode, commands of other modes, and forbidden requests."""
         self._change_interaction(state)
         if state in HOLDING_MODES or state is ControlMode.IDLE:
             for command in _COMMANDS:
@@ -142,7 +142,7 @@ class ControlModes(JointsTest):
                 self._try_request(mode)
 
     def _try_request(self, request: ControlMode) -> None:
-        """Ask all joints for a mode, and compare what each of them makes of it with the table."""
+        """Request a mode of all joints, and compare the resulting modes with the transition table."""
         part = self.robot_part
         joints = [joint for joint in self.chosen if request is not ControlMode.TORQUE or joint in self.compliant]
         if not joints:
@@ -160,7 +160,7 @@ class ControlModes(JointsTest):
             self.expected[joint].append((begin, expected[joint]))
         with part.recorded() as trace:
             refused = self._request(request, joints)
-            if request is ControlMode.CURRENT:  # else boards may go on with the current of a moment ago
+            if request is ControlMode.CURRENT:  # else boards may keep the last measured current
                 part.board.set_reference_currents([0.0] * len(joints), joints)
             self._wait_until(
                 lambda: all(part.board.control_mode(joint) is expected[joint] for joint in reliable if self._has(joint))
@@ -172,15 +172,15 @@ class ControlModes(JointsTest):
             self._compare_modes(joint, before[joint], request, expected[joint], trace, begin, refused)
 
     def _has(self, joint: int) -> bool:
-        """Whether a joint has not been left out."""
+        """Whether a joint is still tested."""
         return joint in self.chosen
 
     def _wait_until(self, condition: Callable[[], bool]) -> None:
-        """Wait as long as a board may take, without the joints that have to be stopped meanwhile."""
-        self.calmly(lambda: self.robot_part.wait_until(condition, self.change_time, pace=_LOOK))
+        """Wait for a condition for ``change_time``; joints that the guard stops meanwhile are excluded."""
+        self.retry_without_stopped(lambda: self.robot_part.wait_until(condition, self.change_time, pace=_LOOK))
 
     def _wait(self, seconds: float) -> None:
-        self.calmly(lambda: self.robot_part.wait(seconds, pace=_LOOK))
+        self.retry_without_stopped(lambda: self.robot_part.wait(seconds, pace=_LOOK))
 
     def _request(self, request: ControlMode, joints: list[int]) -> str:
         try:
@@ -214,9 +214,9 @@ class ControlModes(JointsTest):
             self.slowest[joint] = max(self.slowest[joint], float(trace.time[first]) + trace.offset - begin)
 
     def _change_interaction(self, state: ControlMode) -> None:
-        """Make all joints compliant and stiff again: those with torque control obey, the others stay, no mode changes.
+        """Make all joints compliant, then stiff: only those with torque control may change, and no control mode may.
 
-        A board refuses it for a joint that cannot.
+        A board may refuse the request for a joint without torque control.
         """
         part = self.robot_part
         for wanted in (InteractionMode.COMPLIANT, InteractionMode.STIFF):
@@ -254,9 +254,10 @@ class ControlModes(JointsTest):
     # Commands of other modes -------------------------------------------------------------------------------------
 
     def _command(self, state: ControlMode, command: _Command) -> None:
-        """Send a command that the mode does not take: no joint may move by it, and no motor be driven that is off.
+        """Send a command that the mode does not accept: no joint may move, and no motor without power may be driven.
 
-        What falls moves by itself; whether it is driven can only be said when nothing else of the part is.
+        A joint without power may fall, so its duty cycle is judged, and only if all joints of the part are in that
+        mode.
         """
         part = self.robot_part
         modes = part.board.control_modes()
@@ -266,7 +267,7 @@ class ControlModes(JointsTest):
         before = part.board.encoders(joints)
         middle = (part.low[joints] + part.high[joints]) / 2
         with part.recorded() as trace:
-            with suppress(RefusedError, NotSupportedError):  # as good as ignoring it
+            with suppress(RefusedError, NotSupportedError):  # a refusal is as good as ignoring it
                 command.send(part.board, joints, np.where(before < middle, 1.0, -1.0))
             self._wait(_WATCHED)
             self._wait_until(lambda: len(trace) > 0)
@@ -280,8 +281,8 @@ class ControlModes(JointsTest):
                 self.wrong[joint].append(f"in {state.word} it {what} {value:.2f} {unit} at a command of {command.name}")
 
     def _come_back(self) -> None:
-        """Bring those joints home that obey, when they have fallen while they had no power."""
-        self.calmly(self._move_back)
+        """Move the joints without errors home if they have fallen without power."""
+        self.retry_without_stopped(self._move_back)
 
     def _move_back(self) -> None:
         part = self.robot_part
@@ -292,7 +293,7 @@ class ControlModes(JointsTest):
     # Faults ------------------------------------------------------------------------------------------------------
 
     def _fault(self) -> set[tuple[ControlMode, ControlMode]]:
-        """Drive all joints into fault, try to leave it in all ways that are forbidden, and then in the allowed one."""
+        """Drive all joints into hardware fault, try all forbidden requests to leave it, and then the allowed one."""
         fault = ControlMode.HARDWARE_FAULT
         walk = ModeWalk([fault], self.missing)
         needed = walk.pairs
@@ -315,7 +316,7 @@ class ControlModes(JointsTest):
         return needed
 
     def _provoke(self, joints: Sequence[int]) -> None:
-        """Bring joints into fault by a greatest current of zero, and give them their current back at once."""
+        """Drive joints into hardware fault by a greatest current of zero; restore the greatest currents at once."""
         board = self.robot_part.board
         for joint in joints:
             self.expected[joint].append((self.now(), ControlMode.HARDWARE_FAULT))
@@ -334,13 +335,13 @@ class ControlModes(JointsTest):
     # Verdict -----------------------------------------------------------------------------------------------------
 
     def _keep(self, joint: int, trace: Trace) -> None:
-        """Record the modes that a joint was in, and was to be in."""
+        """Record the actual and the expected modes of a joint."""
         time = trace.local_time
         self.record(
             "modes",
             time=(time - time[0], "s"),
             mode=(mode_numbers(trace.control_modes[:, joint]), ""),
-            expected=(mode_numbers(told_at(time, self.expected[joint])), ""),
+            expected=(mode_numbers(command_at(time, self.expected[joint])), ""),
         )
 
     def _judge(self, joint: int, needed: set[tuple[ControlMode, ControlMode]]) -> None:
@@ -350,23 +351,23 @@ class ControlModes(JointsTest):
         left = needed - self.tested[joint]
         self.measure("requests tried", len(needed) - len(left))
         self.measure("slowest change", 1e3 * self.slowest[joint], "ms", high=1e3 * self.change_time)
-        more = f"; and {len(wrong) - _TOLD} more" if len(wrong) > _TOLD else ""
-        hint = f"{name}: {'; '.join(wrong[:_TOLD])}{more}; {likely_causes('mode')}"
+        more = f"; and {len(wrong) - _SHOWN} more" if len(wrong) > _SHOWN else ""
+        hint = f"{name}: {'; '.join(wrong[:_SHOWN])}{more}; {likely_causes('mode')}"
         self.measure("wrong answers", len(wrong), high=0, hint=hint)
         self.assert_error_if_true(left and not wrong, f"{name}: {len(left)} requests could not be tried")
 
 
-#: Seconds between two looks at modes; how long a new mode is watched; how long a joint that should not move.
+#: Seconds between two checks of the modes; for which a new mode is watched; for which a joint is watched for motion.
 _LOOK, _STAYS, _WATCHED = 0.01, 0.03, 0.1
-#: How far joints may fall before they are brought back, deg; at what speed, deg/s.
+#: Fall after which joints are moved back, deg; and the speed of that move, deg/s.
 _FALLEN, _RETURN = 3.0, 30.0
-_DRIVEN = 1.0  # per cent of duty cycle, of a motor that is off
-_TOLD = 5  # wrong answers that a failure names
-#: What nobody may ask for.
+_DRIVEN = 1.0  # per cent of duty cycle, of a motor without power
+_SHOWN = 5  # wrong answers that a failure lists
+#: Modes that must not be requested.
 _NEVER = tuple(mode for mode in STATES if mode not in REQUESTS)
-#: Large enough to be seen, small enough to be borne: deg, deg/s, per cent of the range.
+#: Commands that are large enough to be seen and small enough to be safe: deg, deg/s, per cent of the range.
 _STEP, _SPEED, _EFFORT = 3.0, 20.0, 10.0
-#: The same of boards that do not say their ranges: Nm, A.
+#: The same for boards that do not report their ranges: Nm, A.
 _TORQUE, _CURRENT = 0.5, 0.1
 
 

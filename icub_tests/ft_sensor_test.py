@@ -1,4 +1,4 @@
-"""Force-torque sensors: they show what hangs at them, with the noise that a living sensor has."""
+"""Force-torque sensors: they show their static load, with the noise of a working sensor."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import SensorCategory
 from rtf.robot_testing import likely_causes
+from rtf.robot_testing.ft_sensor_loads import WeightModel, parts_above, place_of
 from rtf.robot_testing.sensor_streams import MEASURES, names_of, readings_of, sensors_in
 from rtf.robot_testing.stream_test import RateTest
-from rtf.robot_testing.weights import WeightModel, parts_above, place_of
 from rtf.simulator.errors import MissingPackageError
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot_testing.streams import Stream
+    from rtf.robot_testing.stream_statistics import Stream
 
 _CHANNELS = 6
 _NAMES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
@@ -26,13 +26,13 @@ _ENDING = "/analog:o"
 
 
 class FtSensorTest(RateTest):
-    """Reads a sensor for a while; its mean is compared with a known load, its noise with what is usual.
+    """Compares the mean of a sensor with its known load, and its noise with the usual range.
 
-    The known load is given, or it is what the model of the robot says of the weight beyond the sensor in the posture
-    that the robot is in. The robot should stand still and touch nothing there. Where nobody knows the load the sensor
-    is not passed: that is inconclusive; or skipped, where ``use_model`` was switched off.
+    The load is given, or computed by the model of the robot from the weight beyond the sensor in the current posture.
+    The robot has to be at rest, without contact beyond the sensor. A sensor with an unknown load does not pass: it is
+    inconclusive, or skipped if ``use_model`` is off.
 
-    A port may have one sensor, or many in a message (``/measures:o``), of which each is judged.
+    A port may publish one sensor, or several in one message (``/measures:o``); each of them is judged.
     """
 
     aliases = ("ftSensorTest", "FtSensor", "ftsensor", "ftSensorTests", "ftsensor-tests")
@@ -42,24 +42,24 @@ class FtSensorTest(RateTest):
     time = Parameter(float, "how long it is read", unit="s", default=1.0, low=0.1)
     frequency = Parameter(float, "its rate", unit="Hz", default=100.0, low=0.01)
     # As the parameter files of the iCub allow for its ports of 100 Hz.
-    frequency_tolerance = Parameter(float, "how far off the rate may be", unit="Hz", default=5.0, low=0.0)
+    frequency_tolerance = Parameter(float, "tolerance of the rate", unit="Hz", default=5.0, low=0.0)
     expected = Parameter(
         list[float], "three forces (N) and three torques (Nm) that it should show; none: by the model", default=[]
     )
     use_model = Parameter(
-        bool, "ask the model of the robot where nothing is given; without it the load is skipped", default=True
+        bool, "compute the load by the model unless expected is given; if off, the load is skipped", default=True
     )
     # Strain-gauge sensors of this kind drift by a few N with temperature and mounting.
-    force_tolerance = Parameter(float, "how far off a force may be", unit="N", default=5.0, low=0.0)
-    torque_tolerance = Parameter(float, "how far off a torque may be", unit="Nm", default=1.0, low=0.0)
-    # A single step of a converter of 16 bits (1000 N, 20 Nm) in a minute is more; rounding of a number is less.
-    least_noise = Parameter(float, "standard deviation of a living force", unit="N", default=1e-6, low=0.0)
+    force_tolerance = Parameter(float, "tolerance of a force", unit="N", default=5.0, low=0.0)
+    torque_tolerance = Parameter(float, "tolerance of a torque", unit="Nm", default=1.0, low=0.0)
+    # One step per minute of a 16 bit converter (1000 N, 20 Nm) is more; rounding errors are less.
+    least_noise = Parameter(float, "least standard deviation of a force", unit="N", default=1e-6, low=0.0)
     least_torque_noise = Parameter(float, "the same of a torque", unit="Nm", default=1e-6, low=0.0)
-    # Ten and twenty-five times what the simulated sensors have: a loose cable shows more.
+    # Ten and twenty-five times the noise of the simulated sensors: a loose cable shows more.
     force_noise = Parameter(float, "greatest standard deviation of a force", unit="N", default=0.5, low=0.0)
     torque_noise = Parameter(float, "greatest standard deviation of a torque", unit="Nm", default=0.05, low=0.0)
-    # Three times what a whole iCub weighs.
-    saturation = Parameter(float, "a force of this size is beyond what it measures", unit="N", default=1000.0, low=0.0)
+    # Three times the weight of a whole iCub.
+    saturation = Parameter(float, "force at which the sensor saturates", unit="N", default=1000.0, low=0.0)
 
     def setup(self) -> None:
         """Find the sensors."""
@@ -69,11 +69,12 @@ class FtSensorTest(RateTest):
         )
         self.ports = [self.port] if self.port else self._sensors()
         self.assert_error_if_false(
-            self.ports, f"the name server knows no force-torque sensor of /{self.robot_name}; give its port as portname"
+            self.ports,
+            f"no force-torque sensor of /{self.robot_name} is registered at the name server; give its port as portname",
         )
 
     def _sensors(self) -> list[str]:
-        """The ports with a force-torque sensor: by the robot's structure, and those of many that have others."""
+        """Return the ports of the known sensors of the robot, and the ports of several sensors that add others."""
         single = [name for name in self.known_ports(_ENDING) if parts_above(self._place(name))]
         known = {self._place(name) for name in single}
         return single + [name for name in self.known_ports(MEASURES) if {*map(place_of, self._names(name))} - known]
@@ -104,9 +105,9 @@ class FtSensorTest(RateTest):
             self._judge_sensor(name, self._place(name), values, stream)
 
     def _judge_many(self, port: str, contents: list[bytes], stream: Stream) -> None:
-        """Each of the sensors that are in one message."""
+        """Judge each sensor of a message of several sensors."""
         sensors = sensors_in(port, contents, self.network.dialect, SensorCategory.FORCE_TORQUE)
-        self.assert_true(sensors, f"the messages of {port} tell of no force-torque sensor")
+        self.assert_true(sensors, f"the messages of {port} have no force-torque sensor")
         names = self._names(port)
         if len(names) != len(sensors):
             names = [f"sensor {number}" for number in range(len(sensors))]
@@ -116,7 +117,7 @@ class FtSensorTest(RateTest):
 
     def _judge_sensor(self, name: str, place: str, values: FloatArray, stream: Stream) -> None:
         self.assert_equal(values.shape[1], _CHANNELS, f"numbers in a message of {name}")
-        self.assert_true(np.isfinite(values).all(), f"{name} tells of {_not_finite(values)} values that are no numbers")
+        self.assert_true(np.isfinite(values).all(), f"{name} sends {_not_finite(values)} values that are not finite")
         times = stream.times - stream.times[0]
         self.record(
             "force and torque",
@@ -128,7 +129,7 @@ class FtSensorTest(RateTest):
 
     def _judge_noise(self, name: str, values: FloatArray) -> None:
         greatest = float(np.abs(values[:, :3]).max())
-        hint = f"{name} is at the end of its range: it shows no force beyond; {likely_causes('offset', 'noise')}"
+        hint = f"{name} is saturated, at the end of its range; {likely_causes('offset', 'noise')}"
         self.measure("greatest force", greatest, "N", high=self.saturation, hint=hint)
         for axis, (what, symbol) in enumerate(zip(_NAMES, _UNITS, strict=True)):
             low, high = (
@@ -144,19 +145,19 @@ class FtSensorTest(RateTest):
         if not self.expected and not self.use_model:
             self._measure_mean(mean)
             with self.subresult("load"):
-                self.skip("use_model is off and no expected is given: the mean is not judged")
+                self.skip("use_model is off and expected is not given: the mean is not judged")
             return
         try:
             expected = np.array(self.expected) if self.expected else self._modelled(place)
         except (MissingPackageError, RefusedError) as error:
             self._measure_mean(mean)
-            self.inconclusive(f"no load is known for {name}, its mean is not judged: {error}; or give expected")
+            self.inconclusive(f"the load of {name} is unknown, its mean is not judged: {error}; or give expected")
         for axis, (what, symbol) in enumerate(zip(_NAMES, _UNITS, strict=True)):
             tolerance = self.force_tolerance if symbol == "N" else self.torque_tolerance
             low, high = expected[axis] - tolerance, expected[axis] + tolerance
             hint = (
-                f"{name} does not show the weight that hangs at it: {what} by {mean[axis] - expected[axis]:+.2f} "
-                f"{symbol}; {likely_causes('offset')}"
+                f"{name} does not show its load: {what} is off by {mean[axis] - expected[axis]:+.2f} {symbol}; "
+                f"{likely_causes('offset')}"
             )
             self.measure(what, mean[axis], symbol, low, high, hint=hint)
 
@@ -165,7 +166,7 @@ class FtSensorTest(RateTest):
             self.measure(what, value, symbol)
 
     def _modelled(self, place: str) -> FloatArray:
-        """The load by the model. Raises MissingPackageError, and RefusedError for a place that it does not have."""
+        """Return the load by the model. Raises MissingPackageError, or RefusedError for an unknown place."""
         model = WeightModel()
         for part_name in parts_above(place):
             part = self.open_part(part_name)

@@ -1,4 +1,4 @@
-"""IMU: the inertial units feel what the joints say, at rest and in motion."""
+"""IMU: the inertial units agree with the joint encoders, at rest and in motion."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.interfaces import SensorCategory
 from rtf.robot.sensor_message import SENSOR_MESSAGE
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.descriptions import read_description
 from rtf.robot_testing.kinematics import rotation_of, rotation_vector
 from rtf.robot_testing.orientations import each_once, sure_turn, turns_of, vertical_turn
-from rtf.robot_testing.positioning import late_joints
+from rtf.robot_testing.robot_description import read_description
 from rtf.robot_testing.sensor_streams import MEASURES, sensors_of
+from rtf.robot_testing.start_position import late_joints
+from rtf.robot_testing.stream_statistics import stream_of
 from rtf.robot_testing.stream_test import StreamTest
-from rtf.robot_testing.streams import stream_of
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -28,20 +28,20 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
     from rtf.robot_testing.kinematics import KinematicModel
-    from rtf.robot_testing.listening import Message
+    from rtf.robot_testing.port_recorder import Message
 
 _GRAVITY = 9.81
-_SHARE = 0.8  # of the wanted motion that has to come about
-_REST = 0.6  # s at each turning point, so that there are postures at rest
+_SHARE = 0.8  # share of the commanded motion that is required
+_REST = 0.6  # s at rest at each turning point
 _HOMING_SPEED = 20.0
-#: Motion is compared over windows of so many messages; what turns slower than this (deg/s) is at rest.
+#: Rotations are compared over windows of so many messages; below this rate (deg/s) a unit is at rest.
 _WINDOW, _AT_REST = 10, 0.5
 _FEWEST_AT_REST = 20
-_ANY_TURN = 180.0  # deg: a turn that is known no better may be any
+_ANY_TURN = 180.0  # deg: with a wider interval the orientation of a unit is unknown
 
 
 class _Unit(NamedTuple):
-    """One inertial unit: its name and frame, and its place among the sensors of each category; None: it has none."""
+    """An inertial unit: name, frame, and its index among the sensors of each category; None if it has none."""
 
     name: str
     frame: str
@@ -51,7 +51,7 @@ class _Unit(NamedTuple):
 
 
 class _Felt(NamedTuple):
-    """What a unit measured, a row a message, and how the joints say that it was turned (shape (n, 3, 3))."""
+    """The measurements of a unit, a row for each message, and its expected orientations by the joints (n, 3, 3)."""
 
     times: FloatArray
     expected: FloatArray
@@ -61,10 +61,10 @@ class _Felt(NamedTuple):
 
 
 class Imu(StreamTest):
-    """Moves the joints that carry the inertial units and compares what these say with the model of the robot.
+    """Moves the joints that carry the inertial units, and compares the units with the kinematic model of the robot.
 
-    Only the heading is taken from the units, for the north of a unit is not the robot's front: how it is mounted is
-    judged by gravity, by the turning rates, and by the orientation in all postures.
+    The heading is fitted, as a unit's north is not the robot's front. The mounting of a unit is judged by gravity, by
+    angular velocities, and by the orientations in all postures.
     """
 
     aliases = ("imu", "ImuTest", "IMU")
@@ -82,20 +82,20 @@ class Imu(StreamTest):
     )  # fmt: skip
     model = Parameter(str, "the description of the robot, a URDF file; none: the published one", default="")
     sensors = Parameter(list[str], "the units, or all", default=["all"], key="sensorsList", aliases=("sensors",))
-    amplitude = Parameter(float, "how far each joint is moved to both sides", unit="deg", default=15.0, low=2.0)
-    speed = Parameter(float, "how fast", unit="deg/s", default=20.0, low=1.0, high=60.0)
+    amplitude = Parameter(float, "way of each joint to either side", unit="deg", default=15.0, low=2.0)
+    speed = Parameter(float, "speed of the moves", unit="deg/s", default=20.0, low=1.0, high=60.0)
     max_error = Parameter(
         float, "greatest error of the orientation", unit="rad", default=0.1, low=0.0, key="maxError",
         aliases=("max_error",),
     )  # fmt: skip
     max_gravity_error = Parameter(float, "the same of the direction of gravity", unit="deg", default=3.0, low=0.0)
-    max_rate_error = Parameter(float, "rms error of the turning rate", unit="deg/s", default=3.0, low=0.0)
-    # The units know it ten times better; the joints that carry them know their zeros to a degree.
-    max_turn = Parameter(float, "by how much the unit surely is mounted turned", unit="deg", default=3.0, low=0.0)
-    gravity_tolerance = Parameter(float, "how far off 9.81 gravity may be", unit="m/s^2", default=0.5, low=0.0)
+    max_rate_error = Parameter(float, "rms error of the angular velocity", unit="deg/s", default=3.0, low=0.0)
+    # The units are ten times more accurate; the zeros of the joints that carry them are accurate to a degree.
+    max_turn = Parameter(float, "misalignment of a unit (lower confidence bound)", unit="deg", default=3.0, low=0.0)
+    gravity_tolerance = Parameter(float, "tolerance of gravity about 9.81", unit="m/s^2", default=0.5, low=0.0)
 
     def setup(self) -> None:
-        """Read the model, find the units, and bring the parts home."""
+        """Read the model, find the units, and open the parts in position mode."""
         super().setup()
         self.kinematics = self._model()
         self.server = (self.port or f"/{self.robot_name}/inertial").removesuffix(MEASURES)
@@ -109,13 +109,13 @@ class Imu(StreamTest):
         try:
             return read_description(self.model, self.robot_name)
         except RtfError as error:
-            self.assert_error(f"there is no model to compare with: {error}")
+            self.assert_error(f"cannot read the model: {error}")
 
     def _units(self) -> list[_Unit]:
         try:
             infos = sensors_of(self.network, f"{self.server}{MEASURES}")
         except RtfError as error:
-            self.assert_error(f"{self.server} does not say which units it has: {error}")
+            self.assert_error(f"{self.server} does not report its units: {error}")
         places = [{info.name: k for k, info in enumerate(infos[category])} for category in _CATEGORIES]
         found = [
             _Unit(info.name, info.frame, k, places[0].get(info.name), places[1].get(info.name))
@@ -126,16 +126,16 @@ class Imu(StreamTest):
             there = ", ".join(unit.name for unit in found)
             self.assert_error_if_true(missing, f"{self.server} has no {', '.join(sorted(missing))}; it has {there}")
             found = [unit for unit in found if unit.name in self.sensors]
-        self.assert_error_if_false(found, f"{self.server} has no unit that knows its orientation")
+        self.assert_error_if_false(found, f"{self.server} has no unit with an orientation")
         for unit in found:
             self.assert_error_if_false(
                 unit.frame in self.kinematics.links,
-                f"{unit.name} measures in the frame {unit.frame!r}, which is no link of {self.kinematics.place}",
+                f"{unit.name} measures in the frame {unit.frame!r}, which is not a link of {self.kinematics.place}",
             )
         return found
 
     def _moved(self) -> list[tuple[Part, int]]:
-        """The joints that are moved: those that carry a unit, or those of the parameter."""
+        """Return the joints to move: those that carry a unit and, if ``axes`` is given, are in it."""
         carrying = {joint for unit in self.units for joint in self.kinematics.chain(unit.frame)}
         known = {name: (part, k) for part in self.robot_parts for k, name in enumerate(part.names)}
         missing = carrying - set(known)
@@ -151,7 +151,7 @@ class Imu(StreamTest):
     # Moving ------------------------------------------------------------------------------------------------------
 
     def run(self) -> None:
-        """Move joint by joint while everything is recorded, then compare."""
+        """Move joint by joint while units and joints are recorded, then compare them."""
         stream = f"{self.server}{MEASURES}"
         if not self.open_stream(stream, keep=True):
             return
@@ -164,7 +164,7 @@ class Imu(StreamTest):
                 self.progress(place / len(joints), part.names[joint])
                 if self._move(part, joint):
                     self.moved.append((part, joint))
-        self.assert_error_if_false(self.moved, "no joint moves as it should: nothing can be compared")
+        self.assert_error_if_false(self.moved, "no joint moved as commanded: nothing to compare")
         self._check_motion(traces)
         times, angles = self._angles(traces)
         messages = stream_of(self.listener.recorders[stream].messages).messages
@@ -173,12 +173,12 @@ class Imu(StreamTest):
                 self._judge(unit, self._felt(unit, messages, times, angles))
 
     def _goals(self, part: Part, joint: int) -> tuple[float, float]:
-        """How far a joint is moved: within its limits, by the amplitude to both sides of where it waits."""
+        """Return the turning points of a joint: ``amplitude`` to either side of home, within the limits."""
         home = part.home[joint]
         return min(part.high[joint], home + self.amplitude), max(part.low[joint], home - self.amplitude)
 
     def _move(self, part: Part, joint: int) -> bool:
-        """Move a joint to both sides and home. One that does not come there fails, and the others go on."""
+        """Move a joint to both sides and home; a joint that does not arrive fails. Return whether it arrived."""
         late: dict[int, str] = {}
         for goal in self._goals(part, joint):
             late = late or late_joints(part, [joint], [goal], speed=self.speed)
@@ -190,20 +190,20 @@ class Imu(StreamTest):
         return not late
 
     def _check_motion(self, traces: Sequence[Trace]) -> None:
-        """Without motion there is nothing to compare: that would be no success."""
+        """End with an error if a joint did not move enough to compare."""
         for part, joint in self.moved:
             high, low = self._goals(part, joint)
             moved = float(np.ptp(traces[self.robot_parts.index(part)].positions[:, joint]))
             self.measure(f"motion of {part.names[joint]}", moved, "deg")
             self.assert_error_if_false(
                 moved >= _SHARE * (high - low),
-                f"{part.names[joint]} moved by {moved:.1f} deg and should by {high - low:.1f}: nothing can be compared",
+                f"{part.names[joint]} moved by {moved:.1f} deg, not by {high - low:.1f}: nothing to compare",
             )
 
     # Comparing ---------------------------------------------------------------------------------------------------
 
     def _angles(self, traces: Sequence[Trace]) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """The times of the states, and the angles (rad) of all joints at these."""
+        """Return the times of the states, and the angles (rad) of all joints at these times."""
         times = traces[0].time
         angles = {}
         for part, trace in zip(self.robot_parts, traces, strict=True):
@@ -215,7 +215,7 @@ class Imu(StreamTest):
     def _felt(
         self, unit: _Unit, messages: Sequence[Message], times: FloatArray, angles: dict[str, FloatArray]
     ) -> _Felt:
-        """What a unit measured while there were states, and what it should have."""
+        """Return the measurements of a unit during the recorded states, with the expected orientations."""
         read = [SENSOR_MESSAGE.decode(one.data, self.network.dialect) for one in messages]
         stamps = np.array([values[SensorCategory.ORIENTATION][unit.orientation].time for values in read])
         used = [place for place in each_once(stamps) if times[0] <= stamps[place] <= times[-1]]
@@ -229,21 +229,23 @@ class Imu(StreamTest):
             self.kinematics.transform(unit.frame, {name: values[k] for name, values in at.items()})[:3, :3]
             for k in range(stamps.size)
         ]
-        told = [rotation_of(*np.radians(one[SensorCategory.ORIENTATION][unit.orientation].values)) for one in read]
+        orientations = [
+            rotation_of(*np.radians(one[SensorCategory.ORIENTATION][unit.orientation].values)) for one in read
+        ]
         gyroscope, accelerometer = (
             None if place is None else np.array([one[category][place].values for one in read])
             for category, place in zip(_CATEGORIES, (unit.gyroscope, unit.accelerometer), strict=True)
         )
-        felt = _Felt(stamps, np.array(expected), np.array(told), gyroscope, accelerometer)
+        felt = _Felt(stamps, np.array(expected), np.array(orientations), gyroscope, accelerometer)
         self._require_numbers(unit, felt)
         return felt
 
     def _require_numbers(self, unit: _Unit, felt: _Felt) -> None:
-        told = [values.reshape(len(values), -1) for values in felt[2:] if values is not None]
-        missing = int((~np.isfinite(np.hstack(told))).any(axis=1).sum())
+        measured = [values.reshape(len(values), -1) for values in felt[2:] if values is not None]
+        missing = int((~np.isfinite(np.hstack(measured))).any(axis=1).sum())
         self.assert_fail_if_true(
             missing,
-            f"{missing} of {felt.times.size} measurements of {unit.name} are no numbers; "
+            f"{missing} of {felt.times.size} measurements of {unit.name} are not finite; "
             f"{likely_causes('sensor frozen')}",
         )
 
@@ -285,7 +287,7 @@ class Imu(StreamTest):
         self.check_fail_if_true(still, f"the orientation never changed; {likely_causes('sensor frozen')}")
 
     def _judge_rates(self, times: FloatArray, speeds: FloatArray, turning: FloatArray) -> FloatArray:
-        """Compare means over windows with how far the joints turned the unit meanwhile; returns the means."""
+        """Compare the mean angular velocities of windows with those of the joints; return the means."""
         steps = np.diff(times)[:, None] * (speeds[1:] + speeds[:-1]) / 2
         turned = np.cumsum(np.vstack([np.zeros(3), steps]), axis=0)
         means: FloatArray = (turned[_WINDOW:] - turned[:-_WINDOW]) / (times[_WINDOW:] - times[:-_WINDOW])[:, None]
@@ -302,8 +304,8 @@ class Imu(StreamTest):
     def _judge_gravity(
         self, unit: _Unit, expected: FloatArray, accelerations: FloatArray, turning: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Compare where up is in the unit's frame, at rest, without aligning anything; returns expected and found."""
-        # A joint that begins or ends its move pulls at the unit before and after it turns.
+        """Compare the direction of gravity in the unit's frame, at rest; return the expected and the found ones."""
+        # Leave out windows near the begin and end of a move: there the unit is accelerated.
         around = 2 * _WINDOW + 1
         rest = np.flatnonzero(np.convolve(turning < _AT_REST, np.ones(around), "same") > around - 0.5)
         self.assert_error_if_true(
@@ -317,7 +319,7 @@ class Imu(StreamTest):
         self._off("greatest error of the direction of gravity", float(angle.max()), "deg", self.max_gravity_error)
         mean = float(size.mean())
         low, high = _GRAVITY - self.gravity_tolerance, _GRAVITY + self.gravity_tolerance
-        hint = f"{unit.name} feels {mean:.2f} m/s^2 at rest; {likely_causes('offset')}"
+        hint = f"{unit.name} measures {mean:.2f} m/s^2 at rest; {likely_causes('offset')}"
         self.measure("gravity", mean, "m/s^2", low, high, hint=hint)
         return up, found / np.maximum(size, 1e-9)[:, None]
 
@@ -326,14 +328,14 @@ class Imu(StreamTest):
         self.measure(name, value, symbol, high=high, hint=hint)
 
     def _judge_mounting(self, unit: _Unit, found: FloatArray, expected: FloatArray) -> None:
-        """Judge by which turn of the unit all that it feels would be explained; windows that overlap count once."""
+        """Judge the misalignment that would explain the unit's measurements; overlapping windows count once."""
         turn = sure_turn(found[::_WINDOW], expected[::_WINDOW])
         if turn.interval > _ANY_TURN:
-            self.report(f"these motions do not tell how {unit.name} is mounted")
+            self.report(f"these motions do not determine the mounting of {unit.name}")
             return
         self.measure("interval of the turn of its mounting (99 %)", turn.interval, "deg")
         hint = (
-            f"{unit.name} feels as if it were mounted turned by {turn.angle:.1f} ± {turn.interval:.2f} deg about "
+            f"{unit.name} is misaligned by {turn.angle:.1f} ± {turn.interval:.2f} deg about "
             f"({', '.join(f'{part:.2f}' for part in turn.axis)}) of its frame {unit.frame}; "
             f"{likely_causes('orientation')}"
         )

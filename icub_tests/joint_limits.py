@@ -1,4 +1,4 @@
-"""Joint limits: every joint reaches the limits of its configuration, and goes no further."""
+"""Joint limits: every joint reaches its configured limits, and does not exceed them."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ import numpy as np
 
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.companions import queues
-from rtf.robot_testing.courses import work
 from rtf.robot_testing.guard import GuardError
-from rtf.robot_testing.joints_case import JointsTest, told_at
+from rtf.robot_testing.joint_queues import queues
+from rtf.robot_testing.joints_test import JointsTest, command_at
 from rtf.robot_testing.parameter_checks import swapped_limits
+from rtf.robot_testing.routines import run_queues
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import Pid
     from rtf.robot_testing import Trace
-    from rtf.robot_testing.courses import Course
+    from rtf.robot_testing.routines import Routine
 
-#: A joint is at rest that has not moved by so much (deg) for so long (s): longer where it should not be, for a
-#: controller may still be gathering the torque that it lacks.
+#: A joint is at rest if it has moved by less than this (deg) for so long (s); the second time is for a joint short of
+#: its target, whose integral may still be growing.
 _STILL, _AT_REST, _STALLED = 0.05, 0.15, 1.0
-#: What a move is given beyond twice its time, s; and what it takes a board at least to begin with one, s.
+#: Additional time of a move beyond twice the expected one, s; and the reaction time of a board, s.
 _GRACE, _REACTION = 3.0, 0.15
-#: A controller that is asked beyond its limit and follows adds its gain times the way to its output. It must not add
-#: this share of that, nor of its greatest output: a little it may, while its integral still gathers. Chosen: on the
-#: simulated robot a board that keeps its limits adds nothing, and one that does not more than all of it.
+#: A controller that follows a target beyond the limit adds its gain times the way to its output. It may add at most the
+#: first share of that, and always the second share of its greatest output, as its integral may still be growing. The
+#: shares were chosen: on the simulated robot a board that keeps its limits adds nothing, one that does not adds it all.
 _PUSH, _LEAST_PUSH = 0.4, 0.03
-#: How far a configured limit may be from the one that is expected, deg; chosen, as the tolerance: files have limits in
-#: whole degrees, or to a tenth.
+#: Tolerance between a configured and an expected limit, deg; chosen, as files have limits in whole degrees, or to a
+#: tenth.
 _SAME = 0.5
 
 
@@ -44,19 +44,19 @@ class _Side(NamedTuple):
 
 
 class _Stay(NamedTuple):
-    """Where a joint has come to rest (deg), and what its controller gives for it (the controller's unit)."""
+    """A joint at rest: its position (deg), and the output of its controller (in the controller's unit)."""
 
     position: float
     output: float
 
 
 class JointLimits(JointsTest):
-    """Moves each joint to both limits and asks it to go beyond; what it reaches and keeps is measured.
+    """Moves each joint to both limits, commands it beyond them, and measures what it reaches.
 
-    The output of the position controllers is weakened first, so that a joint which meets something does it no harm.
-    A joint that is at its mechanical stop goes nowhere, but its controller must not push against it either. Joints that
-    cannot meet each other move at the same time, the others in turn. Limits that can be reached but are not
-    the robot's are only found when ``lower`` and ``upper`` say what they should be.
+    The outputs of the position controllers are reduced first, so that a contact does no harm. A joint at its mechanical
+    stop cannot move beyond it, but its controller must not push against it either. Joints that cannot collide with each
+    other move at the same time, the others in turn. Reachable limits that belong to another robot are only found if
+    ``lower`` and ``upper`` give the right ones.
     """
 
     aliases = ("jointsLimits", "jointLimits", "JointsLimits")
@@ -65,24 +65,24 @@ class JointLimits(JointsTest):
 
     speed = Parameter(list[float], "speed of all moves", unit="deg/s", default=[50.0], low=0.1)
     out_of_bound = Parameter(
-        list[float], "how far beyond a limit it is asked to go", unit="deg", default=[2.0], low=0.001,
+        list[float], "how far beyond a limit a joint is commanded", unit="deg", default=[2.0], low=0.001,
         key="outOfBoundPosition",
     )  # fmt: skip
     output_percent = Parameter(
-        list[float], "share of the controller's greatest output that is left to it", unit="%", default=[60.0],
+        list[float], "share of the controller's greatest output during the test", unit="%", default=[60.0],
         low=1.0, high=100.0, key="outputLimitPercent",
     )  # fmt: skip
-    tolerance = Parameter(float, "how near is at the limit", unit="deg", default=0.5, low=0.001)
+    tolerance = Parameter(float, "tolerance of the limits", unit="deg", default=0.5, low=0.001)
     tolerances = Parameter(list[float], "the same for each joint", unit="deg", default=[], key="toleranceList")
-    lower = Parameter(list[float], "lower limits that the robot should have; none: any", unit="deg", default=[])
-    upper = Parameter(list[float], "upper limits that the robot should have; none: any", unit="deg", default=[])
+    lower = Parameter(list[float], "expected lower limits; none: any", unit="deg", default=[])
+    upper = Parameter(list[float], "expected upper limits; none: any", unit="deg", default=[])
 
     def parameter_problems(self) -> list[str]:
-        """See the base; and what is between two limits has to be something."""
+        """Add errors of expected limits without a range between them."""
         return [*super().parameter_problems(), *swapped_limits(self, "lower", "upper")]
 
     def setup(self) -> None:
-        """Open the part, weaken it and bring it home."""
+        """Open the part, reduce the outputs of its controllers, and move it home."""
         super().setup()
         self.speeds = self.by_joint("speed", self.speed)
         self.beyond = self.by_joint("outOfBoundPosition", self.out_of_bound)
@@ -92,13 +92,13 @@ class JointLimits(JointsTest):
             "upper": self.by_joint("upper", self.upper or [np.nan]),
         }
         percents = self.by_joint("outputLimitPercent", self.output_percent)
-        self._give_up_what_has_no_range()
+        self._exclude_joints_without_range()
         self.gains = {joint: self._weaken(joint, percents[joint]) for joint in self.chosen}
         self.bring_home(speed=float(np.nanmin(self.speeds)))
         self.robot_part.board.set_reference_speeds(self.speeds[self.chosen], self.chosen)
 
-    def _give_up_what_has_no_range(self) -> None:
-        """Before anything moves: a joint whose limits are swapped or missing is beyond them wherever it is."""
+    def _exclude_joints_without_range(self) -> None:
+        """Exclude joints with swapped or missing limits before any motion: they are out of limits at any position."""
         part = self.robot_part
         for joint in [joint for joint in self.chosen if not part.low[joint] < part.high[joint]]:
             limits = f"the limits {part.low[joint]:g} and {part.high[joint]:g} deg leave no range"
@@ -111,31 +111,31 @@ class JointLimits(JointsTest):
         board.set_pid(PidType.POSITION, joint, weak)
         self.assert_error_if_false(
             abs(board.pid(PidType.POSITION, joint).max_output - weak.max_output) < 1e-3 * abs(pid.max_output) + 1e-6,
-            f"{self.robot_part.names[joint]}: the board does not keep an output limit of {weak.max_output:g}, "
+            f"{self.robot_part.names[joint]}: the board does not accept an output limit of {weak.max_output:g}, "
             f"{percent:g} % of {pid.max_output:g} (in its own units)",
         )
         return weak
 
     def run(self) -> None:
-        """Let all queues go at once; each joint is judged when it is home again."""
+        """Run all queues in parallel; each joint is judged when it is home again."""
         part = self.robot_part
         self._spans: dict[int, tuple[float, float]] = {}
         self._told: dict[int, list[tuple[float, float]]] = {joint: [] for joint in self.chosen}
         with part.recorded() as trace:
-            work(part, queues(part.names, self.chosen), self._course, pace=_PACE)
+            run_queues(part, queues(part.names, self.chosen), self._routine, pace=_PACE)
         self._keep(trace)
 
-    def _course(self, joint: int) -> Course[None]:
-        """The way of one joint, to both limits and home again. One that has to be stopped fails, and others go on."""
+    def _routine(self, joint: int) -> Routine[None]:
+        """Test one joint; a joint that the guard stops fails, and the others go on."""
         begin, name = self.now(), self.robot_part.names[joint]
         try:
-            yield from self._way(joint)
+            yield from self._visit_limits(joint)
         except GuardError as error:
             self._spans[joint] = begin, self.now()
             self.judge_stop(joint, error)
         self.progress(len(self._spans) / len(self.chosen), name)
 
-    def _way(self, joint: int) -> Course[None]:
+    def _visit_limits(self, joint: int) -> Routine[None]:
         part = self.robot_part
         begin = self.now()
         low, high = float(part.low[joint]), float(part.high[joint])
@@ -156,8 +156,8 @@ class JointLimits(JointsTest):
         board = self.robot_part.board
         return _Stay(board.encoder(joint), float(board.pid_outputs(PidType.POSITION, joint)[0]))
 
-    def _travel(self, joint: int, target: float, *, beyond: bool = False) -> Course[None]:
-        """Move until the joint is at rest after the time that the way should take, or the time is up."""
+    def _travel(self, joint: int, target: float, *, beyond: bool = False) -> Routine[None]:
+        """Move a joint until it is at rest after the expected time of the move, or the time is up."""
         board, speed = self.robot_part.board, self.speeds[joint]
         here = board.encoder(joint)
         expected = abs(target - here) / speed
@@ -174,7 +174,10 @@ class JointLimits(JointsTest):
             yield None
 
     def _judge(self, joint: int, side: _Side, reached: _Stay, asked: _Stay) -> None:
-        """``reached`` is how it was at the limit, ``asked`` after it was asked to go on. Going inwards is no excess."""
+        """Judge one limit: ``reached`` is the rest at the limit, ``asked`` that after the command beyond it.
+
+        A motion inwards is no excess.
+        """
         name, tolerance, sign = self.robot_part.names[joint], self.near[joint], side.sign
         wanted = float(self.wanted[side.name][joint])
         if not np.isnan(wanted):
@@ -196,11 +199,11 @@ class JointLimits(JointsTest):
         )
         self.measure(f"beyond the {side.name} limit", excess, "deg", high=tolerance, hint=hint)
         if missing <= tolerance:
-            way = math.copysign(sign, sign * self.gains[joint].kp)  # where a motor is turned round, so are the gains
+            way = math.copysign(sign, sign * self.gains[joint].kp)  # an inverted motor has inverted gains
             self._judge_push(joint, side, way * (asked.output - reached.output))
 
     def _judge_push(self, joint: int, side: _Side, push: float) -> None:
-        """What the controller gives more when it is asked to go on: nothing, for its reference ends at the limit."""
+        """Judge the additional output for a command beyond the limit: none, if the board clips the setpoint."""
         pid = self.gains[joint]
         full = abs(pid.max_output)
         if full <= 0:
@@ -209,8 +212,8 @@ class JointLimits(JointsTest):
         percent = 100.0 * push / full
         high = 100.0 * max(allowed, _LEAST_PUSH)
         hint = (
-            f"{self.robot_part.names[joint]} pushes on at its {side.name} limit of {side.limit:g} deg with "
-            f"{percent:.0f} % of its output when asked to go beyond; {likely_causes('beyond limit')}"
+            f"{self.robot_part.names[joint]} pushes beyond its {side.name} limit of {side.limit:g} deg with "
+            f"{percent:.0f} % of its output when commanded there; {likely_causes('beyond limit')}"
         )
         self.measure(f"push beyond the {side.name} limit", percent, "%", high=high, hint=hint)
 
@@ -221,7 +224,7 @@ class JointLimits(JointsTest):
         self.measure("away from home afterwards", abs(here - home), "deg", high=max(self.near[joint], _HOME), hint=hint)
 
     def _keep(self, trace: Trace) -> None:
-        """Record what each joint did while it had its turn, what it was told, and the limits of its configuration."""
+        """Record positions, targets and currents of each joint during its test, with its limits."""
         part = self.robot_part
         time, positions, currents = trace.local_time, trace.positions, trace.currents
         for joint, (begin, end) in self._spans.items():
@@ -231,14 +234,14 @@ class JointLimits(JointsTest):
                 f"{part.names[joint]}: position",
                 time=(time[rows] - begin, "s"),
                 position=(positions[rows, joint], "deg"),
-                target=(told_at(time[rows], self._told[joint]), "deg"),
+                target=(command_at(time[rows], self._told[joint]), "deg"),
                 lower_limit=(np.full(rows.sum(), low), "deg"),
                 upper_limit=(np.full(rows.sum(), high), "deg"),
                 current=(currents[rows, joint], "A"),
             )
 
 
-#: Seconds between two looks at joints that move.
+#: Period of the checks while joints move, s.
 _PACE = 0.02
-#: How near to home a joint has to come, deg.
+#: Least tolerance of the home position at the end, deg.
 _HOME = 1.0

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.duty_case import DutyTest, Steps
+from rtf.robot_testing.duty_test import DutyTest, Steps
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
-    from rtf.robot_testing.duty_case import BothWays
     from rtf.robot_testing.duty_ramp import Ramp
+    from rtf.robot_testing.duty_test import BothWays
 
 #: The share of the motion that ends a ramp which the other encoder, too, has to show: there may be play between them.
 _SHARE = 0.25

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.duty_case import DutyTest, Steps
+from rtf.robot_testing.duty_test import DutyTest, Steps
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot_testing.duty_case import BothWays
+    from rtf.robot_testing.duty_test import BothWays
 
 _START = 0.0  # %: a ramp begins with what holds the joint
 _FAR = 0.5  # of the greatest stiction

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.joints_case import JointsTest
-from rtf.robot_testing.lateness import lateness
-from rtf.robot_testing.response import step_response
+from rtf.robot_testing.joints_test import JointsTest
+from rtf.robot_testing.real_time_checks import loop_delay
+from rtf.robot_testing.step_response import step_response
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class MotorTest(JointsTest):
         self.progress(part.axes / (part.axes + 2), "all")
         self._move("all", None if len(self.chosen) == part.axes else self.chosen, home)
         self._move("group", self.chosen[::-1], self.targets)
-        part.tell_of_clocks(self.report)
+        part.report_clock_offset(self.report)
 
     def teardown(self) -> None:
         """Go home gently; what did not arrive before need not arrive now."""
@@ -124,7 +124,7 @@ class MotorTest(JointsTest):
             begin = self.now()
             board.position_move(goal, joints)
             begun = part.wait_until(moves, _STARTS, pace=_PACE)
-            late = "" if begun else lateness([begin, *looks, self.now()], _PACE)
+            late = "" if begun else loop_delay([begin, *looks, self.now()], _PACE)
             part.wait_until(lambda: self._arrived(moved, targets), limit, pace=_PACE)
             done = part.wait_until(lambda: board.motion_done(joints), _ENDS, pace=_PACE)
             part.wait(_AFTER, pace=_PACE)

@@ -8,8 +8,8 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Limits, Safety, likely_causes
-from rtf.robot_testing.joints_case import JointsTest
-from rtf.robot_testing.lateness import lateness
+from rtf.robot_testing.joints_test import JointsTest
+from rtf.robot_testing.real_time_checks import loop_delay
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ class MovementReferencesTest(JointsTest):
             self._run_at(speeds, joints)
             self._same("reference velocity", joints, board.target_velocities(joints), speeds, "deg/s")
             with part.recorded() as trace:
-                late = lateness(self._run_at(speeds, joints), _REPEATED)
+                late = loop_delay(self._run_at(speeds, joints), _REPEATED)
         finally:
             board.velocity_move(np.zeros(len(joints)), joints)
             part.wait(_TAKES, pace=_PACE)

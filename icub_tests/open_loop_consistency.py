@@ -8,7 +8,7 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Limits, Safety, likely_causes
-from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
@@ -49,21 +49,22 @@ class OpenLoopConsistency(JointsTest):
     def run(self) -> None:
         """Enter PWM mode, drive up and down, and leave it. A joint that has to be stopped is left out from there on."""
         part, board = self.robot_part, self.robot_part.board
-        self.calmly(lambda: part.set_mode(ControlMode.PWM, self.chosen, timeout=_CHANGES))
+        self.retry_without_stopped(lambda: part.set_mode(ControlMode.PWM, self.chosen, timeout=_CHANGES))
         self._await(0.0, _PACE)
         self._look("on entering", 0.0)
         for duty in (self.level, 0.0, -self.level):
             board.set_reference_duty_cycles(np.full(len(self.chosen), duty), self.chosen)
             self._await(duty, self.settling)
             self._look(f"at {duty:g} %", duty)
-        self.calmly(lambda: part.set_mode(ControlMode.POSITION, self.chosen))
-        self.calmly(lambda: part.wait(self.settling, pace=_PACE))
+        self.retry_without_stopped(lambda: part.set_mode(ControlMode.POSITION, self.chosen))
+        self.retry_without_stopped(lambda: part.wait(self.settling, pace=_PACE))
         self._judge("reference kept after leaving", board.reference_duty_cycles(self.chosen), -self.level)
         self.bring_home(self.chosen)
 
     def _await(self, duty: float, usual: float) -> None:
         """Give the boards, and the states that tell of them, the time to arrive at what all joints are to get."""
-        self.calmly(lambda: self.robot_part.wait_to_arrive(lambda: self._follows(duty), usual, pace=_PACE))
+        part = self.robot_part
+        self.retry_without_stopped(lambda: part.wait_to_arrive(lambda: self._follows(duty), usual, pace=_PACE))
 
     def _follows(self, duty: float) -> bool:
         """Whether all joints get it."""

@@ -9,19 +9,19 @@ import numpy as np
 
 from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, fit_line, likely_causes
-from rtf.robot_testing.courses import singly, until, work
-from rtf.robot_testing.joints_case import JointsTest
-from rtf.robot_testing.out_of_limits import give_up_strays
+from rtf.robot_testing.joint_swings import JointSwinger, Outcome, ends_of
+from rtf.robot_testing.joints_out_of_limits import exclude_joints_out_of_limits
+from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.parameter_checks import joint_count
 from rtf.robot_testing.part import PACE
-from rtf.robot_testing.swinging import Outcome, Swinger, ends_of
+from rtf.robot_testing.routines import one_at_a_time, run_queues, until
 from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
-    from rtf.robot_testing.courses import Course
+    from rtf.robot_testing.routines import Routine
 
 #: A joint has swung when its encoder has seen so much of it, deg.
 _SWUNG = 1.0
@@ -75,7 +75,7 @@ class OpticalEncodersConsistency(JointsTest):
     )
     tags = ("motion", "encoders", "consistency")
     safety = Safety.MOTION
-    apart = ("matrix",)
+    not_per_joint = ("matrix",)
 
     high = Parameter(list[float], "upper ends of the swings; none: derived", unit="deg", default=[], key="max")
     low = Parameter(list[float], "lower ends of the swings; none: derived", unit="deg", default=[], key="min")
@@ -130,21 +130,21 @@ class OpticalEncodersConsistency(JointsTest):
             for place, joint in enumerate(self.chosen)
         ]
         self.hold()
-        self.swinger = Swinger(part, self.transmission, tolerance=self.tolerance)
-        self.swinger.give_up(give_up_strays(part))
+        self.swinger = JointSwinger(part, self.transmission, tolerance=self.tolerance)
+        self.swinger.give_up(exclude_joints_out_of_limits(part))
 
     def run(self) -> None:
         """Swing joint by joint, then judge motor by motor."""
         part = self.robot_part
         self._swings: dict[int, _Swing] = {}
         self._moving = set[int]()
-        work(part, singly(part.names, self.chosen), self._course, pace=PACE)
+        run_queues(part, one_at_a_time(part.names, self.chosen), self._routine, pace=PACE)
         self._compare_with_expected()
         for joint in self.chosen:
             with self.subresult(part.names[joint]):
                 self._judge(joint, *self._swings[joint])
 
-    def _course(self, joint: int) -> Course[None]:
+    def _routine(self, joint: int) -> Routine[None]:
         """Swing a joint, when no other of its board moves: what its motors do is to be told apart."""
         part, place = self.robot_part, self.chosen.index(joint)
         block = self.transmission.blocks[joint]

@@ -9,9 +9,9 @@ import numpy as np
 
 from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, fit_line, likely_causes
-from rtf.robot_testing.joints_case import JointsTest
-from rtf.robot_testing.out_of_limits import give_up_strays
-from rtf.robot_testing.swinging import Outcome, Swinger, ends_of
+from rtf.robot_testing.joint_swings import JointSwinger, Outcome, ends_of
+from rtf.robot_testing.joints_out_of_limits import exclude_joints_out_of_limits
+from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
@@ -84,9 +84,9 @@ class OpticalEncodersDrift(JointsTest):
         rows = zip(self.chosen, widths, lows, highs, strict=True)
         self.ends = [ends_of(part, joint, width, low, high) for joint, width, low, high in rows]
         self.hold()
-        self.swinger = Swinger(part, self.transmission, tolerance=self.tolerance)
+        self.swinger = JointSwinger(part, self.transmission, tolerance=self.tolerance)
         self.complaints: dict[int, Outcome] = {}
-        self.swinger.give_up(give_up_strays(part))
+        self.swinger.give_up(exclude_joints_out_of_limits(part))
 
     def run(self) -> None:
         """Swing, and judge joint by joint what was seen at home."""

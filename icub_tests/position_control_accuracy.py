@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety
-from rtf.robot_testing.steps import StepTest
+from rtf.robot_testing.step_test import StepTest
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray, Pid
     from rtf.robot_testing import Trace
-    from rtf.robot_testing.courses import Course
+    from rtf.robot_testing.routines import Routine
 
 
 class PositionControlAccuracy(StepTest):
@@ -85,7 +85,7 @@ class PositionControlAccuracy(StepTest):
     def room(self, joint: int) -> float:
         return min(self.step, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
 
-    def begin(self, joint: int) -> Course[tuple[float, float]]:
+    def begin(self, joint: int) -> Routine[tuple[float, float]]:
         part, (home, sign) = self.robot_part, self.starts[joint]
         self.assert_true(
             (yield from part.entering(ControlMode.POSITION_DIRECT, [joint])),

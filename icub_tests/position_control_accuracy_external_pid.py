@@ -11,11 +11,11 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.extended_state import Field
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety
-from rtf.robot_testing.coupled_steps import CoupledStepTest
+from rtf.robot_testing.checked_values import CheckedValue
+from rtf.robot_testing.coupled_step_test import CoupledStepTest
 from rtf.robot_testing.guard import GuardError
-from rtf.robot_testing.judging import Judged
-from rtf.robot_testing.lateness import tardiness
 from rtf.robot_testing.pid import DiscretePid
+from rtf.robot_testing.real_time_checks import command_delay
 from rtf.robot_testing.simulated import is_simulated
 from rtf.testing import Parameter
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
-    from rtf.robot_testing.courses import Course
-    from rtf.robot_testing.steps import Cycle
+    from rtf.robot_testing.routines import Routine
+    from rtf.robot_testing.step_test import Cycle
 
 #: How much slower than the board's loop the loop over the network is to be: it hears and tells every 10 ms. Slower
 #: still it would be too weak for the friction of some joints.
@@ -183,7 +183,7 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
     def room(self, joint: int) -> float:
         return min(self.step, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
 
-    def begin(self, joint: int) -> Course[tuple[float, float]]:
+    def begin(self, joint: int) -> Routine[tuple[float, float]]:
         part, (home, sign) = self.robot_part, self.starts[joint]
         duties = part.board.duty_cycles()
         held = self.transmission.holding_duty(duties, joint)
@@ -230,29 +230,29 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
             wanted = np.linalg.lstsq(effects.T, self.effects[group] * wanted)[0].tolist()
         return [max(-self.most, min(self.most, one)) for one in wanted]
 
-    def tell(self, joints: list[int], efforts: list[float]) -> None:
+    def command(self, joints: list[int], efforts: list[float]) -> None:
         if len(joints) > 1:
             self.robot_part.board.set_reference_duty_cycles(efforts, joints)
         else:
             self.robot_part.board.set_reference_duty_cycles(efforts[0], joints[0])
 
-    def tardy(self, joint: int, trace: Trace) -> str:
+    def late_commands(self, joint: int, trace: Trace) -> str:
         """See the base; by the duty cycles in the states, where they have the same clock."""
         if isinstance(self.clock, SystemClock):
             return ""
-        return tardiness(self.told[joint], trace.local_time, trace.duty_cycles[:, joint], self.sample_time)
+        return command_delay(self.told[joint], trace.local_time, trace.duty_cycles[:, joint], self.sample_time)
 
     def measured(self, trace: Trace, joint: int) -> FloatArray:
         return trace.positions[:, joint]
 
-    def values(self, joint: int, cycles: list[Cycle]) -> list[Judged]:
+    def values(self, joint: int, cycles: list[Cycle]) -> list[CheckedValue]:
         """See the base; and how the states came that the controller went by."""
         values = super().values(joint, cycles)
         states = sum(one.time.size for one in cycles)
         behind = 100.0 * sum(one.overtaken for one in cycles) / states
-        values.append(Judged("states that came behind later ones", behind, "%", self.overtaken, "jitter"))
+        values.append(CheckedValue("states that came behind later ones", behind, "%", self.overtaken, "jitter"))
         # A robot's stamps are by another machine's clock: the difference of the two looks like age.
         if not isinstance(self.clock, SystemClock):
             age = 1e3 * float(np.quantile(np.concatenate([one.ages for one in cycles]), _JUDGED))
-            values.append(Judged("age of nine of ten states", age, "ms", self.state_age, "lag"))
+            values.append(CheckedValue("age of nine of ten states", age, "ms", self.state_age, "lag"))
         return values

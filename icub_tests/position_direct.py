@@ -9,11 +9,11 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError, RobotTest, Safety, delay_between, likely_causes
-from rtf.robot_testing.judging import Judged, judge_values
-from rtf.robot_testing.lateness import lateness
-from rtf.robot_testing.pacing import paced
-from rtf.robot_testing.positioning import bring, late_joints, starting_point
+from rtf.robot_testing.checked_values import CheckedValue, judge_values
+from rtf.robot_testing.periodic_loop import ticks
+from rtf.robot_testing.real_time_checks import loop_delay
 from rtf.robot_testing.sine import RampedSine, fit_sine
+from rtf.robot_testing.start_position import bring, late_joints, starting_point
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class PositionDirect(RobotTest):
                     self._judge_lost(part.names[joint], lost[column])
                     self._judge(part.names[joint], joint, column, run)
         bring(self, part, self.chosen, self.middle)
-        part.tell_of_clocks(self.report)
+        part.report_clock_offset(self.report)
 
     def _leave_out_what_does_not_come(self, part: Part) -> None:
         """A joint that does not even come to the middle of its sine fails; the others are tested all the same."""
@@ -193,7 +193,7 @@ class PositionDirect(RobotTest):
         sent_at, sent, looked_at, taken = [], [], [], []
         with part.recorded() as trace:
             begin = self.now()
-            for elapsed in paced(part, self.sample_time, self.sine.duration):
+            for elapsed in ticks(part, self.sample_time, self.sine.duration):
                 positions = self.middle + self.sine.at(elapsed)
                 self._send(part, form, positions)
                 sent_at.append(elapsed)
@@ -250,22 +250,22 @@ class PositionDirect(RobotTest):
         gain = fit.amplitude / amplitude
         ripple = 100 * of_speed.rms / (2 * math.pi * self.frequency * amplitude)
         values = (
-            Judged("tracking error", float(np.abs(error).max()), "deg", self.tolerance, "lag"),
-            Judged("delay", delay, "s", self.delay, "lag"),
-            Judged("shape error", fit.rms, "deg", self.shape, "irregular"),
-            Judged("speed ripple", ripple, "%", self.ripple, "noise"),
-            Judged("tracking error, root mean square", float(np.sqrt(np.mean(error**2))), "deg", finding="lag"),
+            CheckedValue("tracking error", float(np.abs(error).max()), "deg", self.tolerance, "lag"),
+            CheckedValue("delay", delay, "s", self.delay, "lag"),
+            CheckedValue("shape error", fit.rms, "deg", self.shape, "irregular"),
+            CheckedValue("speed ripple", ripple, "%", self.ripple, "noise"),
+            CheckedValue("tracking error, root mean square", float(np.sqrt(np.mean(error**2))), "deg", finding="lag"),
             self._gain(name, "amplitude", gain, "weak" if gain < 1 else "overshoot"),
             *(self._taken(name, column, run) if len(run.taken) else ()),
         )
-        judge_values(self, name, values, lateness(run.sent_at, self.sample_time))
+        judge_values(self, name, values, loop_delay(run.sent_at, self.sample_time))
 
-    def _gain(self, name: str, what: str, gain: float, finding: str) -> Judged:
+    def _gain(self, name: str, what: str, gain: float, finding: str) -> CheckedValue:
         low, high = 1 - _GAIN, 1 + _GAIN
         hint = f"{name}: {what} is {gain:.3g}, it is to be {low:g} to {high:g}; {likely_causes(finding)}"
-        return Judged(what, gain, "", high, finding, low, hint)
+        return CheckedValue(what, gain, "", high, finding, low, hint)
 
-    def _taken(self, name: str, column: int, run: _Run) -> tuple[Judged, Judged]:
+    def _taken(self, name: str, column: int, run: _Run) -> tuple[CheckedValue, CheckedValue]:
         """What the board says that it was told is the sine, too."""
         first, last = self.sine.plateau
         whole = (run.looked_at >= first) & (run.looked_at <= last)
@@ -275,7 +275,7 @@ class PositionDirect(RobotTest):
         hint = f"{name}: the board was told something else than was sent; {likely_causes(lost)}"
         return (
             self._gain(name, "amplitude of the references at the board", fit.amplitude / amplitude, lost),
-            Judged("shape error of the references at the board", fit.rms, "deg", self.shape, lost, hint=hint),
+            CheckedValue("shape error of the references at the board", fit.rms, "deg", self.shape, lost, hint=hint),
         )
 
 

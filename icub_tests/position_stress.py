@@ -9,16 +9,16 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode, mode_word
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.courses import pause, singly, work
 from rtf.robot_testing.guard import GuardError
-from rtf.robot_testing.joints_case import JointsTest, told_at
+from rtf.robot_testing.joints_test import JointsTest, command_at
 from rtf.robot_testing.part import PACE
+from rtf.robot_testing.routines import one_at_a_time, pause, run_queues
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
-    from rtf.robot_testing.courses import Course
+    from rtf.robot_testing.routines import Routine
 
 
 class PositionStress(JointsTest):
@@ -63,9 +63,9 @@ class PositionStress(JointsTest):
     def run(self) -> None:
         """Joint by joint, so that none meets another; an arm and its hand at the same time."""
         self._done = 0
-        work(self.robot_part, singly(self.robot_part.names, self.chosen), self._course, pace=PACE)
+        run_queues(self.robot_part, one_at_a_time(self.robot_part.names, self.chosen), self._routine, pace=PACE)
 
-    def _course(self, joint: int) -> Course[None]:
+    def _routine(self, joint: int) -> Routine[None]:
         part = self.robot_part
         home = float(part.home[joint])
         chance = random.Random(self.seed + joint)  # noqa: S311 - moments, not secrets
@@ -97,7 +97,7 @@ class PositionStress(JointsTest):
             "stress",
             time=(trace.time - trace.time[0], "s"),
             position=(positions, "deg"),
-            target=(told_at(trace.local_time, told), "deg"),
+            target=(command_at(trace.local_time, told), "deg"),
             current=(currents, "A"),
         )
         self.measure("greatest current", float(np.abs(currents).max()), "A")
@@ -111,7 +111,7 @@ class PositionStress(JointsTest):
         hint = f"{name} is {away:+.2f} deg from where it began; {likely_causes('weak')}"
         self.measure("away from where it began", away, "deg", -self.tolerance, self.tolerance, hint=hint)
 
-    def _go(self, joint: int, end: float, wait: float) -> Course[list[str]]:
+    def _go(self, joint: int, end: float, wait: float) -> Routine[list[str]]:
         """One command; the board has to say that it is the target, whatever becomes of it. What is wrong with that."""
         part = self.robot_part
         part.board.position_move([end], [joint])

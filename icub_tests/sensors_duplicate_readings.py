@@ -10,8 +10,8 @@ from rtf.bottle import Bottle
 from rtf.robot.interfaces import SensorCategory
 from rtf.robot_testing import likely_causes
 from rtf.robot_testing.sensor_streams import channels_of, readings_of
+from rtf.robot_testing.stream_statistics import stream_of
 from rtf.robot_testing.stream_test import StreamTest
-from rtf.robot_testing.streams import stream_of
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from rtf.middleware.port import Port
 from rtf.robot.devices.fake_sensors import FakeAnalogSensor
 from rtf.robot.errors import DeviceError
 from rtf.robot.server.analog import AnalogDevice
-from rtf.robot_testing.causes import likely_causes
-from rtf.robot_testing.listening import Listener
+from rtf.robot_testing.failure_causes import likely_causes
+from rtf.robot_testing.port_recorder import Listener
 from rtf.testing import Parameter, TestCase
 
 if TYPE_CHECKING:

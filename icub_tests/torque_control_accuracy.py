@@ -8,17 +8,17 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.coupled_steps import CoupledStepTest
-from rtf.robot_testing.judging import Judged
-from rtf.robot_testing.response import largest
-from rtf.robot_testing.torque import greatest_torque, holding_torques, torque_joints
+from rtf.robot_testing.checked_values import CheckedValue
+from rtf.robot_testing.coupled_step_test import CoupledStepTest
+from rtf.robot_testing.step_response import largest
+from rtf.robot_testing.torque_control import greatest_torque, holding_torques, torque_joints
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
-    from rtf.robot_testing.courses import Course
-    from rtf.robot_testing.steps import Cycle
+    from rtf.robot_testing.routines import Routine
+    from rtf.robot_testing.step_test import Cycle
 
 #: How long the torque that holds a joint is measured, s.
 _HOLDING = 0.2
@@ -73,7 +73,7 @@ class TorqueControlAccuracy(CoupledStepTest):
     def room(self, joint: int) -> float:
         return min(self.travel, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
 
-    def begin(self, joint: int) -> Course[tuple[float, float]]:
+    def begin(self, joint: int) -> Routine[tuple[float, float]]:
         """See the base; the step starts with what holds the joint."""
         part, (_, sign) = self.robot_part, self.starts[joint]
         torques = yield from holding_torques(self, part, [joint], _HOLDING)
@@ -97,7 +97,7 @@ class TorqueControlAccuracy(CoupledStepTest):
     def drive(self, joint: int, reference: float) -> None:
         self.give(joint, reference)
 
-    def tell(self, joints: list[int], efforts: list[float]) -> None:
+    def command(self, joints: list[int], efforts: list[float]) -> None:
         if len(joints) > 1:
             self.robot_part.board.set_reference_torques(efforts, joints)
         else:
@@ -113,8 +113,8 @@ class TorqueControlAccuracy(CoupledStepTest):
     def measured(self, trace: Trace, joint: int) -> FloatArray:
         return trace.torques[:, joint]
 
-    def values(self, joint: int, cycles: list[Cycle]) -> list[Judged]:
+    def values(self, joint: int, cycles: list[Cycle]) -> list[CheckedValue]:
         """See the base; what was measured before the step counts, too."""
         before = [float(np.abs(one.measured[one.time < 0].mean() - one.start)) for one in cycles]
-        error = Judged("error before the step", largest(before), "Nm", self.holding_error, self.wrong_finding)
+        error = CheckedValue("error before the step", largest(before), "Nm", self.holding_error, self.wrong_finding)
         return [error, *super().values(joint, cycles)]

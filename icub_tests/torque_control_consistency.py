@@ -8,10 +8,10 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError, RobotTest, Safety, likely_causes
-from rtf.robot_testing.courses import finish
 from rtf.robot_testing.part import PACE
-from rtf.robot_testing.positioning import bring, hold, starting_point
-from rtf.robot_testing.torque import holding_torques, torque_joints
+from rtf.robot_testing.routines import run_to_end
+from rtf.robot_testing.start_position import bring, hold, starting_point
+from rtf.robot_testing.torque_control import holding_torques, torque_joints
 from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
@@ -62,7 +62,7 @@ class TorqueControlConsistency(RobotTest):
         self.robot_part = part = self.open_part(self.part)
         self.chosen = torque_joints(self, part, self.joints)
         self.transmission = Transmission.read(part.board)
-        self.transmission.tell(self, part.name)
+        self.transmission.warn_if_unknown(self, part.name)
         zeros: list[float | None] = [*self.per_joint("zero", self.zero, self.chosen)] if self.zero else []
         self.places = [
             starting_point(part, joint, zero, _TRAVEL / 2, both_sides=True)[0]
@@ -87,7 +87,7 @@ class TorqueControlConsistency(RobotTest):
         bring(self, part, self.chosen, self.places)
 
     def _test(self, part: Part, form: str, joints: Sequence[int]) -> None:
-        torques = finish(part, holding_torques(self, part, joints, _HOLDING), pace=PACE)
+        torques = run_to_end(part, holding_torques(self, part, joints, _HOLDING), pace=PACE)
         held, others = torques[list(joints)], self._others(joints)
         before = part.board.encoders()
         part.board.set_control_modes([ControlMode.TORQUE] * len(joints), joints)

@@ -8,8 +8,8 @@ import numpy as np
 
 from rtf.robot_testing import RobotTest, Safety, fit_line, likely_causes
 from rtf.robot_testing.gravity import GravityModel
-from rtf.robot_testing.positioning import bring, hold
-from rtf.robot_testing.torque import greatest_torque, mean_torques, torque_joints
+from rtf.robot_testing.start_position import bring, hold
+from rtf.robot_testing.torque_control import greatest_torque, mean_torques, torque_joints
 from rtf.simulator.errors import MissingPackageError
 from rtf.testing import Parameter
 

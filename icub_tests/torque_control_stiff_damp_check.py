@@ -9,9 +9,9 @@ import numpy as np
 
 from rtf.robot.control_modes import InteractionMode
 from rtf.robot_testing import GuardError, RobotTest, Safety, fit_line, likely_causes
-from rtf.robot_testing.positioning import bring, hold, starting_point
 from rtf.robot_testing.simulated import is_simulated
-from rtf.robot_testing.torque import greatest_torque, torque_joints
+from rtf.robot_testing.start_position import bring, hold, starting_point
+from rtf.robot_testing.torque_control import greatest_torque, torque_joints
 from rtf.robot_testing.transmission import Transmission
 from rtf.simulator.control import SimulatorControl
 from rtf.testing import Parameter
@@ -76,7 +76,7 @@ class TorqueControlStiffDampCheck(RobotTest):
         self.pushed = is_simulated(self.network, self.robot_name, self.part)
         self.chosen = torque_joints(self, part, self.joints)
         self.transmission = Transmission.read(part.board)
-        self.transmission.tell(self, part.name)
+        self.transmission.warn_if_unknown(self, part.name)
         homes: list[float | None] = [*self.per_joint("home", self.home, self.chosen)] if self.home else []
         self.homes = [
             starting_point(part, joint, home, _TRAVEL, both_sides=True)[0]

@@ -1,14 +1,14 @@
-"""What tests of robots have in common: the robot and its time, parts that move and are recorded, the guard, statistics.
+"""Base classes and tools for tests of robots: guarded and recorded parts, joint routines, statistics.
 
-A test derives from :class:`RobotTest`; it says which parts it works with and how safe it is, and gets parts that are
-guarded: whatever becomes of the test, they are put back as they were. This is the layer between the xUnit core, which
-knows no robots, and the robot layer, which knows no tests.
+A test derives from :class:`RobotTest`. It declares its :class:`Safety` class and opens parts; each part of a test that
+moves the robot has a guard that watches it and restores it afterwards, whatever the result of the test. This package
+stands between the xUnit core, which does not know robots, and the robot layer, which does not know tests.
 """
 
-from rtf.robot_testing.case import RobotTest
-from rtf.robot_testing.causes import likely_causes
+from rtf.robot_testing.failure_causes import likely_causes
 from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
 from rtf.robot_testing.part import Arrival, Part
+from rtf.robot_testing.robot_test import RobotTest
 from rtf.robot_testing.safety import Safety
 from rtf.robot_testing.snapshot import Snapshot
 from rtf.robot_testing.statistics import Fit, Periods, confidence, delay_between, fit_line, periods_of

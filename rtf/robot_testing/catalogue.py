@@ -1,6 +1,6 @@
-"""All tests of robots that come with the framework, by the suites of ``suites/icub`` that they are in.
+"""Catalogue of the shipped robot tests, grouped by the suites of ``suites/icub``.
 
-The table of the page on robot tests is made from what the tests declare::
+It writes the table of the documentation page on robot tests from the declarations of the tests::
 
     python -m rtf.robot_testing.catalogue docs/robot-tests.md
 """
@@ -29,7 +29,7 @@ _NOWHERE = "in no suite"
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A test: the name for suites, its other names, what it does to a robot, what it is for, and its suite."""
+    """A test: its name in suites, its aliases, its safety class, its purpose and the suite it belongs to."""
 
     name: str
     aliases: tuple[str, ...]
@@ -39,7 +39,7 @@ class Entry:
 
 
 def entries() -> list[Entry]:
-    """Every test, in the order of the suites' names and in that of the suites. Loads all of them."""
+    """Return all tests, sorted by the names of their suites and by their places there. Loads every test."""
     folder = shipped_folder("test")
     places = _places(shipped_folder("suites") / "icub")
     found: dict[str, Entry] = {}
@@ -64,7 +64,7 @@ def _entry(name: str, folder: Path, places: dict[str, str]) -> Entry:
 
 
 def _places(folder: Path) -> dict[str, str]:
-    """The names that suites call tests by, and the suite of each."""
+    """Return the test names that the suites of a folder use, each with the name of its suite."""
     places: dict[str, str] = {}
     for path in sorted(folder.glob("*.xml")):
         for test in etree.parse(path).iter("test"):
@@ -74,7 +74,7 @@ def _places(folder: Path) -> dict[str, str]:
 
 
 def as_markdown(tests: Iterable[Entry]) -> str:
-    """A table for each suite."""
+    """Return one Markdown table for each suite."""
     lines: list[str] = []
     suite = None
     for one in tests:
@@ -88,7 +88,7 @@ def as_markdown(tests: Iterable[Entry]) -> str:
 
 
 def with_table(page: str, table: str) -> str:
-    """A page with the table between the two marks. Raises ValueError for one without them."""
+    """Return the page with the table between its two markers. Raises ValueError if they are missing."""
     marked, count = re.subn(
         f"({re.escape(BEGIN)}\n).*({re.escape(END)})",
         lambda found: f"{found[1]}\n{table}\n\n{found[2]}",
@@ -101,7 +101,7 @@ def with_table(page: str, table: str) -> str:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Write the table into the page that the command line names."""
+    """Write the table into the page given on the command line."""
     page = Path(arguments[0])
     page.write_text(with_table(page.read_text(encoding="utf-8"), as_markdown(entries())), encoding="utf-8")
 

@@ -1,9 +1,9 @@
-"""Contacts: a limb that runs into something shows it at its force-torque sensor.
+"""Contact detection: the force-torque sensor of a limb shows when the limb hits an obstacle.
 
-What a limb weighs shows there, too, and changes as the limb turns; and what hastens, slows down or swings presses on
-it. So it does not count by how much the force changes, but what is left of that beyond what the measured motion can
-explain: next to nothing while a limb is free, however fast it moves, starts, stops or falls, and more and more while
-something holds it. Arms and legs have a sensor; it feels what happens beyond it, so not the upper arm or the hip.
+The sensor also shows the weight of the limb, which turns with it, and its inertial and centrifugal forces. A change of
+force is therefore compared with the greatest change that the measured motion can explain. The rest is next to zero
+while a limb is free, however fast it moves, starts, stops or falls, and grows while something holds it. Arms and legs
+have a sensor; it sees contacts beyond it, so not those of the upper arm or the hip.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rtf.middleware.port import Port
 from rtf.middleware.types import VECTOR, Stamp
 from rtf.robot.errors import RobotError
 from rtf.robot.extended_state import Field
-from rtf.robot_testing.pressing import Load, Pressing
+from rtf.robot_testing.inertial_force import InertialForce, Load
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -33,74 +33,73 @@ if TYPE_CHECKING:
     from rtf.robot.extended_state import ExtendedState
     from rtf.robot.interfaces import FloatArray
 
-#: What is sent, each with its unit.
+#: The channels of a message, with their units.
 CHANNELS = {"force_x": "N", "force_y": "N", "force_z": "N", "torque_x": "Nm", "torque_y": "Nm", "torque_z": "Nm"}
 _SENSOR = "/analog:o"
-#: Messages that are kept, for who wants to know what led to a failure: some ten seconds.
+#: Number of messages kept for the recording of a failure: about ten seconds.
 _HISTORY = 1000
-#: Time within which a force has to change, s. Touching something softly at 20 deg/s takes about as long to be felt.
+#: Window in which the change of a force counts, s. A soft contact at 20 deg/s takes about as long to build up.
 WITHIN = 0.2
-#: States from so long before the first of these, s, to so long after the last say what presses on the sensor: stamps
-#: are not exact.
+#: The inertial force is that of the states from so long before the averaged forces, s, to so long after: stamps are
+#: not exact.
 _BEFORE, _AFTER = 0.035, 0.025
-#: A force is looked at when the states go on for so long after it, s. What is newer may be of what no state shows yet:
-#: the simulated leg, stepped by 2 deg, pulls with 12 to 36 N more than the states up to 20 ms before explain.
+#: A force is evaluated when there are states from so long after it, s. A newer force may come from motion that no state
+#: shows yet: the simulated leg, stepped by 2 deg, pulls with 12 to 36 N more than the states up to 20 ms before
+#: explain.
 _KNOWN = 0.015
-#: Between states that are farther apart than this, s, and than so many usual periods, a limb may have done anything.
+#: The motion between two states is unknown if they are farther apart than this, s, and than so many usual periods.
 _GAP, _PERIODS = 0.025, 2.2
-#: States that are kept, and messages that are looked through where they are behind.
+#: Number of states that are kept, and of messages that are searched for one as old as the states.
 _KEPT = 50
-#: A sensor of which nothing comes for so long, s, while states do, is silent: it sends a hundred messages a second.
+#: A sensor is silent if no message comes for so long, s, while states do. It sends a hundred messages a second.
 _SILENT = 1.0
-#: Stamps that go back so far, s, are of a clock that was set.
+#: A stamp that is earlier than the last one by more, s, means that the clock was set.
 _JUMP = 1.0
-#: Forces of which the mean of the middle two counts: a single one that is wrong is no contact, and they last as long as
-#: the states whose line explains them. A leg that is pushed off by all of its motor for 20 ms shows 80 N once or twice,
-#: as it happens, and its states' line 50 N: of three forces the middle one was up to 28 N too much, these are 0.3 N.
+#: Number of forces of which the mean of the middle two counts. So a single outlier is no contact, and the window is as
+#: long as that of the states which explain it. A leg driven by its full motor torque for 20 ms shows 80 N in one or two
+#: messages, and 50 N by the slope of its states: the median of three forces was up to 28 N too high, this mean 0.3 N.
 _AVERAGED = 4
-#: Joints that move next to nothing, whatever they do.
+#: Joints that move hardly any mass.
 _LIGHT = re.compile(r"hand|thumb|finger|index|middle|ring|pinky|little")
-
-
-#: By the last word of the part's name; from the model of the iCub, in which arms weigh 20.0 N and legs 46.4 N there.
+#: Loads by the last word of the part's name. In the model of the iCub arms weigh 20.0 N beyond the sensor, legs 46.4 N.
 _LOADS = {"arm": Load(20.0, 0.3), "leg": Load(46.5, 0.4)}
 
 
 class NoForcesError(RobotError):
-    """There is no sensor to listen to, or it is none."""
+    """The force-torque sensor is missing, silent, or sends something else than forces."""
 
 
 class Forces:
-    """The last messages of a force-torque sensor, read when somebody wants to know. Raises NoForcesError."""
+    """The last messages of a force-torque sensor, decoded on demand. Raises NoForcesError if it cannot be connected."""
 
     def __init__(self, source: str, *, network: Network) -> None:
         self.source = source
         self._messages: deque[IncomingMessage] = deque(maxlen=_HISTORY)
         self._port = Port("", self._receive, network=network, outputs=False, nonblocking=True, promise=VECTOR.promise)
         try:
-            # By tcp, whose sender waits: in lockstep nothing is on its way when the time goes on.
+            # tcp waits for the acknowledgement: in lockstep no message is under way when the time advances.
             remote.connect(network, Contact(source), Contact(self._port.name), "tcp")
         except RtfError as error:
             self._port.close()
             raise NoForcesError(str(error)) from error
 
     def _receive(self, delivery: IncomingMessage) -> None:
-        """In the thread of the connection."""
+        """Keep a message. Called in the thread of the connection."""
         self._messages.append(delivery.kept())
 
     def newest(self, count: int) -> list[IncomingMessage]:
-        """The last messages, the newest first."""
-        # Copied in one step, for messages come meanwhile.
+        """Return the last ``count`` messages, the newest first."""
+        # Copied in one step: messages arrive meanwhile.
         return self.kept()[: -count - 1 : -1]
 
     def kept(self) -> list[IncomingMessage]:
-        """All messages that are kept, the oldest first."""
+        """Return all kept messages, the oldest first."""
         return list(self._messages)
 
     def rows(self, kept: Sequence[IncomingMessage]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What messages say: their numbers (-1 without a stamp), stamps (s), and forces (N) and torques (Nm).
+        """Decode messages: their numbers (-1 without a stamp), stamps (s), and forces (N) and torques (Nm).
 
-        The last has a row a message. Raises NoForcesError when they are no six numbers each.
+        The last array has shape (messages, 6). Raises NoForcesError for a message without six numbers.
         """
         stamps = [stamp_of(delivery) for delivery in kept]
         return (
@@ -110,7 +109,7 @@ class Forces:
         )
 
     def read(self, delivery: IncomingMessage) -> FloatArray:
-        """The six numbers of a message. Raises NoForcesError for others."""
+        """Return the six numbers of a message. Raises NoForcesError for any other content."""
         try:
             values = delivery.read(VECTOR)
         except RtfError as error:
@@ -122,57 +121,59 @@ class Forces:
         return np.asarray(values, dtype=np.float64)
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the port."""
         self._port.close()
 
 
 def stamp_of(delivery: IncomingMessage) -> Stamp:
-    """The stamp of a message; number -1 and time 0 where it has none."""
+    """Return the stamp of a message; number -1 and time 0 if it has none."""
     return Stamp.parse(delivery.envelope) or Stamp()
 
 
-class _Look(NamedTuple):
-    """A moment: its time (s), the force (N), where joints were (rad), how fast (deg/s), and what may press so (N)."""
+class _Sample(NamedTuple):
+    """A sample: time (s), force (N), joint positions (rad) and speeds (deg/s), and the most inertial force (N)."""
 
     time: float
     force: FloatArray
     positions: FloatArray
     speeds: FloatArray
-    pressing: float
+    inertial: float
 
 
 class Strike(NamedTuple):
-    """A contact: the change of force that the motion does not explain (N), and how fast joints were before (deg/s)."""
+    """A contact: the change of force that the motion does not explain (N), and the joint speeds before it (deg/s)."""
 
     force: float
     speeds: FloatArray
 
 
 class ContactWatch:
-    """Watches a limb: ``look`` is called while it moves, from one thread. ``forces`` come from its ``force_port``."""
+    """Contact detection of one limb. ``look`` is called periodically from one thread, while the limb moves.
+
+    ``forces`` are those of the limb's ``force_port``.
+    """
 
     def __init__(self, board: RemoteControlBoard, forces: Forces) -> None:
         self.forces = forces
         self._load = _LOADS[_limb(forces.source.removesuffix(_SENSOR))]
-        self._pressing = Pressing(self._load)
+        self._inertial = InertialForce(self._load)
         self._heavy = np.array([not _LIGHT.search(name) for name in board.axis_names()])
         self._states: deque[tuple[float, ExtendedState]] = deque(maxlen=_KEPT)
-        self._looks: deque[_Look] = deque()
-        #: The last message, and the time of its state, s.
-        self._heard: tuple[IncomingMessage | None, float] | None = None
-        self._free: _Look | None = None  # how it was before it struck something that it may still touch
-        self._strange_since: float | None = None  # since when forces or states are no numbers, s
-        self._known: float | None = None  # the last state of which it was known what the limb did around it, s
-        self._sparse = False  # whether that has long been not known
+        self._samples: deque[_Sample] = deque()
+        self._heard: tuple[IncomingMessage | None, float] | None = None  # the last message, and its state's time, s
+        self._free: _Sample | None = None  # the sample before a contact that may last
+        self._invalid_since: float | None = None  # since when forces or states are not finite, s
+        self._known: float | None = None  # time of the last state around which the motion was known, s
+        self._sparse = False  # whether the motion was unknown for too long
         self._board = board
         board.observe(self._see)
 
     def _see(self, stamp: float, state: ExtendedState) -> None:
-        """In the thread of the connection."""
+        """Keep a state. Called in the thread of the connection."""
         self._states.append((stamp, state))
 
     def close(self) -> None:
-        """Look at the board no more, and hang up the sensor."""
+        """Stop observing the board, and close the port of the sensor."""
         self._board.unobserve(self._see)
         self.forces.close()
 
@@ -182,55 +183,55 @@ class ContactWatch:
         return self.forces.source
 
     def look(self, limit: float) -> Strike | None:
-        """What it strikes, once a contact: whether the force has changed by more than ``limit`` N without a reason.
+        """Return a contact, once: when the force has changed by more than ``limit`` N beyond what the motion explains.
 
-        Raises NoForcesError where the sensor is none, or has fallen silent.
+        Raises NoForcesError if the sensor is missing or has fallen silent.
         """
-        self._listen()
-        now, looks = self._now(), self._looks
-        self._notice_gaps(now)
-        if now is None or not self._are_numbers(now):
+        self._check_silence()
+        now, samples = self._newest_sample(), self._samples
+        self._check_gaps(now)
+        if now is None or not self._is_finite(now):
             return None
-        if looks and now.time < looks[-1].time - _JUMP:  # what was before is of another time
-            looks.clear()
+        if samples and now.time < samples[-1].time - _JUMP:  # the clock was set
+            samples.clear()
             self._free = None
-        if looks and now.time <= looks[-1].time:
+        if samples and now.time <= samples[-1].time:
             return None  # nothing new
-        while looks and looks[0].time < now.time - WITHIN:
-            looks.popleft()
-        looks.append(now)
-        # What lets go is no contact: the force becomes what it was before.
+        while samples and samples[0].time < now.time - WITHIN:
+            samples.popleft()
+        samples.append(now)
+        # The end of a contact is not another one: the force returns to what it was before.
         if self._free is not None and self._unexplained(now, self._free) <= limit:
             self._free = None
-            looks.clear()
-        before = looks[0] if looks else now
+            samples.clear()
+        before = samples[0] if samples else now
         force = self._unexplained(now, before)
-        if force <= limit or self._lets_go(now, before):
+        if force <= limit or self._is_releasing(now, before):
             return None
         self._free = self._free or before
-        # The later ones are also of joints that the blow moved.
-        early = islice(looks, (len(looks) + 1) // 2)
-        speeds = np.abs([look.speeds for look in early]).mean(axis=0)
-        looks.clear()
+        # The later samples also show the joints that the contact moved.
+        early = islice(samples, (len(samples) + 1) // 2)
+        speeds = np.abs([sample.speeds for sample in early]).mean(axis=0)
+        samples.clear()
         return Strike(force, speeds)
 
-    def _lets_go(self, now: _Look, before: _Look) -> bool:
-        """Whether what it struck presses less than before: the force is on its way to what it was when it was free."""
+    def _is_releasing(self, now: _Sample, before: _Sample) -> bool:
+        """Whether a contact ends: the force is returning to its value before the contact."""
         if self._free is None:
             return False
         free = self._free.force
         return float(np.linalg.norm(now.force - free)) < float(np.linalg.norm(before.force - free))
 
     def doubt(self, limit: float) -> str:
-        """Why contacts may take clearly more than ``limit`` N to be felt; "" where they do not."""
+        """Return why a contact may need clearly more than ``limit`` N to be detected; "" if it does not."""
         if self._sparse:
-            return f"for {_SILENT:g} s so many of its states were missing that its motion was not known"
-        noise = self._pressing.noise
-        # Of two looks.
-        return f"its speeds are noisy, at rest as if it pressed with {noise:.0f} N" if 2 * noise > limit else ""
+            return f"for {_SILENT:g} s too many of its states were missing to know its motion"
+        noise = self._inertial.noise
+        # The noise of two samples adds up.
+        return f"the noise of its speeds at rest is worth {noise:.0f} N" if 2 * noise > limit else ""
 
-    def _listen(self) -> None:
-        """Notice when nothing comes any more. By the states' time, as two clocks may differ."""
+    def _check_silence(self) -> None:
+        """Raise NoForcesError if the sensor has fallen silent; by the time of the states, as two clocks may differ."""
         if not self._states:
             return
         time, last = self._states[-1][0], next(iter(self.forces.newest(1)), None)
@@ -239,8 +240,8 @@ class ContactWatch:
         elif time - self._heard[1] > _SILENT:
             raise NoForcesError(f"nothing has come from {self.source} for {_SILENT:g} s")
 
-    def _notice_gaps(self, now: _Look | None) -> None:
-        """Notice when too many states are missing to say anything; by their time."""
+    def _check_gaps(self, now: _Sample | None) -> None:
+        """Note whether too many states are missing to know the motion, by the time of the states."""
         if not self._states:
             return
         time = self._states[-1][0]
@@ -248,26 +249,26 @@ class ContactWatch:
             self._known = time
         self._sparse = self._sparse or time - self._known > _SILENT
 
-    def _are_numbers(self, now: _Look) -> bool:
-        """Whether force and motion are known. Raises NoForcesError where one of them has long not been."""
+    def _is_finite(self, now: _Sample) -> bool:
+        """Whether force and motion are finite numbers. Raises NoForcesError if they have not been for long."""
         felt = bool(np.isfinite(now.force).all())
-        if felt and np.isfinite(now.pressing):
-            self._strange_since = None
+        if felt and np.isfinite(now.inertial):
+            self._invalid_since = None
             return True
-        if self._strange_since is None or now.time < self._strange_since:
-            self._strange_since = now.time
-        if now.time - self._strange_since > _SILENT:
-            what = "places or speeds of its joints" if felt else f"what comes from {self.source}"
-            raise NoForcesError(f"{what} are no numbers")
+        if self._invalid_since is None or now.time < self._invalid_since:
+            self._invalid_since = now.time
+        if now.time - self._invalid_since > _SILENT:
+            what = "positions or speeds of its joints" if felt else f"the values of {self.source}"
+            raise NoForcesError(f"{what} are not finite")
         return False
 
-    def _unexplained(self, now: _Look, before: _Look) -> float:
-        """What is left of a change of force (N) when all joints have done their worst together."""
+    def _unexplained(self, now: _Sample, before: _Sample) -> float:
+        """Return the part of a change of force (N) that the motion of the joints cannot explain, at worst."""
         turned = self._load.weight * float(np.abs(now.positions - before.positions).sum())
-        return float(np.linalg.norm(now.force - before.force)) - turned - now.pressing - before.pressing
+        return float(np.linalg.norm(now.force - before.force)) - turned - now.inertial - before.inertial
 
-    def _now(self) -> _Look | None:
-        """The newest moment of which both forces and states are known; None before there is any, and in a gap."""
+    def _newest_sample(self) -> _Sample | None:
+        """Return the newest sample for which both forces and states are known; None if there is none, and in a gap."""
         states = list(self._states)
         messages = self.forces.newest(_KEPT)
         if len(states) < _AVERAGED or len(messages) < _AVERAGED:
@@ -275,9 +276,9 @@ class ContactWatch:
         times = np.array([time for time, _ in states])
         if stamp_of(messages[0]).count < 0:
             raise NoForcesError(f"{self.source} sends no stamps")
-        # One of the two streams may be behind the other; as a rule the first messages tell, and no more are read.
+        # One of the two streams may be behind the other; as a rule the first messages match, and no more are read.
         late = next((at for at, one in enumerate(messages) if stamp_of(one).time <= times[-1] - _KNOWN), None)
-        if late is None or stamp_of(messages[late]).time < times[0]:  # of clocks that differ: what came last has to do
+        if late is None or stamp_of(messages[late]).time < times[0]:  # the clocks differ: take the newest of both
             near, taken = range(len(states) - _AVERAGED, len(states)), messages[:_AVERAGED]
             time = stamp_of(taken[0]).time
         else:
@@ -293,18 +294,18 @@ class ContactWatch:
         force = np.sort([self.forces.read(one)[:3] for one in taken], axis=0)[1:-1].mean(axis=0)
         speeds = np.array([states[at][1].values(Field.JOINT_VELOCITIES) for at in near])
         positions = np.radians([states[at][1].values(Field.JOINT_POSITIONS)[self._heavy] for at in near])
-        pressing = self._pressing.most(times[near.start : near.stop], positions, np.radians(speeds[:, self._heavy]))
-        return _Look(time, force, positions[-1], speeds[-1], pressing)
+        inertial = self._inertial.bound(times[near.start : near.stop], positions, np.radians(speeds[:, self._heavy]))
+        return _Sample(time, force, positions[-1], speeds[-1], inertial)
 
 
 def _gap(times: FloatArray, begin: float, end: float) -> float:
-    """The longest time (s) without a state that touches a span; infinite where the span is not within the states."""
+    """Return the longest time (s) between two states that touches a span; infinite if the states do not cover it."""
     first, last = int(np.searchsorted(times, begin, "right")) - 1, int(np.searchsorted(times, end))
     return float(np.diff(times[first : last + 1]).max()) if 0 <= first < last < len(times) else np.inf
 
 
 def listen_to_forces(place: str, *, network: Network, report: Callable[[str], None]) -> Forces | None:
-    """The sensor of a limb; None for other parts, and, which is reported, where it has none."""
+    """Connect to the force-torque sensor of a limb. None for other parts and, with a report, if it has none."""
     port = force_port(place)
     if port is None:
         return None
@@ -316,7 +317,7 @@ def listen_to_forces(place: str, *, network: Network, report: Callable[[str], No
 
 
 def force_port(place: str) -> str | None:
-    """The port of the sensor of a part, of which ``place`` begins the names of the ports; None where it has none."""
+    """Return the sensor's port of a part whose port names begin with ``place``; None for a part without a sensor."""
     return f"{place}{_SENSOR}" if _limb(place) in _LOADS else None
 
 

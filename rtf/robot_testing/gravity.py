@@ -1,4 +1,4 @@
-"""The torques that hold a robot still, by a model of it, in any posture."""
+"""Gravity model: the torques that hold a robot at rest in any posture."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from rtf.simulator.engine import mujoco
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-#: What a description says about looks and touch of a link; the files that it names need not be there.
+#: The visual and collision shapes of a URDF: the mesh files that they name need not exist.
 _SHAPE = re.compile(r"<(visual|collision)\b.*?</\1>", re.DOTALL)
 
 
 class GravityModel:
-    """The model of the iCub, or with a path that of a description (URDF) whose joints are named as the robot's axes.
+    """The gravity model of the iCub, or of a description (URDF file) whose joints are named like the robot's axes.
 
-    The root stands still and upright. MissingPackageError says how to install what is needed; RefusedError that a
-    description cannot be read.
+    The root is fixed and upright. Raises MissingPackageError, with how to install the package, and RefusedError for a
+    description that cannot be read.
     """
 
     def __init__(self, description: str = "") -> None:
@@ -47,7 +47,7 @@ class GravityModel:
             text = _SHAPE.sub("", Path(description).read_text(encoding="utf-8"))
             model = engine.MjSpec.from_string(text).compile()
         except (OSError, UnicodeDecodeError, ValueError) as error:
-            raise RefusedError(f"{description}: no description of a robot can be read: {error}") from error
+            raise RefusedError(f"{description}: cannot read a robot description (URDF): {error}") from error
         hinges = [model.joint(number) for number in range(model.njnt)]
         addresses = np.array([int(hinge.qposadr[0]) for hinge in hinges])
         dofs = np.array([int(hinge.dofadr[0]) for hinge in hinges])
@@ -66,7 +66,7 @@ class GravityModel:
         return name in self._index
 
     def torques(self, positions: Mapping[str, float]) -> dict[str, float]:
-        """The torque at each axis (Nm) in a posture (deg); axes that are not given are at their home."""
+        """Return the torque of each axis (Nm) in a posture (deg); axes without a position are at home."""
         axes = self._home.copy()
         for name, degrees in positions.items():
             if name in self._index:

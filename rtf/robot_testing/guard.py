@@ -1,4 +1,4 @@
-"""The guard of a part: what it was like before, what it may not do meanwhile, and putting it back afterwards."""
+"""The motion guard of a part: snapshot before a test, limits during it, and restoration afterwards."""
 
 from __future__ import annotations
 
@@ -20,12 +20,19 @@ from rtf.robot.errors import (
 )
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing.contacts import WITHIN, NoForcesError
-from rtf.robot_testing.lateness import LastMoments
+from rtf.robot_testing.error_collector import ErrorCollector
 from rtf.robot_testing.ledger import MotionLedger
-from rtf.robot_testing.problems import Problems
+from rtf.robot_testing.monitored_quantities import (
+    MonitoredPart,
+    MonitoredQuantity,
+    Violation,
+    greatest_speeds,
+    state_quantities,
+    temperatures,
+)
+from rtf.robot_testing.real_time_checks import RecentCpuPressure
 from rtf.robot_testing.snapshot import Snapshot, answered, sliding_joints
 from rtf.robot_testing.transmission import Transmission
-from rtf.robot_testing.watched import Place, Watched, Wrong, greatest_speeds, in_the_state, temperatures
 from rtf.testing.outcome import TestFailure
 
 if TYPE_CHECKING:
@@ -36,27 +43,27 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import Pid
     from rtf.robot_testing.contacts import ContactWatch
 
-#: What joints are parked with, deg/s, and how long it may take, s.
+#: Speed at which joints are moved back, deg/s, and the most time for it, s.
 PARKING_SPEED, PARKING_TIME = 20.0, 20.0
 _ARRIVED = 2.0  # deg
 _PACE = 0.05  # s
 _STANDING = 1.0  # deg/s
-_WARMING = 1.0  # s between two looks at temperatures
-_RETURNING = 3.0  # s for which states that have stopped are waited for, when a part is put back
-_SETTLING = 0.2  # s after which the state shows a mode that was asked for
-#: In these a joint goes on with what it was told last, and ``stop`` means nothing to it.
+_WARMING = 1.0  # s between two readings of the temperatures
+_RETURNING = 3.0  # s to wait for states that have stopped, when a part is restored
+_SETTLING = 0.2  # s after which the state shows a requested mode
+#: Modes in which a joint goes on executing its last command, and ignores ``stop``.
 _DRIVEN = frozenset({ControlMode.TORQUE, ControlMode.CURRENT, ControlMode.PWM, ControlMode.POSITION_DIRECT})
-#: In these it goes on although nobody commands it.
+#: Modes in which it moves on without further commands.
 _RESTLESS = _DRIVEN - {ControlMode.POSITION_DIRECT} | {ControlMode.VELOCITY}
-#: In these nothing drives it.
+#: Modes in which its motor has no power.
 _LIMP = frozenset({ControlMode.IDLE, ControlMode.HARDWARE_FAULT})
 
 
 class GuardError(RobotError, TestFailure):
-    """A part does what it may not: the sentence names the joint, the value and the limit. The joint was stopped.
+    """A joint violates a limit, and was stopped; the message names the joint, the value and the limit.
 
-    It is a failure of the test, for it is the robot that is wrong; but not where there is an ``excuse``: this machine
-    was too busy just then to control joints. ``joint`` is its number in the part, -1 where that is not told.
+    The test fails, as the robot is at fault. It is inconclusive with an ``excuse``: this machine was too busy to
+    control joints. ``joint`` is the number of the joint in the part, -1 if it is unknown.
     """
 
     def __init__(self, text: str, joint: int = -1, excuse: str = "") -> None:
@@ -67,27 +74,27 @@ class GuardError(RobotError, TestFailure):
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a joint may do while a test moves it; None: whatever it likes."""
+    """Limits of a joint while a test moves it. None: no limit."""
 
     beyond: float = 5.0  # deg outside of its position limits
-    #: Times what is usual: its greatest speed, or, where that is less, twice what it was told to turn at, 80 deg/s at
-    #: least. Infinite: it may be as fast as it likes.
+    #: Factor of the expected speed: the joint's greatest speed or, if less, twice the commanded speed, but at least
+    #: 80 deg/s. Infinite: no limit.
     speed: float = 1.5
-    current: float | None = 1.0  # times its greatest current
-    torque: float | None = 1.5  # times what its motor can exert: more than that comes from outside
-    temperature: float | None = 1.0  # times its limit
-    #: N by which the force at the part's sensor may change suddenly beyond what its motion explains. A free limb of the
-    #: simulated robot shows 0.3 N, falling or stopped from full speed, and 13 N where stamps are 20 ms wrong; one that
-    #: strikes itself at 20 deg/s shows 25 N with a finger, 60 to 100 N with anything else.
+    current: float | None = 1.0  # factor of its greatest current
+    torque: float | None = 1.5  # factor of the greatest torque of its motor: more has an external cause
+    temperature: float | None = 1.0  # factor of its temperature limit
+    #: Greatest sudden change of the force at the part's sensor beyond what its motion explains, N. A free limb of the
+    #: simulated robot shows 0.3 N when it falls or stops from full speed, and 13 N with stamps that are wrong by 20 ms.
+    #: A self-collision at 20 deg/s shows 25 N with a finger, 60 to 100 N with any other link.
     contact: float | None = 15.0
 
 
 class MotionGuard:
-    """Guards one part through its board. ``clock`` is the robot's; ``report`` is told what had to be put back.
+    """Guard of one part. ``clock`` is the robot's; ``report`` gets a line for everything that had to be restored.
 
-    ``watch`` is called while joints move, ``restore`` at the end, whatever has happened; both from one thread.
-    ``contacts`` is the watch of the part's force-torque sensor; None: it is not watched for contacts. ``name`` begins
-    the names of the part's ports.
+    Call ``watch`` periodically while joints move, and ``restore`` at the end in any case; both from one thread.
+    ``contacts`` detects contacts by the part's force-torque sensor; None: contacts are not detected. ``name`` is the
+    prefix of the part's port names.
     """
 
     def __init__(
@@ -109,38 +116,38 @@ class MotionGuard:
         self._names = board.axis_names()
         self._low = np.array([low for low, _ in self.snapshot.limits]) - self.limits.beyond
         self._high = np.array([high for _, high in self.snapshot.limits]) + self.limits.beyond
-        #: The greatest speeds, deg/s; infinite where the board knows none.
+        #: The greatest speeds, deg/s; infinite if the board has none.
         self.fastest = greatest_speeds(board)
-        #: Joints that slide: all that is told here, and by tests, is of degrees.
+        #: Prismatic joints: neither the guard nor tests move them, as their commands are in degrees.
         self.sliding = sliding_joints(board)
-        self._tell_of_joints()
-        place = Place(name, self._names, report)
-        self._quantities = in_the_state(board, place, self.limits, self.fastest, self.snapshot.max_currents)
+        self._report_joints()
+        place = MonitoredPart(name, self._names, report)
+        self._quantities = state_quantities(board, place, self.limits, self.fastest, self.snapshot.max_currents)
         self._temperatures = temperatures(board, place, self.limits)
-        self._felt = -np.inf  # when temperatures were last asked for, s of the robot's clock
+        self._warmth_read = -np.inf  # when the temperatures were last read, s of the robot's clock
         self._given_up: set[int] = set()
-        self._idle_since: dict[int, float] = {}  # of those that were given up here, s of the robot's clock
-        self._powered_again: set[int] = set()  # of these it was told
-        self._coupling: Transmission | None = None  # asked for where a joint is given up
-        self._secured: set[int] = set()  # joints that nobody drives any more
+        self._idle_since: dict[int, float] = {}  # when this guard left joints idle, s of the robot's clock
+        self._powered_again: set[int] = set()  # excluded joints that had power again, and were reported
+        self._coupling: Transmission | None = None  # read when a joint is excluded
+        self._secured: set[int] = set()  # joints that were reported as held
         self._contacts = contacts
-        self._doubted = False  # whether it was told that contacts are felt late
-        self._last_moments = LastMoments()
+        self._doubted = False  # whether the low sensitivity to contacts was reported
+        self._cpu_pressure = RecentCpuPressure()
         #: Called with a joint that was stopped.
         self.on_stop: Callable[[int], object] | None = None
 
-    def _tell_of_joints(self) -> None:
-        """Report what is not watched, or not moved, as one might think it were."""
+    def _report_joints(self) -> None:
+        """Report the joints that are watched without a speed limit, and those that are not moved."""
         if unknown := [self._names[joint] for joint in np.flatnonzero(np.isinf(self.fastest))]:
-            self._report(f"{self.name} tells no greatest speed of {', '.join(unknown)}: they are watched without it")
+            self._report(f"{self.name} has no greatest speed for {', '.join(unknown)}: their speeds have no limit")
         if sliding := [self._names[joint] for joint in sorted(self.sliding)]:
-            self._report(f"{self.name}: {', '.join(sliding)} slide: nothing that turns joints moves them")
+            self._report(f"{self.name}: {', '.join(sliding)} are prismatic: tests do not move them")
 
     def give_up(self, joint: int, reason: str) -> None:
-        """Leave a joint that does not obey without power: it is neither watched nor parked, nor powered any more."""
+        """Exclude a joint that does not obey: leave it without power, and neither watch, move nor power it again."""
         if joint in self._given_up:
             return
-        self._given_up.add(joint)  # before the board is told, whose answer may be lost
+        self._given_up.add(joint)  # before the command, whose answer may be lost
         MotionLedger().gave_up(self.name, joint)
         self._leave_idle(joint)
         self._report(f"{self._names[joint]} is left idle: {reason}")
@@ -150,26 +157,27 @@ class MotionGuard:
         self.board.set_control_modes(ControlMode.IDLE, joint)
 
     def feel(self, contacts: ContactWatch | None) -> None:
-        """Watch the part for contacts from now on, or no more."""
+        """Start contact detection, or stop it with None."""
         self._contacts = contacts
 
     def leave_alone(self, joints: Collection[int]) -> None:
-        """Neither watch nor move nor power joints that somebody else has given up."""
+        """Neither watch, move nor power joints that another process has excluded."""
         self._given_up |= set(joints)
 
     def given_up(self, joint: int) -> bool:
-        """Whether a joint was left to itself."""
+        """Whether a joint was excluded."""
         return joint in self._given_up
 
     @property
     def _kept(self) -> list[int]:
-        """The joints that were not given up."""
+        """The joints that were not excluded."""
         return [joint for joint in range(len(self._names)) if joint not in self._given_up]
 
     def give_up_companions(self, joint: int, what: str) -> dict[int, str]:
-        """Give up the joints that are coupled with one, of which ``what`` is told; why, for each that was not yet.
+        """Exclude the joints coupled with ``joint``. Return the reason for each that was not excluded yet.
 
-        The reason has no subject: ``is coupled with torso_roll, which …``.
+        ``what`` is a relative clause about ``joint``. The reasons have no subject: ``is coupled with torso_roll, which
+        had to be stopped``.
         """
         why = f"is coupled with {self._names[joint]}, {what}"
         others = [one for one in self.companions(joint) if one not in self._given_up]
@@ -178,7 +186,7 @@ class MotionGuard:
         return dict.fromkeys(others, why)
 
     def companions(self, joint: int) -> list[int]:
-        """The joints that are coupled with one: many boards change their modes together."""
+        """Return the joints coupled with ``joint``: many boards change their modes together."""
         if self._coupling is None:
             self._coupling = Transmission.read(self.board)
         return [one for one in self._coupling.coupled(joint) if one != joint]
@@ -186,75 +194,77 @@ class MotionGuard:
     # While joints move -----------------------------------------------------------------------------------------------
 
     def watch(self) -> None:
-        """Look whether every joint does what it may; stop the one that does not, and raise GuardError.
+        """Check all limits; stop a joint that violates one, and raise GuardError.
 
-        Where the state does not come any more nobody can look: all are held, and StaleStateError is raised.
+        Raises StaleStateError if states no longer arrive; all joints are held then.
         """
         try:
             self._look()
         except StaleStateError:
-            with suppress(RobotError):  # it is told when the part is put back, which begins with the same
+            with suppress(RobotError):  # reported by ``restore``, which begins with the same
                 self._hold_unseen()
             raise
 
     def excuse(self) -> str:
-        """Why what joints did a moment ago may be no fault of theirs; "" where this machine could control them.
+        """Return the overload of this machine that may have caused a violation just now; "" if there was none.
 
-        In lockstep it always can, for time waits for it.
+        There is none in lockstep, as the robot's time waits for this process.
         """
-        return "" if isinstance(self._clock, LockstepClock) else self._last_moments.busyness()
+        return "" if isinstance(self._clock, LockstepClock) else self._cpu_pressure.overload()
 
     def _look(self) -> None:
-        self._last_moments.pass_by()
+        self._cpu_pressure.update()
         self._watch_given_up()
         positions = self.board.encoders()
-        self._judge(Wrong(np.isnan(positions), lambda joint: f"has no position: its encoder gives {positions[joint]}"))
+        self._judge(
+            Violation(np.isnan(positions), lambda joint: f"has no position: its encoder gives {positions[joint]}")
+        )
         if self.snapshot.limits:
             outside = (positions < self._low) | (positions > self._high)
-            self._judge(Wrong(outside, lambda joint: f"is at {positions[joint]:.1f} deg, beyond its limits"))
+            self._judge(Violation(outside, lambda joint: f"is at {positions[joint]:.1f} deg, beyond its limits"))
         self._watch_motion()
 
     def _watch_given_up(self) -> None:
-        """See that what was left idle is so: nobody looks at such a joint, and it may run away.
+        """Check that excluded joints are still idle: their limits are not watched, so they could run away.
 
-        Where a board changes the modes of several joints together, whoever powers one of them powers it as well. That
-        is told once, by GuardError.
+        A board that changes the modes of coupled joints together gives power to an excluded joint with another one.
+        GuardError is raised once for each such joint.
         """
         if not self._given_up:
             return
         now, modes = self._clock.now(), self.board.control_modes()
         for joint in sorted(self._given_up):
             since = self._idle_since.get(joint, -np.inf)
-            if modes[joint] in _LIMP or 0 <= now - since < _SETTLING:  # the state may be of before
+            if modes[joint] in _LIMP or 0 <= now - since < _SETTLING:  # the state may be older
                 continue
             self._leave_idle(joint)
-            if joint in self._powered_again:  # it goes on: all that can be done is to ask again
+            if joint in self._powered_again:  # reported already; switch it off again
                 continue
             self._powered_again.add(joint)
             self.give_up_companions(joint, "which is to stay idle")
             raise GuardError(
                 f"{self._names[joint]} ({self.name} joint {joint}) had been left idle, and was in {modes[joint].word}: "
-                "its board powers it with another joint, or somebody else does; it is idle again",
+                "its board powers it with another joint, or another program does; it is idle again",
                 joint,
             )
 
     def _watch_motion(self) -> None:
-        """All but where joints are: one that is to come back may be anywhere."""
+        """Check all limits but those of positions: a joint on its way back may be outside of them."""
         now = self._clock.now()
         for quantity in self._quantities:
             self._watch_quantity(quantity, now)
         self._watch_contacts()
-        # A clock may also jump back.
-        if self._temperatures is not None and not 0 <= now - self._felt < _WARMING:
-            self._felt = now
+        # The clock may also be set back.
+        if self._temperatures is not None and not 0 <= now - self._warmth_read < _WARMING:
+            self._warmth_read = now
             self._watch_quantity(self._temperatures, now)
 
-    def _watch_quantity(self, quantity: Watched, now: float) -> None:
+    def _watch_quantity(self, quantity: MonitoredQuantity, now: float) -> None:
         for wrong in quantity.look(now):
             self._judge(wrong)
 
     def _watch_contacts(self) -> None:
-        """Stop all joints of a part that runs into something: whichever moved, it pressed with all of them."""
+        """Stop all joints of a part that is in contact: all of them may contribute to the force."""
         if self._contacts is None or self.limits.contact is None:
             return
         try:
@@ -265,31 +275,31 @@ class MotionGuard:
             return
         if not self._doubted and (doubt := self._contacts.doubt(self.limits.contact)):
             self._doubted = True
-            self._report(f"{self.name} is watched less well for contacts: {doubt}")
+            self._report(f"{self.name} is watched for contacts with less sensitivity: {doubt}")
         held = self._kept
         if strike is None or not held:
             return
         joint = max(held, key=lambda one: strike.speeds[one])
-        what = "strikes something, or something is in the way"
+        what = "is in contact with an obstacle"
         if strike.speeds[joint] < _STANDING:
-            joint = self._farthest(held, joint)  # before the stop, after which no joint is to go anywhere
-            what = "stands still by its encoder, and something pushes: it is held, or the encoder is frozen"
+            joint = self._farthest(held, joint)  # before the stop, which changes the targets
+            what = "is at rest by its encoder, but in contact: something holds it, or the encoder is frozen"
         self._stop(
             held,
             f"{self._names[joint]} ({self.name} joint {joint}) {what}; {self._contacts.source} shows at least "
-            f"{strike.force:.0f} N from outside within {WITHIN:g} s, more than {self.limits.contact:g} N; "
+            f"{strike.force:.0f} N of contact within {WITHIN:g} s, more than {self.limits.contact:g} N; "
             "all joints of the part were stopped",
             joint,
         )
 
     def _farthest(self, joints: list[int], otherwise: int) -> int:
-        """The joint that is farthest from where it was told to move, where the board knows that."""
+        """Return the joint farthest from its target; ``otherwise`` if the board does not report targets."""
         with suppress(NotSupportedError, RefusedError):
             away = np.abs(self.board.target_positions() - self.board.encoders())
             return max(joints, key=lambda one: away[one])
         return otherwise
 
-    def _judge(self, wrong: Wrong) -> None:
+    def _judge(self, wrong: Violation) -> None:
         found = [int(joint) for joint in np.flatnonzero(wrong.joints) if joint not in self._given_up]
         if found:
             joint = found[0]
@@ -298,19 +308,19 @@ class MotionGuard:
             )
 
     def _stop(self, joints: Sequence[int], text: str, joint: int) -> None:
-        """Stop joints and raise GuardError with why: also where the board does not let them be stopped."""
+        """Stop joints and raise GuardError with ``text``, even if the board refuses to stop them."""
         try:
             self.halt(joints)
         except RobotError as error:
-            text = f"{text.rpartition('; ')[0]}; and it could not be stopped: {error}"
+            text = f"{text.rpartition('; ')[0]}; it could not be stopped: {error}"
         if self.on_stop is not None:
             self.on_stop(joint)
         raise GuardError(text, joint, self.excuse())
 
     def halt(self, joints: Sequence[int]) -> None:
-        """Stop joints in whatever modes they are. One that is driven by duty cycle, current or torque is held.
+        """Stop joints in any mode. A joint driven by duty cycle, current or torque is held in position mode.
 
-        Where the board sends no state nobody knows their modes: all of the part are stopped and held.
+        If states no longer arrive the modes are unknown: all joints of the part are stopped and held.
         """
         try:
             modes = self.board.control_modes()
@@ -319,29 +329,29 @@ class MotionGuard:
             return
         driven = [joint for joint in joints if modes[joint] in _DRIVEN]
         moving = [joint for joint in joints if modes[joint] not in _DRIVEN | _LIMP]
-        problems = Problems()
+        problems = ErrorCollector()
         if driven:
             problems.attempt(self._hold, driven)
         if moving:
             problems.attempt(self.board.stop, moving)
-        problems.tell("")
+        problems.raise_all("")
 
     def _hold_unseen(self) -> None:
-        """Stop and hold all joints without knowing how they are; those that were without power have none again."""
-        problems, idle = Problems(), self._limp_before
+        """Stop and hold all joints without knowing their states; those that had no power before get none."""
+        problems, idle = ErrorCollector(), self._limp_before
         if held := [joint for joint in self._kept if joint not in idle]:
             problems.attempt(self._hold, held)
             problems.attempt(self.board.stop, held)
         for joint in [*idle, *sorted(self._given_up)]:
             problems.attempt(self.board.set_control_modes, ControlMode.IDLE, joint)
-        problems.tell("")
+        problems.raise_all("")
 
     @property
     def _limp_before(self) -> list[int]:
         return [joint for joint in self._kept if self.snapshot.modes[joint] is ControlMode.IDLE]
 
     def _hold(self, joints: Sequence[int]) -> None:
-        """Have joints held where they are; without power where the board refuses that."""
+        """Hold joints where they are; leave those without power whose boards refuse it."""
         try:
             self.board.set_control_modes([ControlMode.POSITION] * len(joints), joints)
         except RefusedError:
@@ -354,13 +364,14 @@ class MotionGuard:
     # Afterwards ------------------------------------------------------------------------------------------------------
 
     def restore(self, seconds: float = PARKING_TIME, *, where_it_was: bool = True) -> None:
-        """Put the part back; ``seconds`` are what joints have to come back. Raises one RobotError for all problems.
+        """Restore the part as it was in the snapshot. Raises one RobotError for all problems.
 
-        First of all nothing drives a joint any more. Then settings, ``where_it_was``, and modes. What was not changed
-        is not written, and one thing that cannot be put back keeps no other from being so.
+        The order is: stop all motion, restore the settings, move the joints back within ``seconds`` (only with
+        ``where_it_was``), and restore the modes. Unchanged settings are not written. A step that fails does not keep
+        the following ones from being done.
         """
-        problems = Problems()
-        with suppress(NoAnswerError):  # it was told, and all others would wait as long for the same
+        problems = ErrorCollector()
+        with suppress(NoAnswerError):  # collected; all further requests would time out as well
             problems.attempt(self.secure)
             problems.attempt(self._leave_companions)
             self._restore_settings(problems)
@@ -368,12 +379,12 @@ class MotionGuard:
             if where_it_was:
                 problems.attempt(self._park, seconds)
             self._restore_modes(problems)
-        problems.tell(f"{self.name} could not be put back as it was: ")
+        problems.raise_all(f"{self.name} could not be restored: ")
 
     def secure(self) -> None:
-        """Have nothing drive a joint any more, and nothing go on: no reading is needed for that.
+        """Stop all joints that are driven or move. It needs no settings of the board.
 
-        Where the state does not come, and does not come back either, that is told by RobotError.
+        If states do not arrive all joints are held; RobotError is raised if they do not come back.
         """
         try:
             modes = self.board.control_modes()
@@ -381,7 +392,7 @@ class MotionGuard:
             self._hold_unseen()
             if not self._sees_again():
                 raise RobotError(f"{error}; its joints are held where they were then") from error
-            self._report(f"the states of {self.name} had stopped, and come again; its joints were held meanwhile")
+            self._report(f"the states of {self.name} had stopped and are back; its joints were held meanwhile")
             modes = self.board.control_modes()
         on_their_way = self._on_their_way(modes)
         going = [joint for joint in self._kept if modes[joint] in _RESTLESS or joint in on_their_way]
@@ -393,15 +404,15 @@ class MotionGuard:
                 self._report(f"{self._names[joint]}: is held, was left in {modes[joint].word}")
 
     def _leave_companions(self) -> None:
-        """Do not power joints that went idle with one that was given up: that one would be powered with them."""
+        """Exclude the joints that went idle with an excluded one: that one would get power together with them."""
         modes, before = self.board.control_modes(), self.snapshot.modes
         for joint in sorted(self._given_up):
             for other in self.companions(joint):
                 if other not in self._given_up and modes[other] is ControlMode.IDLE is not before[other]:
-                    self.give_up(other, f"its board left it so with {self._names[joint]}, with which it is coupled")
+                    self.give_up(other, f"its board left it idle with {self._names[joint]}, with which it is coupled")
 
     def _sees_again(self) -> bool:
-        """Wait whether states come again: a machine may have been too busy, or a network gone for a moment."""
+        """Wait for states to arrive again: the machine may have been too busy, or the network down for a moment."""
         end = self._clock.now() + _RETURNING
         while self._clock.now() < end:
             self._clock.sleep(_PACE)
@@ -410,7 +421,7 @@ class MotionGuard:
                 return True
         return False
 
-    def _restore_settings(self, problems: Problems) -> None:
+    def _restore_settings(self, problems: ErrorCollector) -> None:
         for joint in range(len(self._names)):
             for step in (self._restore_current, self._restore_limits, self._restore_impedance):
                 problems.attempt(step, joint)
@@ -418,9 +429,9 @@ class MotionGuard:
         problems.attempt(self._restore_interactions)
 
     def _on_their_way(self, modes: Sequence[ControlMode]) -> set[int]:
-        """The joints that would go on to where they were told to, which a board does without anybody.
+        """Return the joints that are on their way to a target: a board completes such a move without a client.
 
-        Where it does not answer that, all that might are.
+        If the board does not answer, these are all joints that might be.
         """
         found = {joint for joint in self._kept if modes[joint] is ControlMode.MIXED}
         asked = [joint for joint in self._kept if modes[joint] is ControlMode.POSITION]
@@ -447,8 +458,8 @@ class MotionGuard:
             self.board.set_impedance(joint, *before)
             self._report(f"{self._names[joint]}: stiffness and damping are {before} again")
 
-    def _restore_pids(self, problems: Problems) -> None:
-        board, all_now = self.board, answered(lambda: self.board.pids(PidType.POSITION))  # one question for all joints
+    def _restore_pids(self, problems: ErrorCollector) -> None:
+        board, all_now = self.board, answered(lambda: self.board.pids(PidType.POSITION))  # one request for all joints
 
         def restore(joint: int, before: Pid) -> None:
             if (all_now[joint] if all_now else board.pid(PidType.POSITION, joint)) != before:
@@ -470,22 +481,22 @@ class MotionGuard:
         for joint, mode in enumerate(self.board.control_modes()):
             if mode is ControlMode.HARDWARE_FAULT and self.snapshot.modes[joint] is not ControlMode.HARDWARE_FAULT:
                 self.board.set_control_modes(ControlMode.FORCE_IDLE, joint)
-                self._report(f"{self._names[joint]} was in fault, and is forced out of it")
+                self._report(f"{self._names[joint]} was in hardware fault: forced idle")
 
     def _park(self, seconds: float) -> None:
-        """Bring joints that are somewhere else to where they were; all are stopped when that fails in any way."""
+        """Move joints back to where they were. On any error all that were sent are stopped."""
         idle = self._limp_before
         mine = [joint for joint in self._kept if joint not in idle and joint not in self.sliding]
         sent: list[int] = []
         end = self._clock.now() + seconds
         try:
-            # One that nobody held may begin to sink only while others are on their way.
+            # Again and again: a joint that was not held may begin to sink while others move.
             while away := self._away(mine):
                 if new := [joint for joint in away if joint not in sent]:
                     sent += new
                     self._send_home(new)
                 if self._clock.now() > end:
-                    self._complain_of(away, seconds)
+                    self._raise_late(away, seconds)
                 self._clock.sleep(_PACE)
                 try:
                     self._watch_given_up()
@@ -498,12 +509,12 @@ class MotionGuard:
             self.halt(sent)
             raise
 
-    def _complain_of(self, away: Sequence[int], seconds: float) -> NoReturn:
+    def _raise_late(self, away: Sequence[int], seconds: float) -> NoReturn:
         late = ", ".join(self._names[joint] for joint in away)
         raise GuardError(f"{late} did not come back to where it was within {seconds:g} s; it was stopped")
 
     def _away(self, joints: Sequence[int]) -> list[int]:
-        """Which of them are not where they were. Raises GuardError for one that does not know where it is."""
+        """Return the joints that are not where they were. Raises GuardError for a joint without a position."""
         here, before = self.board.encoders(), self.snapshot.positions
         for joint in joints:
             if np.isnan(here[joint]):
@@ -516,14 +527,14 @@ class MotionGuard:
         board.set_reference_speeds([PARKING_SPEED] * len(joints), joints)
         board.position_move(self.snapshot.positions[joints], joints)
 
-    def _restore_modes(self, problems: Problems) -> None:
+    def _restore_modes(self, problems: ErrorCollector) -> None:
         board, before = self.board, self.snapshot
 
         def modes() -> None:
             for joint, (now, then) in enumerate(zip(board.control_modes(), before.modes, strict=True)):
                 if joint not in self._given_up and now is not then and then in _RESTORABLE:
                     problems.attempt(self._restore_mode, joint, now)
-            for joint in sorted(self._given_up):  # after all others, with which a board may have powered it
+            for joint in sorted(self._given_up):  # last: a board may have powered them with other joints
                 problems.attempt(board.set_control_modes, ControlMode.IDLE, joint)
 
         def speeds() -> None:
@@ -541,12 +552,12 @@ class MotionGuard:
     def _restore_mode(self, joint: int, now: ControlMode) -> None:
         then = self.snapshot.modes[joint]
         self.board.set_control_modes(then, joint)
-        if joint not in self._secured:  # else it was told, and the state that came last does not show it yet
+        if joint not in self._secured:  # else reported already; the last state does not show it yet
             self._report(f"{self._names[joint]}: in {then.word} again, was left in {now.word}")
 
 
-#: Modes that a joint may be put back into. Out of faults and calibration it is the board that decides; torque, current
-#: and duty cycle need somebody who commands them.
+#: Modes that are restored. Faults and calibration are up to the board; torque, current and duty cycle need a client
+#: that sends commands.
 _RESTORABLE = frozenset(
     {ControlMode.POSITION, ControlMode.POSITION_DIRECT, ControlMode.VELOCITY, ControlMode.MIXED, ControlMode.IDLE}
 )

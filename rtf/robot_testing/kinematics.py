@@ -1,4 +1,4 @@
-"""Where the links of a robot are, from its description (URDF) alone; nothing is shared with other implementations."""
+"""Forward kinematics of a robot from its URDF description; independent of all other implementations."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _AXES = 3
 
 
 class DescriptionError(RtfError, ValueError):
-    """A description of a robot that cannot be used; the sentence names the file and the joint or link."""
+    """A robot description that cannot be used; the message names the file and the joint or link."""
 
 
 class _Joint(NamedTuple):
@@ -38,7 +38,7 @@ class _Joint(NamedTuple):
 
 
 class KinematicModel:
-    """A tree of links. Transforms are 4x4, of a link's frame in that of the root; angles are in rad."""
+    """A tree of links. Transforms are 4x4, of a link's frame in the root frame; angles are in rad."""
 
     def __init__(self, joints: Mapping[str, _Joint], place: str = "") -> None:
         self.place = place
@@ -54,24 +54,24 @@ class KinematicModel:
         try:
             root = etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
         except (OSError, etree.XMLSyntaxError) as error:
-            raise DescriptionError(f"{path}: no description of a robot can be read: {error}") from None
+            raise DescriptionError(f"{path}: cannot read a robot description (URDF): {error}") from None
         joints = [_read_joint(element, str(path)) for element in root.iterfind("joint")]
         if not joints:
-            raise DescriptionError(f"{path}: it describes no joint")
+            raise DescriptionError(f"{path}: it has no joint")
         if len({joint.child for joint in joints}) < len(joints):
             raise DescriptionError(f"{path}: a link is the child of two joints")
         return cls({joint.name: joint for joint in joints}, str(path))
 
     def chain(self, link: str) -> list[str]:
-        """The joints that move a link, from the root on. Raises DescriptionError for a link that is not there."""
+        """Return the joints that move a link, from the root on. Raises DescriptionError for an unknown link."""
         return [joint.name for joint in self._path(link) if joint.kind != _FIXED]
 
     def limits(self, joint: str) -> tuple[float, float]:
-        """The range of a joint (rad)."""
+        """Return the limits of a joint (rad)."""
         return self._joints[joint].low, self._joints[joint].high
 
     def transform(self, link: str, angles: Mapping[str, float]) -> FloatArray:
-        """Where a link is; joints that have no angle are at 0. Raises DescriptionError."""
+        """Return the pose of a link; joints without an angle are at 0. Raises DescriptionError for an unknown link."""
         found: FloatArray = np.eye(4)
         for joint in self._path(link):
             found = found @ joint.origin
@@ -86,7 +86,7 @@ class KinematicModel:
         while link in self._above:
             joint = self._above[link]
             if len(path) > len(self._above):
-                raise DescriptionError(f"{self.place}: the joints above {joint.child!r} are a circle")
+                raise DescriptionError(f"{self.place}: the joints above {joint.child!r} form a cycle")
             path.append(joint)
             link = joint.parent
         return path[::-1]
@@ -98,7 +98,7 @@ def _read_joint(element: _Element, place: str) -> _Joint:
     ends = [found.get("link", "") if (found := element.find(end)) is not None else "" for end in ("parent", "child")]
     kind = element.get("type", "")
     if not name or not all(ends) or kind not in (_FIXED, _SLIDING, *_TURNING):
-        raise DescriptionError(f"{where} of the type {kind!r} between {ends[0]!r} and {ends[1]!r} cannot be understood")
+        raise DescriptionError(f"{where}: unsupported type {kind!r}, or a link is missing: {ends[0]!r} to {ends[1]!r}")
     origin, limit = element.find("origin"), element.find("limit")
     translation = _numbers(origin, "xyz", (0.0, 0.0, 0.0), where)
     rotation = _numbers(origin, "rpy", (0.0, 0.0, 0.0), where)
@@ -119,7 +119,7 @@ def _numbers(element: _Element | None, key: str, default: tuple[float, ...], whe
     except ValueError:
         values = np.empty(0)
     if values.shape != (_AXES,) or not np.isfinite(values).all():
-        raise DescriptionError(f"{where}: {key} is three numbers, not {text!r}")
+        raise DescriptionError(f"{where}: {key} has to be three numbers, not {text!r}")
     return values
 
 
@@ -128,7 +128,7 @@ def _number(element: _Element, key: str, where: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise DescriptionError(f"{where}: {key} is a number, not {text!r}") from None
+        raise DescriptionError(f"{where}: {key} has to be a number, not {text!r}") from None
 
 
 def _moved(joint: _Joint, value: float) -> FloatArray:
@@ -141,14 +141,14 @@ def _moved(joint: _Joint, value: float) -> FloatArray:
 
 
 def rotation_of(roll: float, pitch: float, yaw: float) -> FloatArray:
-    """The rotation about the fixed axes x, y and z in this order (rad), 3x3."""
+    """Return the rotation about the fixed axes x, y and z in this order (rad), 3x3."""
     about = (np.array([0.0, 0.0, yaw]), np.array([0.0, pitch, 0.0]), np.array([roll, 0.0, 0.0]))
     z, y, x = (rotation_about(vector) for vector in about)
     return z @ y @ x
 
 
 def rotation_about(vector: FloatArray) -> FloatArray:
-    """The rotation about a vector by its length (rad), 3x3: Rodrigues' formula."""
+    """Return the rotation about a vector by its length (rad), 3x3: Rodrigues' formula."""
     angle = float(np.linalg.norm(vector))
     if angle == 0.0:
         return np.eye(3)
@@ -159,13 +159,13 @@ def rotation_about(vector: FloatArray) -> FloatArray:
 
 
 def rotation_vector(rotation: FloatArray) -> FloatArray:
-    """The vector about which a rotation turns, as long as its angle (rad, at most pi): the inverse of the above."""
+    """Return the axis of a rotation, scaled to its angle (rad, at most pi): the inverse of ``rotation_about``."""
     twice = np.array(
         [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
     )
     sine, cosine = float(np.linalg.norm(twice)) / 2, (float(np.trace(rotation)) - 1.0) / 2
     angle = math.atan2(sine, cosine)
-    if sine > 1e-6:  # noqa: PLR2004 - beyond it the direction is well known
+    if sine > 1e-6:  # noqa: PLR2004 - above it the direction is well defined
         return twice / (2 * sine) * angle
     if cosine > 0:
         return twice / 2

@@ -1,4 +1,4 @@
-"""Control modes as small numbers, so that they can be drawn over time."""
+"""Control modes as small numbers, for plots over time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _NUMBERS = {int(mode): float(number) for number, mode in enumerate(STATES)}
 _UNKNOWN = -1.0
-#: What to report beside such numbers.
+#: The legend of such a plot.
 LEGEND = (
     f"modes by number: {', '.join(f'{number} {mode.word}' for number, mode in enumerate(STATES))}, "
     f"{_UNKNOWN:g} none of them"
@@ -23,5 +23,5 @@ LEGEND = (
 
 
 def mode_numbers(modes: ArrayLike) -> FloatArray:
-    """The numbers of modes that are given as packed words, as the legend tells them."""
+    """Return the legend's numbers of modes given as packed words."""
     return np.array([_NUMBERS.get(mode, _UNKNOWN) for mode in np.asarray(modes).tolist()])

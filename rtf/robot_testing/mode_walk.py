@@ -1,4 +1,4 @@
-"""A walk through the control modes in which every request is made in every mode, with few steps that repeat one."""
+"""A walk through the control modes that makes every request in every mode, with few repetitions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 class ModeWalk:
     """The requests of :data:`TRANSITIONS` that are still to be made in the modes ``states``.
 
-    ``without`` are modes that the robot has not got: they are neither asked for nor entered.
+    ``without`` are modes that the robot does not have: they are neither requested nor entered.
     """
 
     def __init__(self, states: Collection[ControlMode], without: Collection[ControlMode] = ()) -> None:
@@ -22,18 +22,18 @@ class ModeWalk:
             if state in self.open and request not in without:
                 self.open[state].append(request)
         for state, requests in self.open.items():
-            if state not in HOLDING_MODES:  # it is left at once for what holds a joint
+            if state not in HOLDING_MODES:  # leave it at once for a mode that holds the joint
                 requests.sort(key=lambda request: request is not ControlMode.POSITION)
 
     @property
     def pairs(self) -> set[tuple[ControlMode, ControlMode]]:
-        """What is still open, as (state, request)."""
+        """The open pairs (state, request)."""
         return {(state, request) for state, requests in self.open.items() for request in requests}
 
     def next_request(self, state: ControlMode) -> ControlMode | None:
-        """What to ask for in a state: what was not asked there, or what leads to where something is open; None: over.
+        """Return the next request in a state: an open one, or one that leads to a state with open ones.
 
-        What is answered counts as made.
+        None if no request is open. A returned request counts as made.
         """
         requests = self.open.get(state)
         if requests:

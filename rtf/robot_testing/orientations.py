@@ -1,4 +1,4 @@
-"""Series of orientations, shape (n, 3, 3): how they turn, and which turn lies between two of them."""
+"""Series of orientations, shape (n, 3, 3): their angular velocities, and the rotation between two series."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 
 def each_once(times: FloatArray) -> list[int]:
-    """The places of those that differ, in their order; of equal ones the first, for what comes again turned nowhere."""
+    """Return the indices of the distinct times in increasing order, the first of equal ones."""
     places: list[int] = np.unique(times, return_index=True)[1].tolist()
     return places
 
 
 def turns_of(rotations: FloatArray, times: FloatArray, window: int) -> FloatArray:
-    """How fast a frame turns, in deg/s and in its own axes, as the mean over each ``window`` intervals; (n-window, 3).
+    """Return the angular velocity of a frame, in deg/s about its own axes, as means over ``window`` intervals.
 
-    For windows in which it turns by a few degrees, where turns about different axes may be added; ``times`` (s)
-    increase.
+    The shape is (n - window, 3); ``times`` (s) increase. Valid for rotations of a few degrees within a window, where
+    rotations about different axes may be added.
     """
     steps = zip(rotations[:-window], rotations[window:], strict=True)
     turned = np.degrees([rotation_vector(before.T @ after) for before, after in steps])
@@ -33,13 +33,13 @@ def turns_of(rotations: FloatArray, times: FloatArray, window: int) -> FloatArra
 
 
 def vertical_turn(found: FloatArray, wanted: FloatArray) -> float:
-    """The turn about the vertical (rad) that brings one series nearest to the other: ``Rz(turn) found = wanted``."""
+    """Return the yaw (rad) that brings one series nearest to the other: ``Rz(yaw) found = wanted``."""
     between = np.einsum("nij,nkj->ik", wanted, found)
     return math.atan2(between[1, 0] - between[0, 1], between[0, 0] + between[1, 1])
 
 
 def turn_between(found: FloatArray, wanted: FloatArray) -> FloatArray:
-    """The rotation that brings vectors (n, 3) nearest to others: ``rotation @ found = wanted`` (Kabsch's way)."""
+    """Return the rotation that brings vectors (n, 3) nearest to others: ``rotation @ found = wanted`` (Kabsch)."""
     left, _, right = np.linalg.svd(wanted.T @ found)
     handed = float(np.sign(np.linalg.det(left @ right)))
     rotation: FloatArray = left @ np.diag([1.0, 1.0, handed]) @ right
@@ -47,9 +47,9 @@ def turn_between(found: FloatArray, wanted: FloatArray) -> FloatArray:
 
 
 class Turn(NamedTuple):
-    """A turn by ``angle`` (deg) about an axis of length 1, and half the width of its interval (deg).
+    """A rotation by ``angle`` (deg) about a unit ``axis``, with half the width of its confidence interval (deg).
 
-    The interval is that about the axis about which least is known; infinite where nothing is.
+    The interval is that about the least certain axis; infinite if the data do not determine the rotation about it.
     """
 
     angle: float
@@ -58,10 +58,10 @@ class Turn(NamedTuple):
 
 
 def sure_turn(found: FloatArray, wanted: FloatArray, level: float = CONFIDENCE) -> Turn:
-    """The turn that brings independent vectors (n, 3) nearest to others, and how sure it is.
+    """Return the rotation that brings independent vectors (n, 3) nearest to others, with its confidence interval.
 
-    Each vector pulls at the turn by its error across itself; these need not be alike ("sandwich" of the covariance,
-    White, Econometrica 48, 1980).
+    Each vector contributes by its error perpendicular to itself; the variances of these need not be equal (the
+    "sandwich" covariance of White, Econometrica 48, 1980).
     """
     rotation = turn_between(found, wanted)
     vector = np.degrees(rotation_vector(rotation))
@@ -75,5 +75,5 @@ def sure_turn(found: FloatArray, wanted: FloatArray, level: float = CONFIDENCE) 
     return Turn(angle, vector / max(angle, _TINY), interval)
 
 
-#: Of what vectors hold a turn by, the share about an axis from which on it is held; and what is not divided by.
+#: Least share of the stiffness about an axis with which the vectors determine it; and the least divisor.
 _UNKNOWN, _TINY = 1e-6, 1e-9

@@ -1,4 +1,4 @@
-"""What can be said of the parameters of a robot test without a robot: whether they fit each other, and are known."""
+"""Checks of the parameters of a robot test that need no robot: consistent lists, ranges, and known faults."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ if TYPE_CHECKING:
 
 
 def refuse(test: Declared, problems: Sequence[str]) -> None:
-    """Raise ParameterError where there are any; for ``check_parameters``."""
+    """Raise ParameterError if there are problems; for ``check_parameters``."""
     if problems:
         raise ParameterError(type(test).__name__, problems)
 
 
 def joint_count(test: Declared) -> int:
-    """How many joints a test names in ``joints``, a list of them or their number; 0: all of the part, or none."""
+    """Return the number of joints in the parameter ``joints``, a list or a number; 0: all of the part, or none."""
     joints = test.parameter_values().get("joints", 0)
     return joints if isinstance(joints, int) else len(joints)
 
 
-def wrong_lists(test: Declared, apart: Collection[str] = ()) -> list[str]:
-    """What is wrong with lists of numbers that have one value for all joints, or one for each; none is fine, too.
+def wrong_lists(test: Declared, not_per_joint: Collection[str] = ()) -> list[str]:
+    """Return the errors of lists of numbers that need no value, one value for all joints, or one for each joint.
 
-    ``apart`` are the names of those that are something else. Where no joints are named the longest list says how many.
+    ``not_per_joint`` are the names of other lists. Without named joints the longest list gives their number.
     """
     values = test.parameter_values()
     lists = {
         parameter.key: len(values[name])
         for name, parameter in test.declarations().items()
-        if parameter.kind == list[float] and name not in apart and len(values[name]) > 1
+        if parameter.kind == list[float] and name not in not_per_joint and len(values[name]) > 1
     }
     count, of = joint_count(test), "joints"
     if not count and lists:
@@ -47,22 +47,22 @@ def wrong_lists(test: Declared, apart: Collection[str] = ()) -> list[str]:
 
 
 def swapped_ends(test: Declared) -> list[str]:
-    """What is odd about ends of moves, given in ``low`` and ``high``: a lower one that is not below its upper one."""
+    """Return warnings about the ends of moves in ``low`` and ``high``: a lower end that is not below its upper end."""
     low, high = (declared.key if (declared := test.declarations().get(name)) else name for name in ("low", "high"))
     source = test.parameter_source(high)
     return [
         f"{high}: element {place} is {top:g}, "
         + (
-            f"as that of {low}: the joint does not move ({source})"
+            f"equal to that of {low}: the joint does not move ({source})"
             if top == bottom
-            else f"below that of {low}, {bottom:g}: the joint begins with its lower end ({source})"
+            else f"below that of {low}, {bottom:g}: the joint moves to its lower end first ({source})"
         )
         for place, bottom, top in _without_room(test, "low", "high")
     ]
 
 
 def swapped_limits(test: Declared, low: str, high: str) -> list[str]:
-    """What is wrong with limits that are given in two lists: a lower one that is not below its upper one."""
+    """Return the errors of limits in the lists ``low`` and ``high``: a lower limit that is not below its upper one."""
     source = test.parameter_source(high)
     return [
         f"{high}: element {place} is {top:g}; it has to be above that of {low}, {bottom:g} ({source})"
@@ -71,7 +71,7 @@ def swapped_limits(test: Declared, low: str, high: str) -> list[str]:
 
 
 def _without_room(test: Declared, low: str, high: str) -> list[tuple[int, float, float]]:
-    """The place and the two values where that of list ``low`` is not below that of list ``high``; as far as both go."""
+    """Return index and values of all elements where ``low`` is not below ``high``, up to the shorter list."""
     values = test.parameter_values()
     lows, highs = values.get(low), values.get(high)
     if not (isinstance(lows, list) and isinstance(highs, list) and lows and highs):
@@ -82,15 +82,15 @@ def _without_room(test: Declared, low: str, high: str) -> list[tuple[int, float,
 
 
 def wrong_fault(test: Declared) -> list[str]:
-    """What is wrong with ``inject``: a kind, a joint or a number that the simulator would refuse."""
+    """Return the errors of ``inject``: a kind, a joint or a number that the simulator would refuse."""
     text = test.parameter_values()["inject"]
     if not text:
         return []
-    # The faults come with the whole simulator, which few tests need.
+    # Imported here: the faults load the whole simulator, which few tests need.
     import difflib
 
     from rtf.robot.errors import RefusedError
-    from rtf.robot_testing.case import parse_injection
+    from rtf.robot_testing.robot_test import parse_injection
     from rtf.simulator.axes import INDEX
     from rtf.simulator.faults.base import Target
     from rtf.simulator.faults.kinds import find_kind

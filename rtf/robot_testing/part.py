@@ -1,4 +1,4 @@
-"""A part of the robot as a test works with it: guarded, recorded, and with the words of tests."""
+"""A part of the robot for tests: guarded, recorded, with blocking moves and their routines."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RefusedError
-from rtf.robot_testing.courses import finish, pause, until
-from rtf.robot_testing.listening_board import ListeningBoard, UndeclaredMotionError
+from rtf.robot_testing.monitored_quantities import greatest_speeds
+from rtf.robot_testing.read_only_board import ReadOnlyBoard, UndeclaredMotionError
+from rtf.robot_testing.routines import pause, run_to_end, until
 from rtf.robot_testing.trace import Trace
-from rtf.robot_testing.watched import greatest_speeds
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -21,24 +21,24 @@ if TYPE_CHECKING:
     from rtf.clock import Clock
     from rtf.robot.client.control_board import RemoteControlBoard
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot_testing.courses import Course
     from rtf.robot_testing.guard import MotionGuard
+    from rtf.robot_testing.routines import Routine
 
-#: Seconds between two looks at joints that move.
+#: Period of the checks while joints move, s.
 PACE = 0.02
-#: How near is there, deg, and what a move is given beyond the time that it should take, s.
+#: Tolerance of a position, deg, and additional time of a move beyond twice the expected one, s.
 TOLERANCE, GRACE = 0.5, 5.0
-#: What a command may take to arrive on a busy machine, beyond its usual time, s.
+#: Additional time for a command to arrive on a busy machine, s.
 LATEST = 0.3
-#: What is near already goes there in so long a time, s, but not slower than this, deg/s.
+#: Time of a move within the tolerance, s, and its least speed, deg/s.
 _NEAR_TIME, _SLOWEST = 0.2, 1.0
 _HISTORY = 1000
 
 
 class Arrival(NamedTuple):
-    """How a move ended: whether all joints are there, where they are, how long it took (s), how near is there (deg).
+    """The end of a move: whether all joints arrived, their positions (deg), the duration (s) and the tolerance (deg).
 
-    Of joints that were given up it is told where they are, and they need not be there.
+    Excluded joints do not move and need not arrive; their positions are included.
     """
 
     reached: bool
@@ -48,9 +48,9 @@ class Arrival(NamedTuple):
 
 
 class Part:
-    """One part. ``joints`` are numbers of its axes everywhere; targets and speeds have one value for each of them.
+    """One part of the robot. ``joints`` are axis numbers; targets and speeds have one value for each of them.
 
-    ``guard`` is None for tests that do not move anything: what would move raises UndeclaredMotionError then.
+    ``guard`` is None for tests that do not move the robot: a command raises UndeclaredMotionError then.
     """
 
     def __init__(self, name: str, board: RemoteControlBoard, clock: Clock, guard: MotionGuard | None) -> None:
@@ -58,25 +58,25 @@ class Part:
         self.board = board
         self.clock = clock
         self.guard = guard
-        if guard is not None and isinstance(board, ListeningBoard):
-            board.obey()
+        if guard is not None and isinstance(board, ReadOnlyBoard):
+            board.allow_commands()
         self.axes = board.axes()
         self.names = board.axis_names()
-        self.history = Trace(_HISTORY)  # the last seconds, for who wants to know what led to a failure
+        self.history = Trace(_HISTORY)  # the last seconds, for the recording of a failure
         board.observe(self.history.add)
         joints = range(self.axes)
-        # The guard has just asked for them: each is a question a joint.
+        # The guard has just read them: reading takes a request for each joint.
         limits = (guard and guard.snapshot.limits) or [board.limits(joint) for joint in joints]
         self.low = np.array([low for low, _ in limits])
         self.high = np.array([high for _, high in limits])
-        #: The greatest speeds (deg/s); infinite where the board knows none.
+        #: The greatest speeds (deg/s); infinite if the board has none.
         self.fastest = greatest_speeds(board) if guard is None else guard.fastest
         self.home = np.clip(board.encoders(), self.low, self.high)
 
     # Joints ------------------------------------------------------------------------------------------------------
 
     def joint(self, which: int | str) -> int:
-        """The number of a joint that is given by number or by name. Raises RefusedError for one that is not there."""
+        """Return the number of a joint given by number or name. Raises RefusedError for an unknown joint."""
         if isinstance(which, str) and which in self.names:
             return self.names.index(which)
         if isinstance(which, int) and 0 <= which < self.axes:
@@ -84,41 +84,43 @@ class Part:
         raise RefusedError(f"{self.name} has no joint {which!r}; it has 0 to {self.axes - 1}: {', '.join(self.names)}")
 
     def select(self, wanted: Sequence[int]) -> list[int]:
-        """The joints that a parameter says; all of them when it says none, and with a guard all that turn.
+        """Return the joints of a parameter; without any, all joints, or with a guard all revolute ones.
 
-        Raises RefusedError for one that is not there, or slides.
+        Raises RefusedError for an unknown joint and, with a guard, for a prismatic one.
         """
         sliding = frozenset[int]() if self.guard is None else self.guard.sliding
         chosen = [self.joint(which) for which in wanted] or [j for j in range(self.axes) if j not in sliding]
         if wrong := [self.names[joint] for joint in chosen if joint in sliding]:
-            raise RefusedError(f"{', '.join(wrong)} of {self.name} slides, and does not turn: a test moves by degrees")
+            raise RefusedError(f"{', '.join(wrong)} of {self.name} is prismatic: tests move joints by degrees")
         if not chosen:
-            raise RefusedError(f"no joint of {self.name} turns")
+            raise RefusedError(f"no joint of {self.name} is revolute")
         return chosen
 
     def within(self, joint: int, share: float) -> float:
-        """The position at a share of a joint's range: 0 is its lower limit, 1 its upper one."""
+        """Return the position at a share of a joint's range: 0 is its lower limit, 1 its upper limit."""
         return float(self.low[joint] + share * (self.high[joint] - self.low[joint]))
 
     def held(self, joints: Sequence[int] | None = None) -> list[int]:
-        """Those of some joints, or of all, that a test moves: they turn, and the guard has not given them up."""
+        """Return those of some joints, by default of all, that a test moves: revolute and not excluded."""
         chosen, guard = range(self.axes) if joints is None else joints, self.guard
         return [j for j in chosen if guard is None or not (guard.given_up(j) or j in guard.sliding)]
 
     # Modes -------------------------------------------------------------------------------------------------------
 
     def set_mode(self, mode: ControlMode, joints: Sequence[int] | None = None, *, timeout: float = 1.0) -> bool:
-        """Ask for a mode of joints that were not given up, and wait until all are in it; whether they are."""
-        return finish(self, self.entering(mode, joints, timeout=timeout), pace=PACE)
+        """Set the mode of the joints that are not excluded, and wait for it; return whether all took it."""
+        return run_to_end(self, self.entering(mode, joints, timeout=timeout), pace=PACE)
 
-    def entering(self, mode: ControlMode, joints: Sequence[int] | None = None, *, timeout: float = 1.0) -> Course[bool]:
-        """The same as a course."""
+    def entering(
+        self, mode: ControlMode, joints: Sequence[int] | None = None, *, timeout: float = 1.0
+    ) -> Routine[bool]:
+        """Return the routine of ``set_mode``."""
         self._need_guard("joints would change their modes")
         asked = range(self.axes) if joints is None else joints
         chosen = self.held(asked)
         if not chosen:
             return not asked
-        with suppress(RefusedError):  # boards may answer so when a joint has not obeyed: which one, its mode shows
+        with suppress(RefusedError):  # a board may refuse all because of one joint; the modes show which
             self.board.set_control_modes([mode] * len(chosen), chosen)
         wanted = ControlMode.IDLE if mode is ControlMode.FORCE_IDLE else mode
         return (
@@ -130,11 +132,11 @@ class Part:
     # States ------------------------------------------------------------------------------------------------------
 
     def state_age(self) -> float:
-        """How old the newest state is, s by the robot's clock; NaN before the first."""
+        """Return the age of the newest state, s of the robot's clock; NaN before the first state."""
         return self.clock.now() - self.history.newest[0] if len(self.history) else math.nan
 
-    def tell_of_clocks(self, report: Callable[[str], None]) -> None:
-        """Report it where the board's stamps are by another clock than this machine's."""
+    def report_clock_offset(self, report: Callable[[str], None]) -> None:
+        """Report the offset of the board's stamps from this machine's clock, if there is one."""
         if apart := self.history.clocks_apart:
             report(f"{self.name}: {apart}")
 
@@ -149,13 +151,13 @@ class Part:
         tolerance: float = TOLERANCE,
         timeout: float | None = None,
     ) -> Arrival:
-        """Move joints under position control and wait until they are there, or the time is up; the guard looks on.
+        """Move joints in position mode, and wait until they arrive or the time is up; the guard watches.
 
-        The time is twice what the distance takes at that speed, and some seconds more, unless it is given. Joints that
-        were given up are left out.
+        The default ``timeout`` is twice the expected time of the move and ``GRACE`` seconds. Excluded joints are left
+        out. Positions in deg, speeds in deg/s.
         """
-        course = self.moving(targets, joints, speed=speed, tolerance=tolerance, timeout=timeout)
-        return finish(self, course, pace=PACE)
+        routine = self.moving(targets, joints, speed=speed, tolerance=tolerance, timeout=timeout)
+        return run_to_end(self, routine, pace=PACE)
 
     def moving(
         self,
@@ -165,8 +167,8 @@ class Part:
         speed: float | Sequence[float] | FloatArray = 20.0,
         tolerance: float = TOLERANCE,
         timeout: float | None = None,
-    ) -> Course[Arrival]:
-        """The same as a course."""
+    ) -> Routine[Arrival]:
+        """Return the routine of ``move``."""
         self._need_guard("joints would move")
         chosen = list(range(self.axes)) if joints is None else list(joints)
         goal = np.asarray(targets, dtype=np.float64)
@@ -179,17 +181,17 @@ class Part:
         way = np.abs(goal - here)
         if timeout is None:
             timeout = float(np.nanmax(2 * way[going] / speeds[going], initial=0.0)) + GRACE
-        # What is there already is so at once: the next command comes in the middle of the little way that is left. At
-        # full speed that takes milliseconds; boards may go on with the acceleration which that takes, and swing.
+        # A joint within the tolerance has arrived at once, so the next command interrupts the rest of its move. At full
+        # speed that rest takes milliseconds, and a board that goes on with its acceleration would oscillate.
         paces = np.where(way <= tolerance, np.minimum(speeds, np.maximum(_SLOWEST, way / _NEAR_TIME)), speeds)
         self.board.set_reference_speeds(paces[going], held)
         self.board.position_move(goal[going], held)
-        if (paces != speeds)[going].any():  # whoever gives commands of their own later takes the speed to be theirs
+        if (paces != speeds)[going].any():  # later commands of the test rely on the speed it asked for
             self.board.set_reference_speeds(speeds[going], held)
 
         def arrived() -> bool:
             nonlocal here
-            here = self.board.encoders(chosen)  # where they are told to be in the end: they may move on
+            here = self.board.encoders(chosen)  # the positions that are returned: the joints may move on
             return bool((np.abs(here - goal)[going] <= tolerance).all())
 
         reached = yield from until(self.clock, arrived, timeout)
@@ -200,29 +202,29 @@ class Part:
             raise UndeclaredMotionError(self.name, what)
 
     def go_home(self, *, speed: float = 20.0, tolerance: float = TOLERANCE) -> Arrival:
-        """Bring all joints, in position mode, to where they were when the test began."""
+        """Move all joints, in position mode, to where they were when the test began."""
         self.set_mode(ControlMode.POSITION)
         return self.move(self.home, speed=speed, tolerance=tolerance)
 
     def wait_until(self, condition: Callable[[], bool], timeout: float, *, pace: float = PACE) -> bool:
-        """Wait until a condition holds, looking every ``pace`` seconds of the robot's time; False when it does not."""
-        return finish(self, until(self.clock, condition, timeout), pace=pace)
+        """Wait until a condition holds, checked every ``pace`` s of the robot's time; return False on time-out."""
+        return run_to_end(self, until(self.clock, condition, timeout), pace=pace)
 
     def wait(self, seconds: float, *, pace: float = PACE) -> None:
-        """Let time pass; the guard looks on."""
-        finish(self, pause(self.clock, seconds), pace=pace)
+        """Wait for ``seconds`` of the robot's time; the guard watches."""
+        run_to_end(self, pause(self.clock, seconds), pace=pace)
 
     def wait_to_arrive(self, arrived: Callable[[], bool], usual: float, *, pace: float = PACE) -> bool:
-        """Give a command the time that it usually takes to arrive, and more where it has not: it may only be late.
+        """Wait for a command to arrive: the usual time, and ``LATEST`` seconds more if it has not by then.
 
-        Whether it has arrived in the end. A command that was lost never does.
+        Return whether it has arrived. A lost command never does.
         """
         self.wait(usual, pace=pace)
         return arrived() or self.wait_until(arrived, LATEST, pace=pace)
 
     @contextmanager
     def recorded(self) -> Iterator[Trace]:
-        """Record every state that the board publishes during the block."""
+        """Record every state that the board publishes inside the ``with`` block."""
         trace = Trace()
         self.board.observe(trace.add)
         try:

@@ -1,16 +1,16 @@
-"""A sampled PID controller, as tests close loops with themselves."""
+"""A discrete PID controller for tests that close a control loop themselves."""
 
 from __future__ import annotations
 
 
 class DiscretePid:
-    """A PID controller of one value; its output is within ``limit`` to both sides.
+    """A discrete PID controller of one value; its output is limited to ``-limit .. limit``.
 
-    It goes by the time at which a value was true, not by the time at which anybody heard of it: what comes late, twice
-    or behind a later one does it no harm. The integral is that of the trapezoids, with what the limit cuts off taken
-    back (tracking time 1 s). The derivative is of the value and of the share ``kick`` of the reference, less of which
-    makes a step gentler and delays less harmful; it goes through a filter of the first order ten times as fast as the
-    derivative's own time. A controller without ``ki`` has no integral, one without ``kp`` no derivative.
+    It uses the time at which a value was measured, not the time of its arrival: late, repeated and overtaken
+    measurements do no harm. The integral is trapezoidal, with back-calculation as anti-windup (tracking time 1 s). The
+    derivative is that of the measured value and of the share ``kick`` of the setpoint; a smaller share makes steps
+    gentler and delays less harmful. It has a first-order filter with a tenth of the derivative time ``kd / kp``.
+    Without ``ki`` there is no integral, without ``kp`` no derivative.
     """
 
     def __init__(self, kp: float, ki: float, kd: float, *, limit: float, kick: float = 1.0) -> None:
@@ -21,38 +21,38 @@ class DiscretePid:
         self.start(0.0)
 
     def start(self, output: float) -> None:
-        """Begin anew, with an output that holds what is controlled."""
+        """Reset, with the output that holds the controlled value (bumpless transfer)."""
         self._constant = output
         self._integral = 0.0
         self._derivative = 0.0
-        self._last: tuple[float, float, float] | None = None  # reference and value of the newest, and when that was
-        self._change = 0.0  # of the integral a second
-        self._cut = 0.0  # what the limit has taken from the output
+        self._last: tuple[float, float, float] | None = None  # setpoint, value and time of the newest measurement
+        self._change = 0.0  # rate of the integral, per s
+        self._cut = 0.0  # excess of the output over the limit
 
-    def output(self, reference: float, value: float, time: float) -> float:
-        """The output for a value that was true at ``time`` (s); one that is older than the last changes nothing."""
-        setpoint, newest, since = self._last or (reference, value, time)
+    def output(self, setpoint: float, value: float, time: float) -> float:
+        """Return the output for a value measured at ``time`` (s). A value older than the last one is ignored."""
+        before, newest, since = self._last or (setpoint, value, time)
         passed = time - since
         if passed < 0:
             value, passed = newest, 0.0
         if passed and self._kp:
-            self._differentiate(self._kick * (reference - setpoint) - (value - newest), passed)
+            self._differentiate(self._kick * (setpoint - before) - (value - newest), passed)
         if passed or self._last is None:
-            self._last = reference, value, time
-        error = reference - value
+            self._last = setpoint, value, time
+        error = setpoint - value
         change = self._ki * error + self._cut / _TRACKING
         if self._ki:
             self._integral += passed / 2 * (self._change + change)
-        wanted = self._constant + self._kp * error + self._integral + self._derivative
-        given = max(-self._limit, min(self._limit, wanted))
-        self._change, self._cut = change, given - wanted
-        return given
+        unlimited = self._constant + self._kp * error + self._integral + self._derivative
+        limited = max(-self._limit, min(self._limit, unlimited))
+        self._change, self._cut = change, limited - unlimited
+        return limited
 
     def _differentiate(self, change: float, passed: float) -> None:
-        """Bilinear: ``(2 - 2/z) / ((T + 2 tau) + (T - 2 tau)/z)`` of the derivative gain times what it is of."""
+        """Bilinear transform of the filtered derivative: ``kd (2 - 2/z) / ((T + 2 tau) + (T - 2 tau)/z)``."""
         tau = self._filter
         self._derivative = (2 * self._kd * change - (passed - 2 * tau) * self._derivative) / (passed + 2 * tau)
 
 
-#: How much faster than the derivative its filter is, and how soon the integral learns of the limit (s).
+#: Ratio of the derivative time to that of its filter, and the tracking time of the anti-windup (s).
 _FILTER, _TRACKING = 10.0, 1.0

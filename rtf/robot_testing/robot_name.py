@@ -1,4 +1,4 @@
-"""Which robot is meant: what the names of its ports begin with."""
+"""The name of the robot under test: the prefix of its port names."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rtf.testing.parameters import Declared
 
-#: Which robot, where neither a parameter nor the suite says it; given by the fixture that starts one.
+#: The environment variable with the name of the robot; a fixture that starts a robot sets it.
 ROBOT_VARIABLE = "YARP_ROBOT_NAME"
 
 
 def robot_name(given: str, asking: Declared, otherwise: str) -> str:
-    """The robot that is ``given``, or else that of the suite of the test or fixture, of the environment, or another."""
+    """Return the robot's name: ``given``, or that of the suite, of the environment, or ``otherwise``, in this order."""
     suite = asking.suite_value("robotname")
     return (given or suite or os.environ.get(ROBOT_VARIABLE) or otherwise).strip("/")

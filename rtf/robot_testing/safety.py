@@ -1,4 +1,4 @@
-"""How dangerous a test is: what a robot may do while it runs."""
+"""Safety classes of tests: what the robot may do while a test runs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Safety(IntEnum):
-    """The classes, from harmless on. On a real robot all above ``STILL`` need permission and an operator."""
+    """The safety classes in increasing order of risk. On a real robot all above ``STILL`` need permission."""
 
     STILL = 0  # it only listens and asks
     MOTION = 1  # joints move under position control, within their limits
@@ -15,5 +15,5 @@ class Safety(IntEnum):
 
     @property
     def word(self) -> str:
-        """The word for lists."""
+        """The name in lower case, for tables."""
         return self.name.lower()

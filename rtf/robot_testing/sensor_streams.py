@@ -1,4 +1,4 @@
-"""What the messages of sensors hold: one row of numbers a message, and what the numbers are called."""
+"""Decoding sensor messages: one row of numbers for each message, and the names of the channels."""
 
 from __future__ import annotations
 
@@ -21,31 +21,35 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray, SensorInfo, SensorReading
     from rtf.robot.sensor_message import Measurements
 
-#: What the streams of servers of many sensors are called.
+#: The suffix of the stream of a server with several sensors.
 MEASURES = "/measures:o"
 _RPC_TIMEOUT = 3.0
 
 
 def readings_of(port: str, contents: Sequence[bytes], dialect: Dialect) -> FloatArray:
-    """The measurements of messages as rows. ValueError when they do not have as many numbers each, or hold none."""
+    """Return the measurements of messages as rows.
+
+    Raises ValueError if the messages have different numbers of values, or cannot be decoded.
+    """
     if port.endswith(MEASURES):
         rows = [_flat(SENSOR_MESSAGE.decode(content, dialect)) for content in contents]
     else:
         rows = [VECTOR.decode(content, dialect) for content in contents]
     if len({row.size for row in rows}) > 1:
-        raise ValueError(f"{port}: messages have {sorted({row.size for row in rows})} numbers, not always as many")
+        raise ValueError(f"{port}: the number of values differs between messages: {sorted({row.size for row in rows})}")
     return np.array(rows, dtype=np.float64)
 
 
 def sensors_in(port: str, contents: Sequence[bytes], dialect: Dialect, category: SensorCategory) -> list[FloatArray]:
-    """The measurements of each sensor of a category, in messages of many sensors, as rows; errors as ``readings_of``.
+    """Return the measurements of each sensor of a category, as rows; errors as for ``readings_of``.
 
-    Servers of several categories have one of each unit in a message: gyroscopes and thermometers of a force sensor.
+    For messages of several sensors. A device may have sensors of several categories in one message, such as the
+    gyroscope and the thermometer of a force sensor.
     """
     rows = [[one.values for one in _of_category(content, dialect, category)] for content in contents]
     kinds = {tuple(values.size for values in row) for row in rows}
     if len(kinds) > 1:
-        raise ValueError(f"{port}: messages have {sorted(kinds)} numbers of {category.name}, not always as many")
+        raise ValueError(f"{port}: the number of {category.name} values differs between messages: {sorted(kinds)}")
     return [np.array(values, dtype=np.float64) for values in zip(*rows, strict=True)]
 
 
@@ -60,7 +64,7 @@ def _flat(measurements: Measurements) -> FloatArray:
 
 
 def sensors_of(network: Network, port: str) -> list[list[SensorInfo]]:
-    """What the sensors of a server are called, by category; ``port`` is its stream. Raises RtfError."""
+    """Return the metadata of the sensors of a server, by category; ``port`` is its stream. Raises RtfError."""
     server = f"{port.removesuffix(MEASURES)}/rpc:o"
     with RpcClient("", server, network=network) as client:
         answer = client.call(call("getMetadata"), timeout=_RPC_TIMEOUT)
@@ -68,7 +72,7 @@ def sensors_of(network: Network, port: str) -> list[list[SensorInfo]]:
 
 
 def names_of(network: Network, port: str, category: SensorCategory) -> list[str]:
-    """What the sensors of a category are called; none where their server does not say it."""
+    """Return the names of the sensors of a category; none if their server does not answer."""
     try:
         infos = sensors_of(network, port)
     except RtfError:
@@ -77,14 +81,14 @@ def names_of(network: Network, port: str, category: SensorCategory) -> list[str]
 
 
 def channels_of(network: Network, port: str, count: int) -> list[str]:
-    """Names for the numbers of a row, for people."""
+    """Return readable names of the ``count`` numbers of a row."""
     numbered = [f"channel {channel}" for channel in range(count)]
     if not port.endswith(MEASURES):
         return numbered
     try:
         infos = sensors_of(network, port)
     except RtfError:
-        return numbered  # they are as good; nothing is judged by names
+        return numbered  # good enough: no verdict depends on names
     named = [
         f"{info.name} {SensorCategory(category).name.lower()} {axis}"
         for category, sensors in enumerate(infos)

@@ -1,4 +1,4 @@
-"""Whether what would move is simulated. It is asked: a name may lead to where a simulator was, or to another robot."""
+"""Check whether a robot or one of its parts is simulated. Names alone prove nothing, so the simulator is asked."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from rtf.simulator.control import BOARD_ENDS, SimulatorControl, control_port
 if TYPE_CHECKING:
     from rtf.middleware.network import Network
 
-#: Seconds that a simulator may take to answer; a busy machine is no reason to take it for a robot.
+#: Time-out of the simulator's answer, s: long enough that a busy machine does not make it look like a real robot.
 PATIENCE = 5.0
 
 
 def is_simulated(network: Network, robot: str, part: str = "") -> bool:
-    """Whether a simulator answers for a robot and, with ``part``, is what that part's names lead to.
+    """Return whether a simulator answers for a robot and, with ``part``, serves that part.
 
-    The simulator says where its ports listen. These have to be the addresses that the name server gives, all at one
-    host. Whatever leaves a doubt, such as no answer, makes it a real robot.
+    The simulator reports the addresses of its ports. They have to be those of the name server, all on one host. In any
+    doubt, such as no answer, the robot counts as real.
     """
     names = [control_port(robot), *(f"/{robot}/{part}/{end}" for end in BOARD_ENDS if part)]
     try:

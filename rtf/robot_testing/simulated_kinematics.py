@@ -1,4 +1,4 @@
-"""Where the links of the simulated robot are, as the physics engine computes it."""
+"""Forward kinematics of the simulated robot, computed by the physics engine."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 class SimulatedKinematics:
-    """The same questions as to a :class:`~rtf.robot_testing.kinematics.KinematicModel`.
+    """The links of the simulated robot, with the interface of :class:`~rtf.robot_testing.kinematics.KinematicModel`.
 
-    MissingPackageError without the simulator's packages.
+    Raises MissingPackageError without the simulator's packages.
     """
 
     place = "the simulator's model"
@@ -32,9 +32,9 @@ class SimulatedKinematics:
         self.links = {model.body(number).name for number in range(model.nbody)}
 
     def transform(self, link: str, angles: Mapping[str, float]) -> FloatArray:
-        """Where a link is in the world (4x4), with joints at these angles (rad) and all others at 0.
+        """Return the pose of a link in the world (4x4), with joints at these angles (rad) and all others at 0.
 
-        Raises RefusedError for a link, or a joint, that the model does not have.
+        Raises RefusedError for an unknown link or joint.
         """
         unknown = sorted(set(angles) - set(INDEX))
         if unknown or link not in self.links:

@@ -1,4 +1,4 @@
-"""A sine that begins and ends gently, and the sine in what somebody made of it."""
+"""A sine trajectory that fades in and out, and the fit of a sine to measured values."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RampedSine:
-    """A sine for several joints: ``cycles`` whole swings, and before and after them one that grows and one that fades.
+    """A sine for several joints: ``cycles`` periods of full amplitude.
 
-    It begins and ends at zero, at rest. Amplitudes in deg, frequency in Hz, times in s.
+    One period before them fades in, one after them fades out. It begins and ends at zero and at rest. Amplitudes in
+    deg, frequency in Hz, times in s.
     """
 
     amplitudes: FloatArray
@@ -26,21 +27,21 @@ class RampedSine:
 
     @property
     def duration(self) -> float:
-        """From beginning to end."""
+        """The duration of the whole trajectory (s)."""
         return (self.cycles + 2.0) / self.frequency
 
     @property
     def plateau(self) -> tuple[float, float]:
-        """When the amplitude is whole: from and to."""
+        """Begin and end of the time with full amplitude (s)."""
         return 1.0 / self.frequency, (self.cycles + 1.0) / self.frequency
 
     @property
     def greatest_speed(self) -> FloatArray:
-        """Of each joint, a little above what it comes to (deg/s): the ramps add their own."""
+        """An upper bound of the speed of each joint (deg/s), including the ramps."""
         return self.amplitudes * self.frequency * (2.0 * np.pi + _RAMP)
 
     def at(self, time: ArrayLike) -> FloatArray:
-        """The positions at times, shape (joints,) for one time, (times, joints) for several."""
+        """Return the positions, shape (joints,) for a single time, (times, joints) for several."""
         t = np.asarray(time, dtype=np.float64)
         swings = t * self.frequency
         share = np.clip(np.minimum(swings, self.cycles + 2.0 - swings), 0.0, 1.0)
@@ -50,7 +51,7 @@ class RampedSine:
 
 
 class SineFit(NamedTuple):
-    """The sine of least squares in a signal: its amplitude, phase (rad, behind sin), mean, and what is left (rms)."""
+    """The least squares fit of a sine: amplitude, phase lag (rad), mean, and root mean square of the residual."""
 
     amplitude: float
     phase: float
@@ -59,10 +60,10 @@ class SineFit(NamedTuple):
 
 
 def fit_sine(time: ArrayLike, values: ArrayLike, frequency: float) -> SineFit:
-    """Find it; the frequency is known (Hz). Raises ValueError for fewer than four points."""
+    """Fit a sine of known frequency (Hz) to values. Raises ValueError for fewer than four points."""
     t, v = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if t.size < _FEWEST or t.size != v.size:
-        raise ValueError(f"a sine needs {_FEWEST} points or more, as many times as values: {t.size} and {v.size}")
+        raise ValueError(f"a sine needs {_FEWEST} points or more, one time for each value: {t.size} and {v.size}")
     angle = 2.0 * np.pi * frequency * t
     columns = np.column_stack([np.sin(angle), np.cos(angle), np.ones_like(t)])
     found, *_ = np.linalg.lstsq(columns, v, rcond=None)
@@ -76,6 +77,6 @@ def fit_sine(time: ArrayLike, values: ArrayLike, frequency: float) -> SineFit:
     )
 
 
-#: The steepest slope of the ramp, 15/8 of its height in one swing.
+#: The steepest slope of the ramp, 15/8 of its height in one period.
 _RAMP = 1.875
 _FEWEST = 4

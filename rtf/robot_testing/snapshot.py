@@ -1,4 +1,4 @@
-"""A part of a robot as it was: what a test may change, and what outlives the test."""
+"""Snapshot of a part: the state and the settings that a test may change, to be restored afterwards."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _T = TypeVar("_T")
 
 @dataclass(slots=True)
 class Snapshot:
-    """Everything that a test may change. What a board has not got is missing: an empty list, or None for a joint."""
+    """Everything that a test may change. What the board does not support is an empty list, or None for a joint."""
 
     positions: FloatArray
     modes: tuple[ControlMode, ...]
@@ -37,7 +37,7 @@ class Snapshot:
 
     @classmethod
     def take(cls, board: RemoteControlBoard) -> Snapshot:
-        """Ask a board for all of it. Raises RobotError when it cannot even say where its joints are."""
+        """Read everything from a board. Raises RobotError if it does not even report positions and modes."""
         joints = range(board.axes())
         pids = answered(partial(board.pids, PidType.POSITION))
         return cls(
@@ -53,7 +53,7 @@ class Snapshot:
         )
 
     def to_record(self) -> dict[str, Any]:
-        """All of it as what JSON can hold."""
+        """Return a JSON-compatible representation."""
         return {
             "positions": self.positions.tolist(),
             "modes": [int(mode) for mode in self.modes],
@@ -68,7 +68,7 @@ class Snapshot:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Snapshot:
-        """What ``to_record`` made. Raises KeyError, TypeError or ValueError for anything else."""
+        """Return the snapshot of a ``to_record`` result. Raises KeyError, TypeError or ValueError for anything else."""
         speeds, accelerations = record["speeds"], record["accelerations"]
         return cls(
             positions=np.array(record["positions"], dtype=np.float64),
@@ -84,7 +84,10 @@ class Snapshot:
 
 
 def answered(question: Callable[[], _T]) -> _T | None:
-    """What a board answers; None where it has not got that: over the network that is told as a refusal, too."""
+    """Return the answer of a board, or None if it does not support the request.
+
+    Over the network an unsupported request is also answered by a refusal.
+    """
     try:
         return question()
     except (NotSupportedError, RefusedError):
@@ -92,7 +95,7 @@ def answered(question: Callable[[], _T]) -> _T | None:
 
 
 def sliding_joints(board: RemoteControlBoard) -> frozenset[int]:
-    """The joints that slide (m), and do not turn (deg), by their board; where it does not say it they turn."""
+    """Return the prismatic joints, by their board; joints of unknown type count as revolute."""
     return frozenset(
         joint for joint in range(board.axes()) if answered(partial(board.joint_type, joint)) is JointType.PRISMATIC
     )

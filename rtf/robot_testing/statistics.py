@@ -1,4 +1,4 @@
-"""The statistics of verdicts: lines through points, periods of streams, delays of signals, and how sure they are."""
+"""Statistics of measurements: line fits, periods of streams, delays of signals, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
 
 
-#: The confidence that is stated where nothing else is said.
+#: The default confidence level.
 CONFIDENCE = 0.99
 
 
 class Fit(NamedTuple):
-    """A straight line through points: ``y = slope x + offset``, with half the width of the slope's interval.
+    """A line through points: ``y = slope x + offset``, with half the width of the slope's confidence interval.
 
-    ``rms`` and ``largest`` are of what is left, ``correlation`` is Pearson's; NaN where x does not vary.
+    ``rms`` and ``largest`` are those of the residuals, ``correlation`` is Pearson's. NaN if x does not vary.
     """
 
     slope: float
@@ -34,12 +34,12 @@ class Fit(NamedTuple):
 
 
 def fit_line(x: ArrayLike, y: ArrayLike, level: float = CONFIDENCE) -> Fit:
-    """The line of least squares. Raises ValueError for fewer than three points, and for what is no number."""
+    """Return the least squares line. Raises ValueError for fewer than three points, or values that are not finite."""
     xs, ys = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if xs.size < _FEWEST or xs.size != ys.size:
         raise ValueError(f"a line needs {_FEWEST} points or more, as many x as y: {xs.size} and {ys.size}")
     if missing := int((~np.isfinite(xs) | ~np.isfinite(ys)).sum()):
-        raise ValueError(f"a line needs numbers: {missing} of {xs.size} points are none")
+        raise ValueError(f"a line needs finite numbers: {missing} of {xs.size} points are not finite")
     dx, dy = xs - xs.mean(), ys - ys.mean()
     spread = float(dx @ dx)
     slope = float(dx @ dy) / spread if spread > 0 else math.nan
@@ -55,10 +55,10 @@ def fit_line(x: ArrayLike, y: ArrayLike, level: float = CONFIDENCE) -> Fit:
 
 
 class Periods(NamedTuple):
-    """The periods of a stream (s) and what follows from them. ``rate`` is intervals over their sum (Hz).
+    """Statistics of the periods of a stream (s). ``rate`` is the number of intervals over their sum (Hz).
 
-    ``rate_interval`` is half the width of its interval, for a stream whose messages scatter about a steady beat: one
-    that is late is followed by a short period, so that the periods are not independent.
+    ``rate_interval`` is half the width of its confidence interval, for messages that scatter about a constant period: a
+    late message is followed by a short period, so the periods are not independent.
     """
 
     messages: int
@@ -73,7 +73,7 @@ class Periods(NamedTuple):
 
 
 def periods_of(times: ArrayLike, level: float = CONFIDENCE) -> Periods:
-    """The statistics of the times of messages (s), in the order in which they came. ValueError for fewer than three."""
+    """Return the statistics of message times (s), in their order. Raises ValueError for fewer than three."""
     stamps = np.asarray(times, dtype=np.float64)
     if stamps.size < _FEWEST:
         raise ValueError(f"{stamps.size} messages have no rate; {_FEWEST} are needed")
@@ -94,25 +94,25 @@ def periods_of(times: ArrayLike, level: float = CONFIDENCE) -> Periods:
 
 
 def _rate_interval(stamps: FloatArray, level: float) -> float:
-    """Half the width of the interval of a rate (Hz): the first and the last stamp are both off the beat."""
-    beat = fit_line(np.arange(stamps.size), stamps)
+    """Return half the width of the confidence interval of a rate (Hz), from the scatter of the first and last stamp."""
+    line = fit_line(np.arange(stamps.size), stamps)
     freedom, span = stamps.size - 2, float(stamps[-1] - stamps[0])
-    off = beat.rms * math.sqrt(2 * stamps.size / freedom)
+    off = line.rms * math.sqrt(2 * stamps.size / freedom)
     return student(level, freedom) * off / span * (stamps.size - 1) / span
 
 
 def confidence(values: ArrayLike, level: float = CONFIDENCE) -> tuple[float, float]:
-    """The mean of independent values, and half the width of its interval; infinite for a single one."""
+    """Return the mean of independent values, and half the width of its interval; infinite for a single value."""
     xs = np.asarray(values, dtype=np.float64)
-    if xs.size < 2:  # noqa: PLR2004 - one value says nothing of its spread
+    if xs.size < 2:  # noqa: PLR2004 - a spread needs two
         return float(xs.mean()), math.inf
     return float(xs.mean()), student(level, xs.size - 1) * float(xs.std(ddof=1)) / math.sqrt(xs.size)
 
 
 def delay_between(reference: ArrayLike, answer: ArrayLike, period: float, most: float) -> float:
-    """By how many seconds ``answer`` follows ``reference``, both sampled every ``period``; at most ``most``.
+    """Return the delay (s) of ``answer`` behind ``reference``, both sampled every ``period``; at most ``most``.
 
-    It is the shift with the smallest mean square difference, to a fraction of a sample by a parabola through three.
+    It is the shift with the least mean square difference, refined by a parabola through three samples.
     """
     a, b = np.asarray(reference, dtype=np.float64), np.asarray(answer, dtype=np.float64)
     shifts = range(min(len(a) - 2, round(most / period)) + 1)
@@ -127,9 +127,10 @@ def delay_between(reference: ArrayLike, answer: ArrayLike, period: float, most: 
 
 
 def surely_beyond(values: ArrayLike, share: float, level: float = CONFIDENCE) -> float:
-    """What the quantile ``share`` of that of which these are a sample is at least, with this confidence.
+    """Return a lower confidence bound of the quantile ``share`` of the population of a sample.
 
-    One of the values, by the order statistics of a binomial distribution; the least for a small sample.
+    It is one of the values, by order statistics (normal approximation of the binomial distribution); the least one for
+    a small sample.
     """
     ordered = np.sort(np.asarray(values, dtype=np.float64))
     count = ordered.size
@@ -138,10 +139,10 @@ def surely_beyond(values: ArrayLike, share: float, level: float = CONFIDENCE) ->
 
 
 def student(level: float, freedom: int) -> float:
-    """Student's t: how many standard errors, which are estimated, half an interval of this confidence is wide.
+    """Return Student's t: half the width of a two-sided confidence interval, in estimated standard errors.
 
-    ``freedom`` is the number of values less that of what was fitted to them, at least 1. Exact for 1 and 2, and else by
-    the series of Abramowitz and Stegun, Handbook of Mathematical Functions, 26.7.5: within 1 % at 99 %.
+    ``freedom`` is the number of degrees of freedom, at least 1. Exact for 1 and 2, otherwise by the series of
+    Abramowitz and Stegun, Handbook of Mathematical Functions, 26.7.5: within 1 % at 99 %.
     """
     if freedom == 1:
         return math.tan(level * math.pi / 2)

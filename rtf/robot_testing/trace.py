@@ -1,4 +1,4 @@
-"""What a part did: every state that its board published, with the board's own stamps."""
+"""Recorded states of a part: every state that its board published, with the board's stamps."""
 
 from __future__ import annotations
 
@@ -17,31 +17,30 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
 
 
-#: Clocks that differ by more are told of, s: the way of a message takes less.
+#: Clocks whose offset is greater, s, are reported: the transport of a message takes less.
 _APART = 0.02
 
 
 class Trace:
-    """States in the order in which they came; ``most`` keeps only so many of the last.
+    """Recorded states in the order of their arrival; with ``most`` only the last ones are kept.
 
-    The arrays have a row a state and a column a joint (or motor); ``time`` is of the stamps, in s. To be read
-    when it is no longer written to.
+    The arrays have shape (states, axes); ``time`` are the stamps, in s. Read a trace when its recording has ended.
     """
 
     def __init__(self, most: int | None = None) -> None:
         self._states: deque[tuple[float, float, ExtendedState]] = deque(maxlen=most)
 
     def add(self, stamp: float, state: ExtendedState) -> None:
-        """Keep a state, and when it came. From the thread that receives it."""
+        """Keep a state with its arrival time. Called in the thread of the connection."""
         time = clock.current()
-        # A simulator's clock is that of the stamps, and may not be asked from here: time would wait for this thread.
+        # A simulator's clock is that of the stamps. It must not be read here: its time may wait for this thread.
         arrival = time.now() if isinstance(time, clock.SystemClock) else stamp
         self._states.append((stamp, arrival, state))
 
     def copy(self) -> Trace:
-        """What has come until now, as a trace of its own that nobody writes to."""
+        """Return an independent copy of the states until now."""
         copied = Trace()
-        copied._states.extend(list(self._states))  # in one step, for states come meanwhile
+        copied._states.extend(list(self._states))  # in one step: states arrive meanwhile
         return copied
 
     def __len__(self) -> int:
@@ -49,7 +48,7 @@ class Trace:
 
     @property
     def newest(self) -> tuple[float, ExtendedState]:
-        """The state that came last, with its stamp (s): both of the same message. IndexError before the first."""
+        """The last state with its stamp (s), both of the same message. Raises IndexError before the first."""
         stamp, _, state = self._states[-1]
         return stamp, state
 
@@ -60,69 +59,69 @@ class Trace:
 
     @property
     def offset(self) -> float:
-        """By how much this machine's clock is ahead of that of the stamps (s), with the usual way of a message.
+        """The offset of this machine's clock from that of the stamps (s), including the median transport delay.
 
-        0 by a simulator's clock, which is that of the stamps, and before the first state.
+        0 with a simulator's clock, which is that of the stamps, and before the first state.
         """
         states = list(self._states)
         return float(np.median([arrival - stamp for stamp, arrival, _ in states])) if states else 0.0
 
     @property
     def local_time(self) -> FloatArray:
-        """The stamps by the clock that the test lives by (s): to be compared with what that says."""
+        """The stamps converted to the clock of the test (s)."""
         return self.time + self.offset
 
     @property
     def clocks_apart(self) -> str:
-        """What to report of a robot whose clock is not this machine's; "" where they nearly agree."""
+        """The report of a robot's clock offset; "" if it is small."""
         offset = self.offset
         if not abs(offset) > _APART:
             return ""
         return (
             f"the robot's clock is {abs(offset):.3f} s {'behind' if offset > 0 else 'ahead of'} this machine's; "
-            "times are judged without that, and synchronizing the clocks fixes it"
+            "times are judged without this offset; synchronize the clocks"
         )
 
     def column(self, field: Field) -> NDArray[Any]:
-        """One field of all states, shape (states, axes)."""
+        """Return one field of all states, shape (states, axes)."""
         return np.array([state.values(field) for _, _, state in list(self._states)])
 
     @property
     def positions(self) -> FloatArray:
-        """Of the joints (deg)."""
+        """Joint positions (deg)."""
         return self.column(Field.JOINT_POSITIONS)
 
     @property
     def velocities(self) -> FloatArray:
-        """Of the joints (deg/s)."""
+        """Joint velocities (deg/s)."""
         return self.column(Field.JOINT_VELOCITIES)
 
     @property
     def motor_positions(self) -> FloatArray:
-        """Of the rotors (deg)."""
+        """Rotor positions (deg)."""
         return self.column(Field.MOTOR_POSITIONS)
 
     @property
     def motor_velocities(self) -> FloatArray:
-        """Of the rotors (deg/s)."""
+        """Rotor velocities (deg/s)."""
         return self.column(Field.MOTOR_VELOCITIES)
 
     @property
     def torques(self) -> FloatArray:
-        """At the joints (Nm)."""
+        """Joint torques (Nm)."""
         return self.column(Field.TORQUES)
 
     @property
     def duty_cycles(self) -> FloatArray:
-        """Of the motors (per cent)."""
+        """Motor duty cycles (per cent)."""
         return self.column(Field.DUTY_CYCLES)
 
     @property
     def currents(self) -> FloatArray:
-        """Of the motors (A)."""
+        """Motor currents (A)."""
         return self.column(Field.CURRENTS)
 
     @property
     def control_modes(self) -> NDArray[np.int32]:
-        """Of the joints, as packed words."""
+        """Joint control modes, as packed words."""
         return self.column(Field.CONTROL_MODES)

@@ -1,4 +1,4 @@
-"""How the motors of a part are geared to its joints, by the board's own account, and how well the encoders agree."""
+"""Transmission of a part: gearbox ratios and couplings as its board reports them, and agreement of the encoders."""
 
 from __future__ import annotations
 
@@ -25,42 +25,45 @@ COUPLING_VARIABLE = "kinematic_mj"
 
 @dataclass(frozen=True, slots=True)
 class Transmission:
-    """``rotor = gearbox * (coupling @ joint)``, all in deg; rows are motors, columns joints, by number in the part.
+    """The transmission ``rotor = gearbox * (coupling @ joint)``, in deg; rows are motors, columns joints of the part.
 
-    ``blocks`` has for each joint the joints of its board, among which there may be couplings. ``untold`` is why nothing
-    is known of couplings; "" where the board tells of them.
+    ``blocks`` has for each joint the joints of its board, which may be coupled. ``unknown`` is the reason why the
+    couplings are unknown; "" if the board reports them.
     """
 
     gearbox: FloatArray
     coupling: FloatArray
     blocks: tuple[tuple[int, ...], ...]
-    untold: str = ""
+    unknown: str = ""
 
     @classmethod
     def read(cls, board: RemoteControlBoard) -> Self:
-        """Ask a board. One that tells no coupling has none. Raises RobotError for what makes no sense."""
+        """Read the transmission from a board; without a reported coupling there is none.
+
+        Raises RobotError for invalid ratios or matrices.
+        """
         axes = board.axes()
         gearbox = np.array([board.gearbox_ratio(motor) for motor in range(axes)])
         if not (np.isfinite(gearbox) & (gearbox != 0)).all():
-            raise RefusedError(f"gearbox ratios of {gearbox.tolist()} make no sense: none may be 0")
+            raise RefusedError(f"invalid gearbox ratios {gearbox.tolist()}: none may be 0")
         try:
-            told = board.variable(COUPLING_VARIABLE)
+            blocks = board.variable(COUPLING_VARIABLE)
         except (NotSupportedError, RefusedError) as error:
             return cls(gearbox, np.eye(axes), tuple((joint,) for joint in range(axes)), str(error))
-        return cls(gearbox, *block_diagonal(told, axes))
+        return cls(gearbox, *block_diagonal(blocks, axes))
 
-    def tell(self, test: TestCase, part: str) -> None:
-        """Warn that the joints of a part are taken to be uncoupled, where nothing is known of that."""
-        if self.untold:
+    def warn_if_unknown(self, test: TestCase, part: str) -> None:
+        """Warn that the joints of a part are assumed to be uncoupled, if its couplings are unknown."""
+        if self.unknown:
             test.warn(
-                f"{part} does not tell how its motors are coupled: each is taken to move its own joint alone, and what "
-                f"is said of coupled joints may be wrong ({COUPLING_VARIABLE}: {self.untold})"
+                f"{part} does not report the coupling of its motors: each is assumed to move its own joint only, and "
+                f"verdicts on coupled joints may be wrong ({COUPLING_VARIABLE}: {self.unknown})"
             )
 
     def rotors(self, joints: ArrayLike) -> FloatArray:
-        """Where the rotors are (deg) when the joints are there; shape (axes,) or (states, axes).
+        """Return the rotor positions (deg) that belong to joint positions (deg); shape (axes,) or (states, axes).
 
-        Of a joint that shows no number those are unknown that turn it, and no others.
+        A joint position that is not finite makes the rotors that turn that joint NaN, and no others.
         """
         shown = np.asarray(joints, dtype=np.float64)
         missing = ~np.isfinite(shown)
@@ -69,9 +72,9 @@ class Transmission:
 
     @property
     def factors(self) -> FloatArray:
-        """How many degrees each rotor turns for one of the joint of the same number, with its sign.
+        """The signed ratios of each rotor to the joint of the same number.
 
-        Of a motor that does not move that joint: for the one that it moves most.
+        For a motor that does not move that joint it is the ratio to the joint that it moves most.
         """
         own = np.diagonal(self.coupling)
         most = self.coupling[np.arange(len(own)), np.abs(self.coupling).argmax(axis=1)]
@@ -79,12 +82,15 @@ class Transmission:
         return factors
 
     def sharing(self, joint: int) -> set[int]:
-        """A joint, and those that have a motor in common with it."""
+        """Return a joint and those that have a motor in common with it."""
         turns = self.coupling != 0
         return {int(other) for other in np.flatnonzero(turns[turns[:, joint]].any(axis=0))} | {joint}
 
     def coupled(self, joint: int) -> list[int]:
-        """A joint, and all that share motors with it, or with each other: boards may change their modes together."""
+        """Return a joint and all that are coupled with it, directly or through others, sorted.
+
+        Boards may change the modes of coupled joints together.
+        """
         found, waiting = set[int](), {joint}
         while waiting:
             found |= waiting
@@ -92,26 +98,26 @@ class Transmission:
         return sorted(found)
 
     def disagreement(self, joints: ArrayLike, rotors: ArrayLike) -> FloatArray:
-        """By how much rotors are elsewhere than the joints say, in deg of the joint of the same number."""
+        """Return the difference of rotor and joint positions, in deg of the joint of the rotor's number."""
         apart: FloatArray = (np.asarray(rotors, dtype=np.float64) - self.rotors(joints)) / self.factors
         return apart
 
     def went_along(self, board: RemoteControlBoard, joint: int, mode: ControlMode) -> list[int]:
-        """The joints coupled with one that are in the mode that only that one was asked for, as many boards do it."""
+        """Return the joints coupled with ``joint`` that are in ``mode``, too, after only ``joint`` was set to it."""
         others = [one for one in self.coupled(joint) if one != joint]
         return [one for one in others if board.control_mode(one) is mode]
 
     def holding_duty(self, duties: ArrayLike, joint: int) -> float:
-        """The duty cycle (%) at which the motor of a joint alone gives the torque that it has from all its motors."""
+        """Return the duty cycle (%) at which the joint's own motor gives the torque that all its motors give now."""
         column = np.sign(self.gearbox) * self.coupling[:, joint]
         own = column[joint]
         return float(np.asarray(duties, dtype=np.float64) @ column / own) if own else 0.0
 
 
 def block_diagonal(blocks: Bottle, axes: int) -> tuple[FloatArray, tuple[tuple[int, ...], ...]]:
-    """The whole matrix of a list of flattened square blocks, and the joints of each joint's block.
+    """Return the matrix of a list of flattened square blocks, and for each joint the joints of its block.
 
-    Joints behind the last block are not coupled. Raises RefusedError for what is no such list, or too large.
+    Joints after the last block are not coupled. Raises RefusedError for an invalid list, or one that is too large.
     """
     matrix, first = np.eye(axes), 0
     members: list[tuple[int, ...]] = [(joint,) for joint in range(axes)]
@@ -121,8 +127,8 @@ def block_diagonal(blocks: Bottle, axes: int) -> tuple[FloatArray, tuple[tuple[i
         size = round(numbers.size**0.5)
         if size == 0 or size * size != numbers.size or first + size > axes or not np.isfinite(numbers).all():
             raise RefusedError(
-                f"block {number} of {COUPLING_VARIABLE} has {numbers.size} numbers; a square one that fits into the "
-                f"{axes - first} joints that are left is needed"
+                f"block {number} of {COUPLING_VARIABLE} has {numbers.size} numbers; it has to be square, with at most "
+                f"{axes - first} joints"
             )
         span = slice(first, first + size)
         matrix[span, span] = numbers.reshape(size, size)

@@ -79,7 +79,7 @@ def test_a_unit_that_is_turned_a_little_is_found_by_its_turn(outcome, measured):
     assert turn.value == pytest.approx(5.0, abs=interval.value)
     assert turn.value - turn.high > 1.5 > 10 * interval.value
     assert "feels as if it were mounted turned by 5.0 ± 0.0" in said(outcome, "a-little")
-    assert "likely: a unit mounted turned" in said(outcome, "a-little")
+    assert "likely: an IMU mounted in another orientation" in said(outcome, "a-little")
 
 
 def test_a_joint_that_is_stuck_fails_by_its_name(outcome, measured):

@@ -66,7 +66,7 @@ def test_a_joint_that_meets_something_is_tested_elsewhere(outcome):
     )
 
 
-def test_a_joint_at_the_edge_of_its_friction_is_caught(outcome):
+def test_a_joint_at_the_edge_of_its_friction_correct_creep(outcome):
     """However often it is tested: none of the ramps begins where the joint has fallen to."""
     assert outcome.verdict("right") is Verdict.PASSED, outcome.detail("right")
     ramps = [event for event in outcome.of(SeriesRecorded, test="s/right") if "duty cycle" in event.name]

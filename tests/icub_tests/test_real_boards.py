@@ -107,8 +107,8 @@ def ran(tmp_path_factory):
         ("own-loop", Verdict.SKIPPED, "give Kp"),
         ("own-loop-raw", Verdict.ERROR, "Kp 50, more than 20"),
         ("torque-unknown", Verdict.SKIPPED, "arm does not say which joints have torque control"),
-        ("torque-dead", Verdict.ERROR, "joint0 (0 Nm); likely: nobody estimates the torques: wholeBodyDynamics"),
-        ("references-dead", Verdict.ERROR, "joint0 (0 Nm); likely: nobody estimates the torques: wholeBodyDynamics"),
+        ("torque-dead", Verdict.ERROR, "joint0 (0 Nm); likely: no torque estimates: wholeBodyDynamics"),
+        ("references-dead", Verdict.ERROR, "joint0 (0 Nm); likely: no torque estimates: wholeBodyDynamics"),
         ("limp", Verdict.SKIPPED, "no joint of arm has stiffness or damping: give"),
     ],
 )
@@ -144,7 +144,7 @@ def test_a_joint_far_outside_of_its_limits_is_not_driven(tmp_path):
     """
     outcome, told = run(tmp_path, STRAY_SUITE, "stray")
     failures = {one.subject: one.detail for one in outcome.of(Message, severity=Severity.FAILURE)}
-    assert "joint2 is not driven, for it had to be left idle: it shows 300.0 deg" in failures["joint2"]
+    assert "joint2 is not driven: it was excluded and left idle. Its encoder shows 300.0 deg" in failures["joint2"]
     assert "joint0 does not move" in failures["joint0"]
     (warning,) = outcome.of(Message, severity=Severity.WARNING)
     assert "arm does not tell how its motors are coupled" in warning.detail

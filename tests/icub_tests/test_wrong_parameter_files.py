@@ -54,7 +54,7 @@ TESTS = {
 }
 #: Wrong for this robot, which has to be asked: the file, the value that is meant, and the hint.
 ROBOT_FILES = {
-    "no_such_part": ("part left_wing\n", "part", "/bot/left_wing cannot be worked with: "),
+    "no_such_part": ("part left_wing\n", "part", "/bot/left_wing cannot be opened: "),
     "no_such_joint": ("part head\njoints (0 99)\n", "joints", "head has no joint 99; it has 0 to 2: joint0, "),
     "too_many_values": ("part head\nspeed (9 9)\n", "speed", "give one, or one for each of the 3 joints"),
 }

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from rtf.robot_testing import lateness
+from rtf.robot_testing import real_time_checks
 
 
 @pytest.fixture(autouse=True)
 def machine_with_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing has ever waited for a processor, unless a test says otherwise."""
-    monkeypatch.setattr(lateness, "waited", lambda: 0.0)
+    monkeypatch.setattr(real_time_checks, "stalled_seconds", lambda: 0.0)

@@ -18,7 +18,7 @@ from rtf.robot.errors import RefusedError
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PostingOutlets
 from rtf.robot_testing import MotionGuard, Part
-from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.transmission import COUPLING_VARIABLE
 
 from ..robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests

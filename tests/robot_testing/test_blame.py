@@ -11,8 +11,8 @@ import pytest
 from rtf.middleware.time import LockstepClock
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError
-from rtf.robot_testing.joints_case import told_at
-from rtf.robot_testing.lateness import LastMoments
+from rtf.robot_testing.joints_test import command_at
+from rtf.robot_testing.real_time_checks import RecentCpuPressure
 from rtf.testing.events import Event, Message, SubResultEnded
 from rtf.testing.outcome import TestFailure, TestProblem
 from rtf.testing.plugins import find, load_test
@@ -141,18 +141,18 @@ def test_the_joint_that_was_stopped_is_blamed_and_not_the_one_that_moved(
     every = np.full(3, 10.0)
     test = made(name, speeds=every, beyond=every, near=every, bottom=-every, top=every, _spans={}, **more)
     test._told = {0: []}
-    course = test._course(0)
+    course = test._routine(0)
     next(course)
     bench.time.sleep(0.1)
     assert not bench.board.motion_done(0)
     with pytest.raises(StopIteration):
         course.throw(GuardError("joint2 (/fake joint 2) turns at 153 deg/s, too fast; it was stopped", 2))
     assert verdicts(said) == {"joint2": Verdict.FAILED, "joint0": Verdict.INCONCLUSIVE}
-    assert "likely: a joint that nothing holds" in failures(said)["joint2"]
+    assert "likely: a joint without torque" in failures(said)["joint2"]
     assert bench.board.motion_done(0)
 
 
-BUSY = "this machine is too busy: for 97% of the time something waited for a processor"
+BUSY = "this machine is too busy: for 97% of the time a task waited for a CPU"
 
 
 @pytest.mark.parametrize("name", ["JointLimits", "position-stress"])
@@ -191,7 +191,7 @@ def test_what_the_guard_has_stopped_ends_a_part_of_a_test(
 
 def test_the_guard_knows_whether_the_machine_could_keep_up(bench: PartBench, monkeypatch: pytest.MonkeyPatch):
     """Its errors say so; in lockstep time waits for whoever is late."""
-    monkeypatch.setattr(LastMoments, "busyness", lambda _: BUSY)
+    monkeypatch.setattr(RecentCpuPressure, "overload", lambda _: BUSY)
     show(bench, {0: BEYOND})
     with pytest.raises(GuardError) as caught:
         bench.guard.watch()
@@ -248,4 +248,4 @@ def test_a_wrong_amplitude_has_causes(made: Callable[..., Any]):
 def test_what_a_joint_was_told_is_what_it_was_told_last():
     """Before the first command it is the first, so that a plot has a line."""
     told = [(1.0, 10.0), (2.0, -10.0)]
-    assert told_at(np.array([0.5, 1.0, 1.9, 2.0, 9.0]), told).tolist() == [10.0, 10.0, 10.0, -10.0, -10.0]
+    assert command_at(np.array([0.5, 1.0, 1.9, 2.0, 9.0]), told).tolist() == [10.0, 10.0, 10.0, -10.0, -10.0]

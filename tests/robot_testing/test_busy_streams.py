@@ -8,8 +8,8 @@ from rtf import clock
 from rtf.clock import SystemClock
 from rtf.middleware.time import LockstepClock
 from rtf.robot.errors import RefusedError, StaleStateError
-from rtf.robot_testing import RobotTest, lateness
-from rtf.robot_testing.listening import Message
+from rtf.robot_testing import RobotTest, real_time_checks
+from rtf.robot_testing.port_recorder import Message
 from rtf.robot_testing.stream_test import RateTest
 from rtf.testing.outcome import Inconclusive
 from rtf.testing.session import Session
@@ -37,7 +37,7 @@ class Listening(RateTest):
 def listening():
     """One that was in time itself."""
     test = Listening()
-    test.listener = SimpleNamespace(late=[0.0, 0.001], stalled=0.0, factor=1.0, exact=False, waiting=0.1)
+    test.listener = SimpleNamespace(late=[0.0, 0.001], stalled=0.0, factor=1.0, exact=False, cpu_pressure=0.1)
     test.clock = SystemClock()
     test.limits_of, test.failures = {}, []
     return test
@@ -61,7 +61,7 @@ def test_what_is_missing_is_held_against_a_robot_that_could_be_heard(listening):
 
 def test_what_is_missing_on_a_busy_machine_is_inconclusive(listening):
     """The sender may be on it. What was measured is told without its limits."""
-    listening.listener.waiting = 0.95
+    listening.listener.cpu_pressure = 0.95
     with pytest.raises(Inconclusive, match=r"rate is 50 Hz, lost is .*; but this machine is too busy: for 95%"):
         listening.judge(messages(every=2), 100.0, 5.0)
     assert not listening.failures
@@ -70,7 +70,7 @@ def test_what_is_missing_on_a_busy_machine_is_inconclusive(listening):
 
 def test_a_busy_machine_is_no_excuse_for_a_message_that_comes_twice(listening):
     """And what is within its limits on a busy machine counts."""
-    listening.listener.waiting = 0.95
+    listening.listener.cpu_pressure = 0.95
     listening.judge(messages(), 100.0, 5.0)
     assert not listening.failures
     assert listening.limits_of["rate"] == (95.0, 105.0)
@@ -127,10 +127,10 @@ def test_states_that_are_too_old_say_nothing_where_the_machine_is_too_busy(
     session = Session("s/looks", said.append, folder=tmp_path, run_folder=tmp_path)
     test.attach_to(session, "")
     test.clock = object.__new__(time)
-    monkeypatch.setattr(lateness, "waited", lambda: 0.0)
-    test._waiting = lateness.Waiting()
+    monkeypatch.setattr(real_time_checks, "stalled_seconds", lambda: 0.0)
+    test._cpu_pressure = real_time_checks.CpuPressure()
     began = clock.monotonic()
-    monkeypatch.setattr(lateness, "waited", lambda: 10.0 * share)
+    monkeypatch.setattr(real_time_checks, "stalled_seconds", lambda: 10.0 * share)
     monkeypatch.setattr(clock, "monotonic", lambda: began + 10.0)
     with session.part("joint"):
         raise error("the last state is 0.6 s old")

@@ -1,4 +1,4 @@
-"""Contacts: what strikes something is stopped and named, what only moves is not, and the forces around it are kept."""
+"""Contacts: a joint that hits an obstacle is stopped and named, a free motion is not, and the forces are recorded."""
 
 from __future__ import annotations
 
@@ -146,8 +146,8 @@ def test_force_that_comes_suddenly_stops_all_joints_and_is_named(limb: Limb):
     limb.step(steps=30)
     with pytest.raises(
         GuardError,
-        match=r"joint\d \(/fake/left_arm joint \d\) strikes something, or something is in the way; "
-        r"/fake/left_arm/analog:o shows at least \d\d N from outside within 0.2 s, more than 15 N; "
+        match=r"joint\d \(/fake/left_arm joint \d\) is in contact with an obstacle; "
+        r"/fake/left_arm/analog:o shows at least \d\d N of contact within 0.2 s, more than 15 N; "
         r"all joints of the part were stopped",
     ) as caught:
         limb.step((60.0, 0.0, 20.0), steps=20)
@@ -159,7 +159,7 @@ def test_part_that_does_not_move_is_pushed_or_its_encoder_is_frozen(limb: Limb):
     """Nothing is said of striking; the joint is the one that is farthest from where it was told to be."""
     limb.device.frozen = True
     limb.board.position_move([50.0], [2])
-    with pytest.raises(GuardError, match="stands still by its encoder, and something pushes") as caught:
+    with pytest.raises(GuardError, match="is at rest by its encoder, but in contact") as caught:
         limb.step((60.0, 0.0, 20.0), steps=20)
     assert caught.value.joint == 2
 
@@ -195,8 +195,8 @@ def test_noise_of_speeds_hides_no_contact(limb: Limb):
     limb.device.noise = 6.0
     limb.step(steps=200)
     (said,) = limb.said
-    assert said.startswith("/fake/left_arm is watched less well for contacts: its speeds are noisy, at rest as if it")
-    with pytest.raises(GuardError, match="something"):
+    assert said.startswith("/fake/left_arm is watched for contacts with less sensitivity: the noise of its speeds")
+    with pytest.raises(GuardError, match="in contact"):
         limb.step((40.0, 0.0, 20.0), steps=20)
 
 
@@ -213,7 +213,7 @@ def test_a_sensor_that_sends_no_numbers_is_told(limb: Limb):
     assert limb.said == []
     limb.step((np.nan,) * 3, steps=30)
     assert limb.said == [
-        f"/fake/left_arm is not watched for contacts: what comes from {SENSOR} are no numbers",
+        f"/fake/left_arm is not watched for contacts: the values of {SENSOR} are not finite",
     ]
     limb.step((np.nan,) * 3, steps=150)
     assert len(limb.said) == 1
@@ -226,14 +226,14 @@ def test_joints_whose_speeds_are_no_numbers_strike_nothing(limb: Limb):
     limb.step(steps=90)
     assert limb.said == []
     limb.step(steps=30)
-    assert limb.said == [f"{guard.name} is not watched for contacts: places or speeds of its joints are no numbers"]
+    assert limb.said == [f"{guard.name} is not watched for contacts: positions or speeds of its joints are not finite"]
 
 
 def test_stamps_that_jump_back_blind_nobody(limb: Limb):
     """The robot's clock was set: what comes then is watched like what came before."""
     limb.time.time -= 50.0
     limb.step(steps=100)
-    with pytest.raises(GuardError, match="something"):
+    with pytest.raises(GuardError, match="in contact"):
         limb.step((60.0, 0.0, 20.0), steps=20)
 
 
@@ -318,7 +318,7 @@ def test_what_a_limb_did_in_a_gap_of_its_states_is_not_known(limb: Limb):
         limb.time.sleep(0.01)
         limb.feel((40.0, 0.0, 20.0), at=limb.time.now())
         limb.guard.watch()
-    with pytest.raises(GuardError, match="something pushes"):
+    with pytest.raises(GuardError, match="but in contact"):
         limb.step((40.0, 0.0, 20.0), steps=12)
     assert limb.said == []
 
@@ -332,7 +332,7 @@ def test_a_limb_of_which_many_states_are_missing_is_told_once(limb: Limb):
             limb.show()
         limb.guard.watch()
     assert len(limb.said) == 1
-    assert "is watched less well for contacts: for 1 s so many of its states were missing" in limb.said[0]
+    assert "is watched for contacts with less sensitivity: for 1 s too many of its states were missing" in limb.said[0]
 
 
 def test_limits_that_the_guard_has_asked_for_are_not_asked_for_again(limb: Limb):
@@ -407,7 +407,7 @@ def arm(tmp_path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Part]:
 @pytest.mark.parametrize(("speed", "rest"), [(10.0, 4.0), (60.0, 0.5)])
 def test_arm_that_runs_into_the_body_is_stopped(arm: Part, speed: float, rest: float):
     """Whether it comes slowly or fast, it is named within 0.8 deg of where it touches, 4.9 deg, and comes to rest."""
-    with pytest.raises(GuardError, match=r"l_shoulder_roll .* strikes something"):
+    with pytest.raises(GuardError, match=r"l_shoulder_roll .* is in contact with an obstacle"):
         arm.move([0.0], [1], speed=speed)
     assert arm.board.encoder(1) > 4.1
     arm.clock.sleep(2.0)
@@ -449,7 +449,7 @@ from rtf.robot_testing import RobotTest, Safety
 class Bare(RobotTest):
     """Opens it."""
     safety = Safety.MOTION
-    def _ask_for_leave(self) -> None:
+    def _ask_for_permission(self) -> None:
         """It is no robot."""
     def run(self) -> None:
         """Open it."""
@@ -474,7 +474,7 @@ def test_failure_keeps_what_the_sensor_sent(tmp_path):
     write_files(tmp_path, {"suite.xml": SUITE, "strikes.py": STRIKES})
     outcome = run_command(tmp_path, "--suite", "suite.xml", limit=120.0)
     assert outcome.verdict("strikes") is Verdict.FAILED, outcome.detail("strikes")
-    assert "strikes something" in outcome.detail("strikes")
+    assert "is in contact with an obstacle" in outcome.detail("strikes")
     (kept,) = [one for one in outcome.of(SeriesRecorded) if one.name == "before the end: /icubSim/left_arm/analog:o"]
     with np.load(outcome.folder / kept.path) as series:
         assert set(np.diff(series["number"])) == {1.0}

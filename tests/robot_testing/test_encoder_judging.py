@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rtf.robot_testing.duty_case import BothWays, Steps
 from rtf.robot_testing.duty_ramp import End, Ramp
-from rtf.robot_testing.swinging import Outcome
+from rtf.robot_testing.duty_test import BothWays, Steps
+from rtf.robot_testing.joint_swings import Outcome
 from rtf.robot_testing.transmission import Transmission
 from rtf.testing.outcome import TestProblem
 

@@ -41,6 +41,6 @@ def test_what_is_no_description_is_refused(tmp_path):
     with pytest.raises(RefusedError, match=r"nowhere\.urdf"):
         GravityModel("nowhere.urdf")
     path = tmp_path / "other.urdf"
-    path.write_text("no description", encoding="utf-8")
+    path.write_text("cannot read a robot description", encoding="utf-8")
     with pytest.raises(RefusedError, match=r"other\.urdf"):
         GravityModel(str(path))

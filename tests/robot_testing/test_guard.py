@@ -178,7 +178,7 @@ WRONG = [
     ),
     pytest.param("joint_velocities", -76.0, "turns at 76 deg/s, too fast: more than 75 deg/s", id="speed"),
     pytest.param("currents", 10.5, "draws 10.50 A, too much: more than 10.00 A", id="current"),
-    pytest.param("torques", -31.0, "bears 31.0 Nm, too much: more than 30.0 Nm", id="torque"),
+    pytest.param("torques", -31.0, "has a torque of 31.0 Nm, too much: more than 30.0 Nm", id="torque"),
     pytest.param("temperatures", 90.0, "has 90 degC, too hot: more than 85 degC", id="temperature"),
 ]
 
@@ -262,7 +262,7 @@ def test_a_board_without_greatest_speeds_is_watched_without_them(bench: Bench, m
 
     monkeypatch.setattr(bench.board, "velocity_limits", unknown)
     guard = bench.guard()
-    assert bench.said == ["/fake tells no greatest speed of joint0, joint1, joint2: they are watched without it"]
+    assert bench.said == ["/fake has no greatest speed for joint0, joint1, joint2: their speeds have no limit"]
     for fastest in (Part("fake", bench.board, bench.time, one).fastest for one in (guard, None)):
         assert fastest.tolist() == [math.inf] * 3
     bench.measure("joint_velocities", 1, 121.0)
@@ -282,10 +282,10 @@ def test_what_was_measured_and_is_no_number_any_more_stops_its_joint(bench: Benc
     bench.measure(field, 1, math.nan)
     guard.watch()
     (said,) = bench.said
-    assert re.fullmatch(r"the \w+ of /fake is not watched: no numbers come \(joint1\)", said)
+    assert re.fullmatch(r"the \w+ of /fake is not watched: there are no values \(joint1\)", said)
     bench.time.sleep(1.5)
     bench.publish()
-    with pytest.raises(GuardError, match=r"joint1 .* has had no \w+ for 0.5 s, of which there is a limit") as caught:
+    with pytest.raises(GuardError, match=r"joint1 .* has had no \w+ for 0.5 s, which is limited") as caught:
         guard.watch()
     assert caught.value.joint == 1
     assert len(bench.said) == 1
@@ -301,7 +301,7 @@ def test_what_was_never_measured_is_told_and_stops_nothing(bench: Bench, field: 
         bench.time.sleep(1.5)
         bench.publish()
     assert len(bench.said) == 1
-    assert bench.said[0].endswith("is not watched: no numbers come (joint1)")
+    assert bench.said[0].endswith("is not watched: there are no values (joint1)")
     bench.measure(field, 0, 1000.0)
     with pytest.raises(GuardError, match="joint0"):
         guard.watch()
@@ -329,7 +329,7 @@ def test_joints_that_slide_are_told_and_not_brought_back(bench: Bench):
     """20 deg/s would be 20 m/s of theirs."""
     bench.device.slides = frozenset({1})
     guard = bench.guard()
-    assert bench.said == ["/fake: joint1 slide: nothing that turns joints moves them"]
+    assert bench.said == ["/fake: joint1 are prismatic: tests do not move them"]
     bench.measure("joint_positions", 1, 50.0)
     bench.device.commands.clear()
     bench.restore(guard)
@@ -415,9 +415,7 @@ def test_board_that_is_gone_is_tried_once(bench: Bench):
     """The end of a test does not wait for the same board again and again; the problem is told in one sentence."""
     guard = bench.guard()
     bench.server.close()
-    with pytest.raises(
-        RobotError, match=r"^/fake could not be put back as it was: .*cannot be reached again"
-    ) as caught:
+    with pytest.raises(RobotError, match=r"^/fake could not be restored: .*cannot be reached again") as caught:
         guard.restore()
     assert str(caught.value).count("cannot be reached again") == 1
 
@@ -463,7 +461,7 @@ def test_a_stop_that_is_refused_hides_no_danger(bench: Bench):
     bench.device.refuses = frozenset({("stop", 1)})
     bench.measure("currents", 1, 10.5)
     with pytest.raises(
-        GuardError, match=r"draws 10\.50 A, too much: more than 10\.00 A; and it could not be stopped: .*joints 1"
+        GuardError, match=r"draws 10\.50 A, too much: more than 10\.00 A; it could not be stopped: .*joints 1"
     ):
         guard.watch()
 
@@ -520,7 +518,7 @@ def test_one_thing_that_cannot_be_put_back_keeps_no_other(bench: Bench):
     bench.device.set_control_modes(ControlMode.IDLE, 2)
     bench.publish()
     bench.device.refuses = frozenset({("set_max_current", 0)})
-    with pytest.raises(RobotError, match=r"/fake could not be put back as it was: .*, joint 0$"):
+    with pytest.raises(RobotError, match=r"/fake could not be restored: .*, joint 0$"):
         guard.restore()
     assert [board.max_current(joint) for joint in (1, 2)] == guard.snapshot.max_currents[1:]
     assert [board.limits(joint) for joint in range(3)] == guard.snapshot.limits
@@ -628,7 +626,7 @@ def test_a_part_whose_states_come_again_is_put_back(bench: Bench):
     bench.restore(guard)
     assert bench.device.control_modes() == guard.snapshot.modes
     assert bench.device.encoders([0]) == pytest.approx(0.0, abs=2.0)
-    assert bench.said[0] == "the states of /fake had stopped, and come again; its joints were held meanwhile"
+    assert bench.said[0] == "the states of /fake had stopped and are back; its joints were held meanwhile"
 
 
 def test_what_somebody_else_gave_up_is_left_alone(bench: Bench):
@@ -699,7 +697,7 @@ def test_neighbours_of_what_was_given_up_are_not_put_back(bench: Bench, by_someb
     bench.restore(guard)
     assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
     assert not [command for command in bench.device.commands if "pos" in command]
-    assert bench.said[-1] == "joint2 is left idle: its board left it so with joint1, with which it is coupled"
+    assert bench.said[-1] == "joint2 is left idle: its board left it idle with joint1, with which it is coupled"
 
 
 def test_a_neighbour_that_kept_its_power_is_put_back(bench: Bench):

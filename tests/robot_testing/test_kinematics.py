@@ -49,7 +49,7 @@ def test_what_is_not_there_is_named(arm):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (("</robot>", ""), "no description"),
+        (("</robot>", ""), "cannot read a robot description"),
         (('type="revolute"', 'type="rubber"'), "rubber"),
         (('<axis xyz="1 0 0"/>', '<axis xyz="0 0 0"/>'), "no direction"),
         (('xyz="0 0 1"', 'xyz="0 nan 1"'), "three numbers"),

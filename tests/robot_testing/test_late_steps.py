@@ -5,15 +5,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rtf.robot_testing import steps
-from rtf.robot_testing.case import RobotTest
-from rtf.robot_testing.steps import Cycle, StepTest
+from rtf.robot_testing import step_test
+from rtf.robot_testing.robot_test import RobotTest
+from rtf.robot_testing.step_test import Cycle, StepTest
 from rtf.testing.outcome import Inconclusive, TestProblem
 from rtf.testing.verdict import MeasurementVerdict
 
 from .kept_test import kept_test
 
-LATE = "the loop of this test stood still for 39 ms"
+LATE = "the loop of this test was suspended for 39 ms"
 
 
 class Judging(StepTest):
@@ -85,7 +85,7 @@ def test_a_late_step_beyond_them_is_left_to_those_in_time(judging):
 
 def test_without_any_step_in_time_nothing_can_be_said(judging):
     """What was measured is told without its limits."""
-    with pytest.raises(Inconclusive, match=r"elbow: overshoot is 50 %; but the loop of this test stood still"):
+    with pytest.raises(Inconclusive, match=r"elbow: overshoot is 50 %; but the loop of this test was suspended"):
         judging.judge(0, [cycle(0.5, LATE)])
     assert not judging.failed
     assert set(judging.measured_values.values()) == {None}
@@ -107,7 +107,7 @@ def test_a_step_of_which_too_few_states_came_cannot_be_judged(judging):
 
 def test_too_few_states_for_a_test_that_was_late_say_nothing(judging):
     """They may have come while this machine stood still."""
-    with pytest.raises(Inconclusive, match=r"4 a second.*; but the loop of this test stood still"):
+    with pytest.raises(Inconclusive, match=r"4 a second.*; but the loop of this test was suspended"):
         judging._judge_number_of_states(0, np.arange(-0.5, 2.0, 0.25), LATE)
 
 
@@ -125,7 +125,7 @@ def test_a_step_with_values_that_are_no_numbers_says_nothing(judging):
     """Whatever the other values are."""
     broken = cycle(0.5)
     broken.measured[100] = np.nan
-    with pytest.raises(Inconclusive, match="elbow: 1 of 440 measured values are no numbers"):
+    with pytest.raises(Inconclusive, match="elbow: 1 of 440 measured values are not finite"):
         judging.judge(0, [broken, cycle(0.0)])
     assert judging.measured_values == {}
 
@@ -148,7 +148,7 @@ def test_a_joint_that_does_not_answer_is_found_in_noise(judging, deviation):
 def test_a_step_in_a_noise_that_hides_it_says_nothing(judging):
     """Neither that the joint answers nor that it does not; but for the noise, where that is wrong itself."""
     judging.ripple = judging.repeatability = 1.0
-    with pytest.raises(Inconclusive, match=r"elbow: a step of 1 deg is not to be seen in a noise of 0\.\d+ deg"):
+    with pytest.raises(Inconclusive, match=r"elbow: a step of 1 deg is not visible in a noise of 0\.\d+ deg"):
         judging.judge(0, [noisy(cycle(0.0), 0.4, seed) for seed in range(3)])
     assert not judging.failed
     judging.ripple = 0.1
@@ -189,7 +189,7 @@ def test_a_step_that_would_throw_a_joint_is_refused(monkeypatch, name, height, m
 
     test = kept_test(name, robot_name="bot", network=None, open_part=lambda name: None, choose=choose)
     monkeypatch.setattr(RobotTest, "setup", lambda self: None)
-    monkeypatch.setattr(steps, "is_simulated", lambda *_: simulated)
+    monkeypatch.setattr(step_test, "is_simulated", lambda *_: simulated)
     test.resolve_parameters(param=f"--step {height}")
     with pytest.raises(Chosen if simulated else TestProblem) as refused:
         test.setup()

@@ -84,23 +84,23 @@ class Jittery:
 
 
 @pytest.mark.parametrize("sd", [0.0, 0.03, 0.05])
-def test_a_joint_that_only_jitters_is_caught(sd: float):
+def test_a_joint_that_only_jitters_correct_creep(sd: float):
     """A healthy encoder does so by 0.2 deg; else its joint would be let go, and fall out of its posture."""
     for seed in range(50):
         still = Jittery(sd, seed)
-        assert still.whether(still.motor._is_caught()), seed
+        assert still.whether(still.motor._correct_creep()), seed
         assert abs(still.motor.holding - still.needed) <= 1.0
         assert still.whether(still.motor._comes_to_rest())
 
 
 @pytest.mark.parametrize("sd", [0.0, 0.03, 0.05])
 @pytest.mark.parametrize("off", [-2.0, 1.0])
-def test_a_joint_that_creeps_is_caught_by_a_change(sd: float, off: float):
+def test_a_joint_that_creeps_correct_creep_by_a_change(sd: float, off: float):
     """Its duty cycle comes near to what it needs, whichever way it went."""
     for seed in range(20):
         creeping = Jittery(sd, seed, creeps=0.5)
         creeping.motor.holding = creeping.needed + off
-        assert creeping.whether(creeping.motor._is_caught()), seed
+        assert creeping.whether(creeping.motor._correct_creep()), seed
         assert abs(creeping.motor.holding - creeping.needed) < 0.6
 
 
@@ -117,4 +117,4 @@ def test_a_joint_that_falls_is_not_caught():
     """Nor by what its encoder jitters."""
     falling = Jittery(0.05, 1, creeps=10.0)
     falling.motor.holding = falling.needed + 8.0
-    assert not falling.whether(falling.motor._is_caught())
+    assert not falling.whether(falling.motor._correct_creep())

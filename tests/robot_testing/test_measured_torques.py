@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from rtf.robot_testing.courses import finish
-from rtf.robot_testing.torque import holding_torques
+from rtf.robot_testing.routines import run_to_end
+from rtf.robot_testing.torque_control import holding_torques
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
 
 from .kept_test import kept_test
@@ -63,7 +63,7 @@ def test_a_joint_that_goes_far_is_not_measured_on(bench):
 def test_a_torque_that_is_no_number_holds_no_joint(bench, joint):
     """Neither one that is tested, nor one that would be told its own because it shares motors with that."""
     test = kept_test("TorqueControlAccuracy", simulated=True)
-    finish(bench.part, holding_torques(test, bench.part, [0], 0.2), pace=0.02)
+    run_to_end(bench.part, holding_torques(test, bench.part, [0], 0.2), pace=0.02)
     show = bench.device.fill_state
 
     def fill_state(state: ExtendedState) -> float:
@@ -72,8 +72,8 @@ def test_a_torque_that_is_no_number_holds_no_joint(bench, joint):
         return time
 
     bench.device.fill_state = fill_state  # type: ignore[method-assign]
-    with pytest.raises(TestProblem, match=f"the measured torque is no number: {bench.part.names[joint]}; likely: "):
-        finish(bench.part, holding_torques(test, bench.part, [0], 0.2), pace=0.02)
+    with pytest.raises(TestProblem, match=f"the measured torque is not finite: {bench.part.names[joint]}; likely: "):
+        run_to_end(bench.part, holding_torques(test, bench.part, [0], 0.2), pace=0.02)
 
 
 def weighed(measured, model=MODEL, hidden=0.0):
@@ -90,7 +90,7 @@ def test_a_torque_that_never_changes_is_none(value, model):
     """However little gravity varies; a mean may be rounded."""
     measured = np.full(model.size, value)
     measured[3] = np.nextafter(value, 1.0)
-    with pytest.raises(TestFailure, match=f"elbow measures {value:g} Nm in all postures; likely: nobody estimates"):
+    with pytest.raises(TestFailure, match=f"elbow measures {value:g} Nm in all postures; likely: no torque estimates"):
         weighed(measured, model)
 
 

@@ -58,5 +58,5 @@ def test_measurements_that_are_no_numbers_fail_their_unit():
     test, unit = kept_test("Imu"), SimpleNamespace(name="head_imu_0")
     test._require_numbers(unit, felt)
     felt.speeds[7:9, 1] = math.nan
-    with pytest.raises(TestFailure, match=r"^2 of 30 measurements of head_imu_0 are no numbers; likely: "):
+    with pytest.raises(TestFailure, match=r"^2 of 30 measurements of head_imu_0 are not finite; likely: "):
         test._require_numbers(unit, felt)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rtf.robot_testing.joints_case import JointsTest
+from rtf.robot_testing.joints_test import JointsTest
 from rtf.testing import Parameter
 from rtf.testing.parameters import ParameterError
 
@@ -10,7 +10,7 @@ from rtf.testing.parameters import ParameterError
 class Swings(JointsTest):
     """A test with lists for its joints, and one that is something else."""
 
-    apart = ("matrix",)
+    not_per_joint = ("matrix",)
 
     low = Parameter(list[float], "lower ends", unit="deg", default=[], key="min")
     high = Parameter(list[float], "upper ends", unit="deg", default=[], key="max")
@@ -63,7 +63,7 @@ def test_all_that_is_wrong_is_told_at_once():
     [
         ("jamm l_elbow", "there is no fault 'jamm'"),
         ("jam", "no joint ''; its joints are neck_pitch, "),
-        ("jam l_elbow torque", "'torque' is no number with a name"),
+        ("jam l_elbow torque", "'torque' is not of the form name=number"),
         ("jam l_elbow torque=nan", "torque is from 0"),
     ],
 )
@@ -76,5 +76,5 @@ def test_a_fault_that_cannot_be_is_refused(text, told):
 def test_ends_that_are_swapped_are_told_of():
     """They are taken, for files of old have such; a joint whose ends are the same does not move."""
     swapped, same = given(joints="(0 1 2)", min="(0 5 5)", max="(9 -5 5)").parameter_warnings
-    assert swapped == "max: element 1 is -5, below that of min, 5: the joint begins with its lower end (<parameter>)"
-    assert same == "max: element 2 is 5, as that of min: the joint does not move (<parameter>)"
+    assert swapped == "max: element 1 is -5, below that of min, 5: the joint moves to its lower end first (<parameter>)"
+    assert same == "max: element 2 is 5, equal to that of min: the joint does not move (<parameter>)"

@@ -10,9 +10,9 @@ import pytest
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RefusedError
-from rtf.robot_testing.case import RobotTest
 from rtf.robot_testing.part import Part
-from rtf.robot_testing.positioning import hold, late_joints
+from rtf.robot_testing.robot_test import RobotTest
+from rtf.robot_testing.start_position import hold, late_joints
 from rtf.testing.outcome import TestProblem
 
 from .part_bench import Joints, PartBench
@@ -91,7 +91,7 @@ def test_a_move_that_a_test_stands_on_names_its_joints_by_the_tolerance_it_had(b
     bench.device.shown = {1: 0.3}
     part = bench.part
     arrival = part.move([5.0, 0.0, 0.0], tolerance=0.2, timeout=2.0)
-    with pytest.raises(TestProblem, match=r"did not come home within 2.0 s: joint1 is at 0.30 deg, not 0.00$"):
+    with pytest.raises(TestProblem, match=r"did not reach home within 2.0 s: joint1 is at 0.30 deg, not 0.00$"):
         RobotTest.require(Joints(), arrival, "home", part, [0, 1, 2], [5.0, 0.0, 0.0])
 
 
@@ -127,14 +127,14 @@ def test_joints_that_slide_are_left_out(bench: PartBench):
     """Where none is named; one that is named is refused. Whatever moves the part does not move them."""
     part, bench.guard.sliding = bench.part, frozenset({1})
     assert part.select([]) == part.held() == [0, 2]
-    with pytest.raises(RefusedError, match="joint1 of fake slides, and does not turn"):
+    with pytest.raises(RefusedError, match="joint1 of fake is prismatic"):
         part.select([0, 1])
     bench.device.asked.clear()
     assert part.move([5.0, 6.0, 7.0]).positions == pytest.approx([5.0, 0.0, 7.0], abs=0.5)
     assert part.go_home().reached
     assert all(1 not in joints for _, joints in bench.device.asked)
     bench.guard.sliding = frozenset({0, 1, 2})
-    with pytest.raises(RefusedError, match="no joint of fake turns"):
+    with pytest.raises(RefusedError, match="no joint of fake is revolute"):
         part.select([])
 
 

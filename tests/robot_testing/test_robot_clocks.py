@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from rtf.robot.control_modes import ControlMode
-from rtf.robot_testing.courses import finish
-from rtf.robot_testing.response import step_response
+from rtf.robot_testing.routines import run_to_end
 from rtf.robot_testing.sine import RampedSine
+from rtf.robot_testing.step_response import step_response
 
 from .kept_test import kept_test
 from .part_bench import PartBench
@@ -33,11 +33,11 @@ def test_a_step_is_answered_when_it_is(bench: PartBench):
     """The joint follows at once, by the next state."""
     test = kept_test("PositionControlAccuracy", robot_part=bench.part, clock=bench.time, chosen=[0])
     test.robot_name, test.starts, test.step = "bot", {0: (0.0, 1.0)}, 1.0
-    cycle = finish(bench.part, test._cycle(0), pace=test.sample_time)
+    cycle = run_to_end(bench.part, test._cycle(0), pace=test.sample_time)
     answer = step_response(cycle.time, cycle.measured, cycle.start, cycle.target, test.band)
     assert 0.0 <= answer.delay <= 0.03
     assert cycle.late == ""
-    bench.part.tell_of_clocks(test.report)
+    bench.part.report_clock_offset(test.report)
     assert "the robot's clock is" in test.kept.reports[0]
 
 

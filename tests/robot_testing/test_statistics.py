@@ -48,7 +48,7 @@ def test_the_true_mean_is_within_its_interval(count):
 @pytest.mark.parametrize("missing", [math.nan, math.inf])
 def test_a_line_through_what_is_no_number_is_refused(missing):
     """It would have a slope that is none, and pass for no slope."""
-    with pytest.raises(ValueError, match="1 of 4 points are none"):
+    with pytest.raises(ValueError, match="1 of 4 points are not finite"):
         fit_line(range(4), [0.0, 1.0, missing, 3.0])
 
 

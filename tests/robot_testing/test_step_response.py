@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtf.robot_testing.response import noise_before, spread_of, step_response
+from rtf.robot_testing.step_response import noise_before, spread_of, step_response
 
 TIME = np.arange(-0.5, 3.0, 0.01)
 
@@ -77,7 +77,7 @@ def test_what_is_no_number_is_refused(missing, place):
     """One of them would hide the greatest overshoot."""
     values = first_order(0.0, 1.0, 0.1)
     values[place] = missing
-    with pytest.raises(ValueError, match="1 of 350 values are no numbers"):
+    with pytest.raises(ValueError, match="1 of 350 values are not finite"):
         step_response(TIME, values, 0.0, 1.0, band=0.1)
 
 

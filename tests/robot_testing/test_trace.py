@@ -26,7 +26,7 @@ def test_stamps_of_another_clock_are_compared_without_the_difference(ahead: floa
         assert trace.offset == pytest.approx(-ahead)
         assert trace.local_time == pytest.approx(bench.time.now() - 0.1 * np.arange(5)[::-1])
         said: list[str] = []
-        bench.part.tell_of_clocks(said.append)
+        bench.part.report_clock_offset(said.append)
         assert len(said) == 1
         assert f"{abs(ahead):.3f} s {'ahead of' if ahead > 0 else 'behind'} this machine's" in said[0]
 

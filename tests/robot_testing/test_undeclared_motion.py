@@ -19,7 +19,7 @@ from rtf.robot.interfaces import PidType
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PostingOutlets
 from rtf.robot_testing import MotionGuard, Part
-from rtf.robot_testing.listening_board import ListeningBoard, UndeclaredMotionError, listen_to
+from rtf.robot_testing.read_only_board import ReadOnlyBoard, UndeclaredMotionError, connect_read_only
 from rtf.testing.events import Message
 from rtf.testing.verdict import Verdict
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-COMMANDS: dict[str, Callable[[ListeningBoard], object]] = {
+COMMANDS: dict[str, Callable[[ReadOnlyBoard], object]] = {
     "position": lambda board: board.position_move([5.0], [1]),
     "all positions": lambda board: board.position_move([5.0, 5.0, 5.0]),
     "speed": lambda board: board.set_reference_speeds(7.0, 1),
@@ -61,7 +61,7 @@ class Bench:
             self.device, "/fake", network=self.network, outlets=PostingOutlets(self.network)
         )
         stack.callback(self.server.close)
-        self.board = stack.enter_context(listen_to("/fake", carrier="tcp", network=self.network))
+        self.board = stack.enter_context(connect_read_only("/fake", carrier="tcp", network=self.network))
         self.server.publish(self.time.now())
         self.server.settle()
 
@@ -74,7 +74,7 @@ def bench() -> Iterator[Bench]:
 
 
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
-def test_no_command_is_sent(bench: Bench, command: Callable[[ListeningBoard], object]):
+def test_no_command_is_sent(bench: Bench, command: Callable[[ReadOnlyBoard], object]):
     """Each is refused before it is sent, and the sentence says how that is fixed."""
     with pytest.raises(UndeclaredMotionError, match=r"declare safety = Safety\.MOTION"):
         command(bench.board)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.bottle import Bottle
-from rtf.robot_testing.judging import Judged, judge_values
+from rtf.robot_testing.checked_values import Judged, judge_values
 from rtf.testing import Parameter, TestCase
 from rtf.testing.measurement import Unit
 from rtf.testing.session import Session

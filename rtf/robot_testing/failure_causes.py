@@ -1,0 +1,84 @@
+"""Likely causes of failures: hints for the engineer who has to repair the robot."""
+
+from __future__ import annotations
+
+#: Causes by finding, as tests name it; those that labs have met, the likeliest first.
+_CAUSES: dict[str, tuple[str, ...]] = {
+    "sign": (
+        "the sign of the encoder's resolution in the configuration",
+        "two wires of the motor exchanged",
+        "a gearbox ratio with the wrong sign",
+    ),
+    "ratio": (
+        "a wrong gearbox ratio (an extra stage of 75/50 gives 1.5)",
+        "a wrong resolution of the encoder",
+        "a wrong row of the coupling matrix",
+    ),
+    "frozen": ("the encoder's cable", "an encoder that is not configured", "a board that no longer updates it"),
+    "drift": ("a dirty encoder disk", "electrical noise on the encoder's lines", "a slipping coupling"),
+    "short of limit": (
+        "a limit in the configuration beyond the hardware's",
+        "an obstacle",
+        "too little torque, or too much friction",
+        "a wrong zero of the encoder",
+    ),
+    "wrong limit": ("a limit of another joint or of another robot in the configuration",),
+    "no range": ("swapped or missing limits in the configuration",),
+    "beyond limit": ("a board that does not keep its limits", "a wrong zero of the encoder"),
+    "does not move": (
+        "a broken motor cable",
+        "a mechanical block",
+        "an amplifier that is off or dead",
+        "a wrong zero or scale of the encoder, so that the joint is at its stop",
+    ),
+    "does not start": ("a lost command", "a board that acknowledges the command and does not execute it"),
+    "weak": ("a weak motor or a low supply voltage", "more friction than usual", "gains that are too small"),
+    "jitter": ("a loaded machine or network", "a board that sends late"),
+    "lost": ("a loaded network", "a reader that is too slow"),
+    "slow": ("a wrong period in the configuration", "messages lost on the way", "a loaded machine"),
+    "duplicate": ("a sensor slower than its publisher", "messages sent twice"),
+    "offset": ("a sensor that was not calibrated", "a sensor that was overloaded"),
+    "noise": ("a loose cable", "electrical noise"),
+    "backlash": ("play in the gearbox", "a loose cable of the transmission"),
+    "camera frozen": ("a camera that has stopped", "a driver that repeats its last picture"),
+    "camera dark": ("a cap on the lens", "an exposure of zero", "a dead sensor"),
+    "camera size": ("a wrong size in the configuration of the driver",),
+    "orientation": ("an IMU mounted in another orientation", "a wrong frame in the model"),
+    "mode": ("firmware that breaks the rules of the control modes",),
+    "sensor frozen": ("a loose cable of the sensor", "a sensor that has stopped", "a driver that repeats a value"),
+    "model": ("a description of another version of the robot", "a joint or an offset that was changed in one of them"),
+    "overshoot": ("badly tuned gains", "a weak motor", "a delay in the control loop"),
+    "irregular": ("stick-slip", "a loose transmission", "lost commands"),
+    "stopped": (
+        "a joint without torque: a broken motor cable, or a dead amplifier",
+        "a wrong sign in the loop, or gains far too large",
+        "a wrong sensor",
+        "an obstacle",
+    ),
+    "runs away": ("gains far too large", "a wrong sign in the loop", "a wrong sensor"),
+    "lost commands": ("a loaded network", "a board that drops commands"),
+    "lag": ("gains that are too small", "commands or answers that are late", "a weak motor"),
+    "torque dead": (
+        "no torque estimates: wholeBodyDynamics does not run, or does not send them to this board",
+        "a dead torque sensor",
+    ),
+    "torque answer": ("a wrong factor of the torque sensing", "a weak or dead motor", "a wrong model of the motor"),
+    "torque gain": (
+        "a wrong factor or sign of the torque sensing",
+        "a wrong mass in the model",
+        "a wrong zero or scale of the encoder",
+    ),
+    "torque offset": (
+        "torque sensing that was not calibrated",
+        "a load on the robot, or a contact",
+        "a wrong zero or scale of the encoder",
+    ),
+    "impedance": ("a wrong factor of the torque sensing", "a board that computes in other units", "a weak motor"),
+    "references": ("a lost command", "a board that does not report the command it was given"),
+}
+
+
+def likely_causes(*findings: str) -> str:
+    """Return the likely causes of findings, for the end of a failure text. KeyError for an unknown finding."""
+    causes = list(dict.fromkeys(cause for finding in findings for cause in _CAUSES[finding]))
+    return f"likely: {'; '.join(causes)}"

@@ -1,0 +1,93 @@
+"""Recording of the last seconds of a part before one of its joints was stopped, or the test failed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from rtf.robot.extended_state import Field
+from rtf.robot_testing.contacts import CHANNELS, NoForcesError
+from rtf.robot_testing.mode_numbers import LEGEND, mode_numbers
+
+if TYPE_CHECKING:
+    from rtf.middleware.incoming_message import IncomingMessage
+    from rtf.robot_testing.contacts import Forces
+    from rtf.robot_testing.part import Part
+    from rtf.robot_testing.robot_test import RobotTest
+    from rtf.robot_testing.trace import Trace
+
+#: The recorded quantities of each joint beside its mode, as far as its board sends them.
+_KEPT = (
+    ("position", Field.JOINT_POSITIONS, "deg"),
+    ("current", Field.CURRENTS, "A"),
+    ("torque", Field.TORQUES, "Nm"),
+    ("duty", Field.DUTY_CYCLES, "%"),
+)
+
+
+class _Taken(NamedTuple):
+    """A copy of the history at one moment: the states, and the messages of the force-torque sensor."""
+
+    when: str
+    states: Trace
+    felt: list[IncomingMessage]
+
+
+class FailureRecording:
+    """The last seconds of a part before the guard first stopped a joint, and before the end of a failed test.
+
+    Call ``take`` before the part is restored, so that the recording ends with the failure, and ``write`` afterwards:
+    writing files takes time, and the part has to be restored at once. ``forces`` are those of the part's force-torque
+    sensor; None if it has none.
+    """
+
+    def __init__(self, test: RobotTest, part: Part, forces: Forces | None) -> None:
+        self._test = test
+        self._part = part
+        self._forces = forces
+        self._taken: list[_Taken] = []
+
+    def take_stop(self, joint: int) -> None:
+        """Copy the history at the first stop of a joint: the test may go on with others."""
+        if not self._taken:
+            self._take(f"before {self._part.names[joint]} was stopped")
+
+    def take(self) -> None:
+        """Copy the history if the test has failed."""
+        if self._test.failing:
+            self._take("before the end")
+
+    def _take(self, when: str) -> None:
+        felt = [] if self._forces is None else self._forces.kept()
+        self._taken.append(_Taken(when, self._part.history.copy(), felt))
+
+    def write(self) -> None:
+        """Attach the copies to the test as recordings."""
+        if any(len(taken.states) for taken in self._taken):
+            self._test.report(LEGEND)
+        for taken in self._taken:
+            if self._forces is not None and taken.felt:
+                self._write_forces(self._forces, taken)
+            if len(taken.states):
+                self._write_states(taken)
+
+    def _write_forces(self, forces: Forces, taken: _Taken) -> None:
+        try:
+            numbers, stamps, values = forces.rows(taken.felt)
+        except NoForcesError as error:
+            self._test.report(str(error))
+            return
+        self._test.record(
+            f"{taken.when}: {forces.source}",
+            time=(stamps, "s"),
+            number=(numbers, "count"),
+            **{axis: (values[:, channel], symbol) for channel, (axis, symbol) in enumerate(CHANNELS.items())},
+        )
+
+    def _write_states(self, taken: _Taken) -> None:
+        states, valid = taken.states, taken.states.newest[1].valid
+        time, modes = states.time, states.control_modes
+        fields = {name: (states.column(field), unit) for name, field, unit in _KEPT if valid[field]}
+        for joint, name in enumerate(self._part.names):
+            columns = {what: (values[:, joint], unit) for what, (values, unit) in fields.items()}
+            columns["mode"] = mode_numbers(modes[:, joint]), ""
+            self._test.record(f"{taken.when}: {name}", time=(time, "s"), **columns)

@@ -1,0 +1,299 @@
+"""The base class of robot tests: connects to the robot, opens and guards its parts, records what led to a failure."""
+
+from __future__ import annotations
+
+import math
+import os
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar, NoReturn
+
+from rtf import clock
+from rtf.middleware.network import default_network
+from rtf.middleware.time import CLOCK_VARIABLE, LockstepClock, clock_from_environment
+from rtf.robot.client.control_board import connect
+from rtf.robot.errors import RefusedError, RobotError, StaleStateError
+from rtf.robot_testing.contacts import ContactWatch, listen_to_forces
+from rtf.robot_testing.failure_causes import likely_causes
+from rtf.robot_testing.failure_recording import FailureRecording
+from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
+from rtf.robot_testing.ledger import MotionLedger
+from rtf.robot_testing.parameter_checks import refuse, wrong_fault, wrong_lists
+from rtf.robot_testing.part import Part
+from rtf.robot_testing.read_only_board import connect_read_only
+from rtf.robot_testing.real_time_checks import CpuPressure, overload
+from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_name
+from rtf.robot_testing.safety import Safety
+from rtf.robot_testing.simulated import is_simulated
+from rtf.simulator.control import SimulatorControl
+from rtf.testing import Parameter, TestCase
+from rtf.testing.parameters import ParameterError
+from rtf.testing.permission import has_permission
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from rtf.clock import Clock
+    from rtf.middleware.network import Network
+    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing.part import Arrival
+    from rtf.testing.session import Session
+
+_DEFAULT_ROBOT = "icubSim"
+
+
+class RobotTest(TestCase):
+    """A test of a robot. ``setup`` connects to the robot; an override calls it first.
+
+    ``safety`` declares what the test does to the robot. On a real robot every class above ``STILL`` needs permission
+    (``testrunner --allow-motion``) and the consent of the operator. The parts of a ``STILL`` test are read-only.
+    """
+
+    safety: ClassVar[Safety] = Safety.STILL
+    #: Names of the list parameters whose length has nothing to do with the number of joints.
+    not_per_joint: ClassVar[tuple[str, ...]] = ()
+    limits: ClassVar[Limits] = Limits()
+
+    robot = Parameter(str, "name of the robot; without it --robotname of the suite, or that of the fixture", default="")
+    inject = Parameter(
+        str, "a fault of the simulated robot to begin with, such as: jam l_elbow torque=400 delay=0.5", default=""
+    )
+
+    network: Network
+    clock: Clock
+    _parts: dict[str, Part]
+    _may_move = False
+
+    def check_parameters(self, folder: str) -> None:
+        super().check_parameters(folder)
+        refuse(self, self.parameter_problems())
+
+    def parameter_problems(self) -> list[str]:
+        """Return the errors in the parameters that can be found without a robot. Subclasses may add theirs."""
+        lists = wrong_lists(self, self.not_per_joint) if "joints" in self.declarations() else []
+        return [*lists, *wrong_fault(self)]
+
+    def implied_fixtures(self) -> Sequence[tuple[str, Mapping[str, str]]]:
+        """Name the fixture ``robot`` for tests that move the robot: it restores the robot even if the test crashes.
+
+        Not in lockstep: there the fixture would stop the time, and the simulator belongs to the program that steps it.
+        """
+        if self.safety is Safety.STILL or os.environ.get(CLOCK_VARIABLE, "").startswith("lockstep:"):
+            return ()
+        return (("robot", {"robot": self._name_of_robot(), "parts": "*"}),)
+
+    def _name_of_robot(self) -> str:
+        return robot_name(self.robot, self, _DEFAULT_ROBOT)
+
+    def _report_other_robot(self) -> None:
+        other = os.environ.get(ROBOT_VARIABLE, "").strip("/")
+        if other and other != self.robot_name:
+            self.report(f"/{self.robot_name} is tested, as parameters or suite say; {ROBOT_VARIABLE} is {other}")
+
+    def attach_to(self, session: Session, environment: str) -> None:
+        super().attach_to(session, environment)
+        session.excuse = self._excuse
+
+    def _excuse(self, error: Exception) -> str:
+        """Return why an overdue state or a stopped joint may be the fault of this machine; "" if it is not.
+
+        In lockstep it never is: the robot's time waits for the test.
+        """
+        if isinstance(error, GuardError):
+            return error.excuse
+        if not isinstance(error, StaleStateError) or isinstance(self.clock, LockstepClock):
+            return ""
+        return overload(self._cpu_pressure.share())
+
+    def setup(self) -> None:
+        """Connect to the robot and its clock, and ask for permission to move where it is needed."""
+        self._cpu_pressure = CpuPressure()
+        self.robot_name = self._name_of_robot()
+        self.network = default_network()
+        self._report_other_robot()
+        self._parts = {}
+        self.clock = clock_from_environment(self.network)
+        used = clock.use(self.clock)
+        used.__enter__()
+        self.add_cleanup(used.__exit__, None, None, None)
+        if self.safety is not Safety.STILL and not self.simulated:
+            self._ask_for_permission()
+        if self.inject:
+            self._inject()
+
+    def _inject(self) -> None:
+        """Inject the fault into the simulated robot. Clean-up resets the robot: at home and healthy."""
+        control = SimulatorControl(self.robot_name, network=self.network)
+        self.add_cleanup(control.close)
+        kind, target, values = parse_injection(self.inject)
+        delay, duration = values.pop("delay", 0.0), values.pop("duration", math.inf)
+        self.add_cleanup(control.reset)
+        try:
+            control.inject(kind, target, values, delay=delay, duration=duration)
+        except RobotError as error:
+            self.assert_error(f"inject: {error}")
+
+    @cached_property
+    def simulated(self) -> bool:
+        """Whether a simulator answers for the robot; asked once. Each part is asked separately when it is opened."""
+        return is_simulated(self.network, self.robot_name)
+
+    def _ask_for_permission(self) -> None:
+        """Skip the test, or the sub-result, unless the real robot may move. A consent holds for the whole test."""
+        if self._may_move:
+            return
+        if not has_permission():
+            self.skip(
+                f"/{self.robot_name} is not simulated, and the test moves it: allow it by testrunner --allow-motion"
+            )
+        ledger = MotionLedger()
+        ledger.decided(self.robot_name, may_move=False)  # until the answer the fixture may not move it either
+        idle = ledger.left_idle(self.robot_name)
+        warning = f" Joints that were excluded and left idle may get power again: {', '.join(idle)}." if idle else ""
+        question = f"/{self.robot_name} is about to move.{warning} Is its workspace clear, and may it move?"
+        if not self.confirm(question):
+            self.skip("the operator does not want the robot to move")
+        ledger.decided(self.robot_name, may_move=True)
+        self._may_move = True
+
+    def open_part(self, name: str) -> Part:
+        """Return a part of the robot. The first call opens it, the clean-up restores it.
+
+        The test ends with an error if the part cannot be opened.
+        """
+        if name not in self._parts:
+            try:
+                self._parts[name] = self._open(name)
+            except RobotError as error:
+                where = f" (part: {self.parameter_source('part')})" if name == getattr(self, "part", None) else ""
+                self.assert_error(f"/{self.robot_name}/{name} cannot be opened: {error}{where}")
+        return self._parts[name]
+
+    def _open(self, name: str) -> Part:
+        # In lockstep no message may be under way when the time advances: tcp waits for the acknowledgement.
+        carrier = "tcp" if isinstance(self.clock, LockstepClock) else "fast_tcp"
+        place = f"/{self.robot_name}/{name}"
+        moves = self.safety is not Safety.STILL
+        if moves and not is_simulated(self.network, self.robot_name, name):
+            self._ask_for_permission()  # a simulator answers for the robot, but does not serve this part
+        board = (connect if moves else connect_read_only)(place, carrier=carrier, network=self.network)
+        self.add_cleanup(board.close)
+        self._await_state(board)
+        guard = forces = None
+        if moves:
+            forces = listen_to_forces(place, network=self.network, report=self.report)
+            if forces is not None:
+                self.add_cleanup(forces.close)
+            guard = MotionGuard(
+                board,
+                place,
+                clock=self.clock,
+                report=self.report,
+                limits=self.limits,
+                contacts=None if forces is None else ContactWatch(board, forces),
+            )
+        part = Part(name, board, self.clock, guard)
+        recording = FailureRecording(self, part, forces)
+        self.add_cleanup(recording.write)
+        if guard is not None:
+            guard.on_stop = recording.take_stop
+            self.add_cleanup(guard.restore)
+        self.add_cleanup(recording.take)
+        return part
+
+    def _await_state(self, board: RemoteControlBoard) -> None:
+        """Wait for the first state of a board. Raises StaleStateError after ``_LATEST_STATE`` seconds."""
+        end = self.now() + _LATEST_STATE
+        while True:
+            self.sleep(_FIRST_STATE)
+            try:
+                board.encoders()
+            except StaleStateError:
+                if self.now() >= end:
+                    raise
+            else:
+                return
+
+    # Judging -----------------------------------------------------------------------------------------------------
+
+    def blame(self, error: GuardError, *findings: str, during: str = "") -> NoReturn:
+        """Fail the test, or the sub-result, with the guard's error and the likely causes of ``findings``.
+
+        It ends as inconclusive if this machine was too busy to control the joints.
+        """
+        text = f"{during}: {error}" if during else str(error)
+        if error.excuse:
+            self.inconclusive(f"{text}; but {error.excuse}")
+        self.assert_fail(f"{text}; {likely_causes(*findings)}")
+
+    # Values ------------------------------------------------------------------------------------------------------
+
+    def per_joint(self, name: str, values: Sequence[float], joints: Sequence[int]) -> list[float]:
+        """Return one value of the parameter ``name`` for each joint; a single value applies to all joints.
+
+        The test ends with an error for any other number of values.
+        """
+        if len(values) == 1:
+            return [float(values[0])] * len(joints)
+        if len(values) != len(joints):
+            self.assert_error(
+                f"{name} has {len(values)} values; give one, or one for each of the {len(joints)} joints "
+                f"({self.parameter_source(name)})"
+            )
+        return [float(value) for value in values]
+
+    def select(self, part: Part, wanted: Sequence[int]) -> list[int]:
+        """Return the joints of the parameter ``joints``, or all joints if it is empty.
+
+        The test ends with an error for a joint that the part does not have.
+        """
+        try:
+            return part.select(wanted)
+        except RefusedError as error:
+            self.assert_error(f"joints: {error} ({self.parameter_source('joints')})")
+
+    def require(
+        self, arrival: Arrival, goal: str, part: Part, joints: Sequence[int], targets: Sequence[float] | FloatArray
+    ) -> None:
+        """End the test with an error unless a move has arrived; ``goal`` and the late joints are in the message."""
+        if arrival.reached:
+            return
+        late = [
+            f"{part.names[joint]} is at {where:.2f} deg, not {target:.2f}"
+            for joint, where, target in zip(joints, arrival.positions, targets, strict=True)
+            if not abs(where - target) <= arrival.tolerance
+        ]
+        self.assert_error(f"{part.name} did not reach {goal} within {arrival.seconds:.1f} s: {'; '.join(late)}")
+
+    # Time --------------------------------------------------------------------------------------------------------
+
+    def now(self) -> float:
+        """Return the time of the robot's clock, in s."""
+        return self.clock.now()
+
+    def sleep(self, seconds: float) -> None:
+        """Wait for ``seconds`` of the robot's time."""
+        self.clock.sleep(seconds)
+
+
+#: Time for the first state of a board, s of the robot's clock: usually, and at most on a busy machine.
+_FIRST_STATE, _LATEST_STATE = 0.1, 2.0
+
+
+def parse_injection(text: str) -> tuple[str, str, dict[str, float]]:
+    """Return kind, target and parameters of the fault that the parameter ``inject`` describes.
+
+    Raises ParameterError.
+    """
+    kind, *words = text.split()
+    target = words.pop(0) if words and "=" not in words[0] else "-"
+    values: dict[str, float] = {}
+    for word in words:
+        name, equals, number = word.partition("=")
+        try:
+            values[name] = float(number)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise ParameterError("inject", [f"{word!r} is not of the form name=number, such as torque=400"])
+    return kind, "" if target == "-" else target, values

@@ -1,0 +1,86 @@
+"""What is kept of the last seconds before a test failed."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from rtf.robot.control_modes import ControlMode
+from rtf.robot.extended_state import Field
+from rtf.robot_testing.failure_recording import FailureRecording
+from rtf.robot_testing.guard import GuardError
+from rtf.robot_testing.robot_test import RobotTest
+from rtf.testing.events import Event, Message, SeriesRecorded
+from rtf.testing.session import Session
+
+from .part_bench import PartBench
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rtf.robot.extended_state import ExtendedState
+
+
+def test_what_the_board_gives_is_kept_of_each_joint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Its mode, too, with the legend of the modes; what comes after the failure is not there."""
+    events: list[Event] = []
+    test = RobotTest()
+    test.attach_to(Session("t", events.append, folder=tmp_path, run_folder=tmp_path), "")
+    test.check(condition=False, text="it fails")
+    with ExitStack() as stack:
+        bench = PartBench(stack)
+        fill = bench.device.fill_state
+
+        def without_torques(state: ExtendedState) -> float:
+            time = fill(state)
+            state.valid[Field.TORQUES] = False
+            return time
+
+        monkeypatch.setattr(bench.device, "fill_state", without_torques)
+        bench.time.sleep(0.1)
+        bench.part.set_mode(ControlMode.PWM, [1])
+        bench.time.sleep(0.1)
+        last = FailureRecording(test, bench.part, None)
+        last.take()
+        rows = len(bench.part.history)
+        bench.part.set_mode(ControlMode.IDLE)
+        bench.time.sleep(0.1)
+        last.write()
+    series = {one.name: one for one in events if isinstance(one, SeriesRecorded)}
+    assert [*series] == ["before the end: joint0", "before the end: joint1", "before the end: joint2"]
+    with np.load(tmp_path / series["before the end: joint1"].path) as data:
+        assert [*data] == ["time", "position", "current", "duty", "mode"]
+        assert len(data["time"]) == rows
+        assert (data["mode"][0], data["mode"][-1]) == (0.0, 6.0)
+    assert any("0 pos" in one.detail and "6 ipwm" in one.detail for one in events if isinstance(one, Message))
+
+
+def test_what_led_to_a_stop_is_kept_though_the_test_goes_on(tmp_path: Path):
+    """Of the first one, whether the test fails for it or not; behind it come a thousand other states."""
+    events: list[Event] = []
+    test = RobotTest()
+    test.attach_to(Session("t", events.append, folder=tmp_path, run_folder=tmp_path), "")
+    with ExitStack() as stack:
+        bench = PartBench(stack)
+        last = FailureRecording(test, bench.part, None)
+        bench.guard.on_stop = last.take_stop
+        bench.time.sleep(0.1)
+        for joint, where in ((1, 200.0), (0, -200.0)):
+            bench.device.shown = {joint: where}
+            bench.publish()
+            with pytest.raises(GuardError, match=f"joint{joint} .* beyond its limits"):
+                bench.guard.watch()
+            bench.guard.give_up(joint, "it is elsewhere")
+        bench.device.shown = {}
+        for _ in range(1100):
+            bench.publish()
+        last.take()
+        last.write()
+    names = [one.name for one in events if isinstance(one, SeriesRecorded)]
+    assert names == [f"before joint1 was stopped: joint{joint}" for joint in range(3)]
+    path = next(one.path for one in events if isinstance(one, SeriesRecorded) and one.name == names[1])
+    with np.load(tmp_path / path) as data:
+        assert data["position"][-1] == 200.0
