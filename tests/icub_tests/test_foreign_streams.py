@@ -173,7 +173,7 @@ def test_no_two_pictures_of_a_real_camera_are_the_same(outcome, measured, camera
 def test_a_load_that_nobody_knows_is_not_passed(outcome, measured):
     """Rate and noise say nothing of it; the sentence says the hint, and the mean is told."""
     assert outcome.verdict("unknown") is Verdict.INCONCLUSIVE
-    assert "no load is known for /bot/left_hand/analog:o" in outcome.detail("unknown")
+    assert "the load of /bot/left_hand/analog:o is unknown" in outcome.detail("unknown")
     assert "or give expected" in outcome.detail("unknown")
     (mean,) = measured(outcome, "unknown", "torque z")
     assert mean.verdict is MeasurementVerdict.RECORDED
@@ -210,7 +210,7 @@ def test_what_is_coarse_is_not_frozen(outcome):
 def test_what_is_wrong_is_said_in_terms_of_the_sensor(outcome):
     """With likely causes: at the end of its range, and dead in its torques alone."""
     (full,) = failures(outcome, "full")
-    assert "/bot/left_leg/analog:o is at the end of its range" in full
+    assert "/bot/left_leg/analog:o is saturated" in full
     assert "likely: " in full
     dead = failures(outcome, "dead-torque")
     assert [text.split(" = ")[0] for text in dead] == [f"noise of torque {axis}" for axis in "xyz"]

@@ -64,11 +64,9 @@ def test_the_neck_is_really_moved(outcome, measured):
 
 
 def test_a_turned_unit_is_told_by_how_much(outcome):
-    """The failure names the unit, and the angle and axis by which it is mounted turned."""
+    """The failure names the unit, and the angle and axis by which it is misaligned."""
     assert outcome.verdict("turned") is Verdict.FAILED
-    said = [
-        event.detail for event in outcome.of(Message, severity=Severity.FAILURE) if "mounted turned" in event.detail
-    ]
+    said = [event.detail for event in outcome.of(Message, severity=Severity.FAILURE) if "misaligned" in event.detail]
     assert any("head_imu_0" in one and ("by 20." in one or "by 19." in one) for one in said), said
 
 
@@ -78,14 +76,14 @@ def test_a_unit_that_is_turned_a_little_is_found_by_its_turn(outcome, measured):
     (interval,) = measured(outcome, "a-little", "interval of the turn of its mounting (99 %)")
     assert turn.value == pytest.approx(5.0, abs=interval.value)
     assert turn.value - turn.high > 1.5 > 10 * interval.value
-    assert "feels as if it were mounted turned by 5.0 ± 0.0" in said(outcome, "a-little")
+    assert "is misaligned by 5.0 ± 0.0" in said(outcome, "a-little")
     assert "likely: an IMU mounted in another orientation" in said(outcome, "a-little")
 
 
 def test_a_joint_that_is_stuck_fails_by_its_name(outcome, measured):
     """What the unit feels of the others is judged all the same."""
     assert failed_parts(outcome, "stuck") == ["neck_yaw"]
-    assert "though it was told twice to go there; likely: a broken motor cable" in said(outcome, "stuck")
+    assert "though it was commanded twice; likely: a broken motor cable" in said(outcome, "stuck")
     assert not measured(outcome, "stuck", "motion of neck_yaw")
     assert measured(outcome, "stuck", "turn of its mounting")[0].value < 0.5
 

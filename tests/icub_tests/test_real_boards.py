@@ -106,7 +106,7 @@ def ran(tmp_path_factory):
     [
         ("own-loop", Verdict.SKIPPED, "give Kp"),
         ("own-loop-raw", Verdict.ERROR, "Kp 50, more than 20"),
-        ("torque-unknown", Verdict.SKIPPED, "arm does not say which joints have torque control"),
+        ("torque-unknown", Verdict.SKIPPED, "arm does not report which joints have torque control"),
         ("torque-dead", Verdict.ERROR, "joint0 (0 Nm); likely: no torque estimates: wholeBodyDynamics"),
         ("references-dead", Verdict.ERROR, "joint0 (0 Nm); likely: no torque estimates: wholeBodyDynamics"),
         ("limp", Verdict.SKIPPED, "no joint of arm has stiffness or damping: give"),
