@@ -26,7 +26,7 @@ import sys
 from typing import TYPE_CHECKING, ClassVar
 
 from rtf.testing.fixture_values import FixtureValueError, UsesFixtures, Value, checked
-from rtf.testing.isolation.fork_server_protocol import STOP_LIMIT
+from rtf.testing.isolation.messages import STOP_LIMIT
 from rtf.testing.outcome import FixtureCollapsed
 from rtf.testing.parameters import Declared
 from rtf.testing.verdict import Severity
@@ -133,7 +133,7 @@ class FixtureManager(Declared, UsesFixtures):
         for name, value in variables.items():
             if not name.isidentifier() or not name.isascii() or "\0" in value:
                 raise ValueError(f"the environment cannot hold {name}={value!r}")
-        self._host.say(host="provides", variables=variables)
+        self._host.say("provides", variables=variables)
 
     def provide_value(self, key: str, value: object) -> None:
         """Hand a declared value to the tests, and the fixtures, that stand on this one; to be called in ``setup``.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rtf import clock
 from rtf.testing.events import Event, Interrupted
 from rtf.testing.isolation import processes
-from rtf.testing.isolation.fork_server_protocol import STOP_LIMIT
+from rtf.testing.isolation.messages import STOP_LIMIT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -51,6 +51,10 @@ GROUPS = {
     "language": "rtf.languages",
 }
 
+#: The variable that says in which folders plug-ins of which kind are, for ``rtf_plugins``; and the folder of that.
+IMPORTABLE = "RTF_PLUGIN_FOLDERS"
+_PACKAGES = str(Path(rtf.__file__).parent / "testing" / "packages")
+
 #: The types a suite may name, and the language each means. ``dll`` is the C++ framework's word for a compiled plug-in;
 #: here it is the Python plug-in that declares the name.
 LANGUAGES = {
@@ -277,8 +281,10 @@ def all_files(kind: str, beside: Path | None = None) -> list[Path]:
 
 def load_module(ref: PluginRef) -> ModuleType:
     """Run the file of a Python plug-in as module ``rtf_plugins.<kind>.<stem>``. Its own folder can be imported from."""
+    if ref.path in _shared:
+        return _shared[ref.path]
     path = Path(ref.path)
-    name = f"{PLUGINS}{ref.kind}.{path.stem}"
+    name = module_name(ref)
     loader = importlib.machinery.SourceFileLoader(name, ref.path)
     spec = importlib.util.spec_from_file_location(name, ref.path, loader=loader)
     if spec is None:
@@ -287,6 +293,8 @@ def load_module(ref: PluginRef) -> ModuleType:
     folder = str(path.parent)
     if folder not in sys.path:
         sys.path.append(folder)
+    if ref.kind != "report":  # reporters live in the process of the command line, or of pytest
+        _make_importable(ref.kind, folder)
     sys.modules[name] = module
     try:
         loader.exec_module(module)
@@ -294,6 +302,37 @@ def load_module(ref: PluginRef) -> ModuleType:
         del sys.modules[name]
         raise
     return module
+
+
+def module_name(ref: PluginRef) -> str:
+    """The name by which the module of a Python plug-in is registered."""
+    return f"{PLUGINS}{ref.kind}.{Path(ref.path).stem}"
+
+
+#: The modules that are loaded once, for all tests that are forked from this process.
+_shared: dict[str, ModuleType] = {}
+
+
+def share_module(ref: PluginRef) -> None:
+    """Keep the module of a plug-in that is loaded: it is not loaded again, neither here nor in forks."""
+    module = sys.modules.get(module_name(ref))
+    if module is not None:
+        _shared[ref.path] = module
+
+
+def _make_importable(kind: str, folder: str) -> None:
+    """Have modules of plug-ins imported by name in this process and in those that it starts, as pickle does.
+
+    The package for it lies in a folder that ``multiprocessing`` hands on with ``sys.path``; it reads the variable.
+    """
+    entry = f"{kind}={folder}"
+    entries = [word for word in os.environ.get(IMPORTABLE, "").split(os.pathsep) if word and word != entry]
+    os.environ[IMPORTABLE] = os.pathsep.join([entry, *entries])
+    if _PACKAGES not in sys.path:
+        sys.path.append(_PACKAGES)
+    package = importlib.import_module(PLUGINS + kind)
+    if folder not in package.__path__:
+        package.__path__.insert(0, folder)
 
 
 def load_test(ref: PluginRef) -> TestCase:

@@ -34,7 +34,6 @@ from rtf.testing.events import (
     TestEnded,
     TestPlanned,
 )
-from rtf.testing.isolation import processes
 from rtf.testing.isolation.attempt import GRACE, Limits
 from rtf.testing.sharing import groups_sharing_fixtures
 from rtf.testing.suite.model import Isolation, TestEntry, Timeouts
@@ -130,7 +129,6 @@ class Run:
         """Run everything, tear everything down, report everything. Returns the exit code."""
         began = clock.monotonic()
         options = self.options
-        processes.adopt_orphans()
         restore = self._take_signals() if options.handle_signals else []
         try:
             with alarm(options.run_timeout, self._overdue):

@@ -6,14 +6,14 @@ A session lives in the test's own process. Any thread of the test may emit; only
 from __future__ import annotations
 
 import traceback
-from _thread import allocate_lock, get_ident  # not ``threading``, see the fork server's module text
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from threading import Lock, get_ident
+from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.testing.events import Answered, Asked, Event, SubResultEnded, from_record, to_record
+from rtf.testing.events import Answered, Asked, Event, Message, PhaseStarted, SubResultEnded
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem, TestStopped
 from rtf.testing.source_location import OWN_FOLDER, raised_place
 from rtf.testing.verdict import UNDOING_PHASES, Phase, Severity, Verdict
@@ -25,10 +25,6 @@ if TYPE_CHECKING:
 TEXT_LIMIT = 1 << 20
 
 
-#: Looking up a member of an enumeration runs Python code; see :class:`Session`.
-_BAD = (Severity.FAILURE, Severity.ERROR)
-_FAILURE = Severity.FAILURE
-_PASSED = Verdict.PASSED
 _NOTHING: Mapping[str, float | str | None] = {}
 
 
@@ -54,11 +50,11 @@ class Tally:
             return Verdict.SKIPPED
         if self.inconclusive is not None:
             return Verdict.INCONCLUSIVE
-        return Verdict.MEASURED if self.recorded and not self.judged else _PASSED
+        return Verdict.MEASURED if self.recorded and not self.judged else Verdict.PASSED
 
     def note(self, severity: Severity, text: str) -> None:
         """Count one failure or error."""
-        if severity is _FAILURE:
+        if severity is Severity.FAILURE:
             self.failures += 1
         else:
             self.errors += 1
@@ -101,10 +97,6 @@ class Session:
     ``send`` puts one event on its way and blocks while the runner is slower than the test. ``receive`` waits so many
     seconds for an answer (question, answer, source); it is None where nobody can answer. ``folder`` is the test's own
     inside ``run_folder``.
-
-    ``send_record`` may take the place of ``send``: it gets what the event's line is made of. What every test does goes
-    that way, without an event object: in a fresh process each function that is called and each object that is touched
-    costs the copy of a page of memory. Hence also plain attributes, and paths that are made when they are asked for.
     """
 
     #: Says why nothing is to be concluded from an exception, "" where it is an error as ever; for a kind of tests that
@@ -121,7 +113,6 @@ class Session:
         folder: str | Path,
         run_folder: str | Path,
         receive: Callable[[float], tuple[str, str | None, str] | None] | None = None,
-        send_record: Callable[[dict[str, Any]], None] | None = None,
     ) -> None:
         self.test = test
         self._folder = folder
@@ -130,9 +121,8 @@ class Session:
         self.tally = Tally()
         self._parts: list[_Part] = []
         self._send = send
-        self._send_record = send_record
         self._receive = receive
-        self._lock = allocate_lock()
+        self._lock = Lock()
         self._sending = False
         self._stoppable = False
         self._stop: str | None = None
@@ -152,30 +142,22 @@ class Session:
 
     def emit(self, event: Event) -> None:
         """Send one event. A stop that arrives meanwhile takes effect after the event is whole."""
-        self._put(to_record(event) if self._send_record is not None else event)
-
-    def _put(self, event: Event | dict[str, Any]) -> None:
-        with self._lock:
+        main = get_ident() == self._main
+        if main:
             self._sending = True
-            try:
-                if not isinstance(event, dict):
-                    self._send(event)
-                elif self._send_record is not None:
-                    self._send_record(event)
-                else:
-                    self._send(from_record(event))
-            finally:
+        try:
+            with self._lock:
+                self._send(event)
+        finally:
+            if main:
                 self._sending = False
-        if self._stop is not None and self._stoppable and get_ident() == self._main:
+        if main and self._stop is not None and self._stoppable:
             self._raise_stop()
 
     def enter(self, phase: Phase, repetition: int = 0) -> None:
         """Say that a phase begins; the runner's time-out for it begins with this."""
         self.phase = phase
-        record = {"event": "phase_started", "time": round(clock.now(), 6), "test": self.test, "phase": phase}
-        if repetition:
-            record["repetition"] = repetition
-        self._put(record)
+        self.emit(PhaseStarted(test=self.test, phase=phase, repetition=repetition))
 
     def stop(self, reason: str) -> None:
         """Ask the main thread to end; called from its signal handler, with :class:`TestStopped` as the effect.
@@ -250,28 +232,23 @@ class Session:
         """
         if len(detail) > TEXT_LIMIT:
             detail = bounded(detail)
-        if severity in _BAD:
+        if severity in (Severity.FAILURE, Severity.ERROR):
             self._note(severity, detail or title)
-        record: dict[str, Any] = {
-            "event": "message",
-            "time": round(clock.now(), 6),
-            "severity": severity,
-            "title": title,
-        }
-        if detail:
-            record["detail"] = detail
-        record["test"] = self.test
-        if self._parts:
-            record["subject"] = self._parts[-1].subject
-        if self.phase is not None:
-            record["phase"] = self.phase
-        if place[0]:
-            record["file"], record["line"] = place
-        if traceback_text:
-            record["traceback"] = traceback_text
-        if comparison:
-            record |= {name: value for name, value in comparison.items() if value not in (None, "")}
-        self._put(record)
+        file, line = place if place[0] else ("", 0)
+        self.emit(
+            Message(
+                severity=severity,
+                title=title,
+                detail=detail,
+                test=self.test,
+                subject=self.subject,
+                phase=self.phase,
+                file=file,
+                line=line,
+                traceback=traceback_text,
+                **{name: value for name, value in comparison.items() if value is not None},  # type: ignore[arg-type]
+            )
+        )
 
     def raised(self, error: Exception) -> None:
         """Turn an exception that left the author's code into data: the one place where this is done."""

@@ -23,8 +23,7 @@ from rtf.testing.events import (
 )
 from rtf.testing.interrupts import KILL_STAGE, alarm
 from rtf.testing.isolation.attempt import Attempt, Outcome, Stop
-from rtf.testing.isolation.fork_server_protocol import STOP_LIMIT
-from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.messages import STOP_LIMIT, Job
 from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.isolation.worker_pool import ForkServerClient
 from rtf.testing.requirements import unmet
@@ -329,7 +328,7 @@ class SuiteWorker:
         isolation = self._run.options.isolation or entry.isolation
         job = self._test_job(test, count, names, last=isolation is not Isolation.SUITE)
         if isolation is Isolation.NONE:
-            from rtf.testing.isolation.in_process import run_in_process
+            from rtf.testing.isolation.attempt import run_in_process
 
             outcome = run_in_process(job, self._emit)
         else:

@@ -275,11 +275,14 @@ def test_worker_that_breaks_leaves_the_others_alone(tmp_path: Path, monkeypatch:
     begin = ForkServerClient.take
 
     def take(
-        fork_server: ForkServerClient, plugin: PluginRef | None = None, fixtures: Mapping[str, int] | None = None
+        fork_server: ForkServerClient,
+        plugin: PluginRef | None = None,
+        fixtures: Mapping[str, int] | None = None,
+        limit: float | None = None,
     ) -> Child:
         if plugin is not None and plugin.path.endswith("bad.py"):
             raise ZeroDivisionError("suite worker")
-        return begin(fork_server, plugin, fixtures)
+        return begin(fork_server, plugin, fixtures, limit)
 
     monkeypatch.setattr(ForkServerClient, "take", take)
     outcome = run_suites(
@@ -577,12 +580,15 @@ def test_fork_server_that_cannot_be_had_is_an_error_of_the_test(tmp_path: Path, 
     lost = []
 
     def take(
-        fork_server: ForkServerClient, plugin: PluginRef | None = None, fixtures: Mapping[str, int] | None = None
+        fork_server: ForkServerClient,
+        plugin: PluginRef | None = None,
+        fixtures: Mapping[str, int] | None = None,
+        limit: float | None = None,
     ) -> Child:
         lost.append(1)
         if len(lost) in (1, 2, 3):
             raise ForkServerLostError("no process is to be had")
-        return begin(fork_server, plugin, fixtures)
+        return begin(fork_server, plugin, fixtures, limit)
 
     monkeypatch.setattr(ForkServerClient, "take", take)
     for isolation in ("test", "suite"):

@@ -27,9 +27,10 @@ pytestmark = [pytest.mark.torture, pytest.mark.usefixtures("no_process_left")]
 GRACE = 0.3
 
 PRELUDE = """
-import ctypes, json, os, signal, subprocess, sys, threading, time
+import ctypes, json, os, signal, struct, subprocess, sys, threading, time
 from pathlib import Path
-from rtf.testing import TestCase
+from rtf.testing import TestCase, events
+from rtf.testing.isolation.messages import Finished, pack
 
 def hang_in(library):
     mutex = ctypes.create_string_buffer(128)
@@ -145,46 +146,49 @@ CASES = {
     "closes all descriptors": Case("os.closerange(0, 64)\ntime.sleep(60)", reason="channel"),
     "closes its output": Case("os.close(1)\nos.close(2)", Verdict.PASSED),
     "writes garbage on its channel": Case(
-        "os.write(3, bytes(range(256)) * 16 + b'\\n')", reason="error", detail="said something unintelligible"
+        "os.write(3, bytes(range(255, -1, -1)) * 16)", reason="channel", detail="wrote what is no message"
     ),
-    "writes JSON that is no event": Case(
+    "writes messages that are no events": Case(
         r"""
-        for text in ("[]", "17", "{}", '{"event": 3}', '{"event": "message"}', '{"finished": 3}', "[" * 100000):
-            os.write(3, text.encode() + b"\n")
+        named = b"\x81\xa5event"
+        for data in (b"", b"\xc0", b"garbage", b"\x80", named + b"\x03", named + b"\xa7message", b"\x91" * 100000):
+            os.write(3, struct.pack("=I", len(data)) + data)
         """,
         reason="error",
         detail="said something unintelligible",
     ),
     "speaks for another test": Case(
-        r"""os.write(3, b'{"event":"message","severity":"failure","title":"x","test":"s/peaceful"}\n')""",
+        "os.write(3, pack(events.Message(severity='failure', title='x', test='s/peaceful')))",
         reason="error",
         detail="may not say message of 's/peaceful'",
     ),
     "speaks for the runner": Case(
-        r"""os.write(3, b'{"event":"run_ended","verdict":"passed","exit_code":0,"duration":1}\n')""",
+        "os.write(3, pack(events.RunEnded(verdict='passed', exit_code=0, duration=1.0)))",
         reason="error",
         detail="may not say run_ended",
     ),
     "starts its own time again and again": Case(
         """
         while True:
-            os.write(3, json.dumps({"event": "phase_started", "test": "s/hostile", "phase": "run"}).encode() + b"\\n")
+            os.write(3, pack(events.PhaseStarted(test="s/hostile", phase="run")))
             time.sleep(0.01)
         """,
         **HANG,
         stack="in run",
     ),
-    "writes an endless line on its channel": Case(
-        "while True:\n    os.write(3, b'x' * 1000000)", reason="channel", limit=20
+    "writes an endless message on its channel": Case(
+        "while True:\n    os.write(3, b'x' * 1000000)", reason="channel", detail="wrote what is no message"
     ),
-    "breaks off in the middle of a line": Case(
-        """os.write(3, b'{"event":"message"')\nos._exit(0)""", reason="exit", detail="exit status 0 in run()"
+    "breaks off in the middle of a message": Case(
+        "os.write(3, pack(events.Progressed(test='s/hostile', fraction=0.5))[:-1])\nos._exit(0)",
+        reason="exit",
+        detail="exit status 0 in run()",
     ),
     # It ends where it should not.
     "exits with 0": Case("os._exit(0)", reason="exit", detail="exit status 0 in run(), before", exit_status=0),
     "exits with 1": Case("os._exit(1)", reason="exit", detail="exit status 1 in run(), before", exit_status=1),
     "claims success and exits with 3": Case(
-        """os.write(3, b'{"finished":{"outcome":"passed"}}\\n')\nos._exit(3)""",
+        "os.write(3, pack(Finished('passed')))\nos._exit(3)",
         reason="crash",
         detail="ended badly: exit status 3",
     ),
@@ -541,8 +545,8 @@ def test_flood_of_events_is_bounded_and_counted(tmp_path: Path, monkeypatch: pyt
 
 
 def test_flood_of_garbage_is_bounded_and_counted(tmp_path: Path):
-    """Of a million unintelligible lines a few are quoted; the rest are counted."""
-    outcome = run_hostile(tmp_path, Case("while True:\n    os.write(3, b'garbage\\n' * 1000)"))
+    """Of a million unintelligible messages a few are quoted; the rest are counted."""
+    outcome = run_hostile(tmp_path, Case("while True:\n    os.write(3, (struct.pack('=I', 7) + b'garbage') * 1000)"))
     assert outcome.verdict("hostile") is Verdict.ERROR
     assert outcome.verdict("peaceful") is Verdict.PASSED
     assert len(outcome.of(Message, title="protocol")) == 20

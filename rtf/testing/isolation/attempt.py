@@ -7,7 +7,6 @@ the dump, when a fixture is lost or an operator stops the run.
 
 from __future__ import annotations
 
-import json
 import signal
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -18,7 +17,6 @@ from rtf.testing.events import (
     Asked,
     Attached,
     Event,
-    EventError,
     Measured,
     Message,
     OutputCaptured,
@@ -31,18 +29,17 @@ from rtf.testing.events import (
     SubResultEnded,
     TestRenamed,
     TestStarted,
-    from_record,
 )
-from rtf.testing.isolation import processes
+from rtf.testing.isolation import messages, processes
 from rtf.testing.isolation.capture import Capture
-from rtf.testing.isolation.fork_server_protocol import NUDGE_PERIOD, NUDGE_SIGNAL, STOP_SIGNAL
-from rtf.testing.isolation.worker_pool import ForkServerLostError
+from rtf.testing.isolation.messages import NUDGE_PERIOD, NUDGE_SIGNAL, STOP_SIGNAL, Answer, Finished
+from rtf.testing.isolation.worker_pool import ForkServerLostError, LoadTimeoutError
 from rtf.testing.verdict import UNDOING_PHASES, MeasurementVerdict, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.testing.isolation.job import Job
+    from rtf.testing.isolation.messages import Job
     from rtf.testing.isolation.worker_pool import Child, ForkServerClient
 
 #: How long a test may take to react to being asked to stop, and a killed one to vanish.
@@ -55,9 +52,6 @@ EVENT_BYTES = 64 << 20
 #: So many unintelligible lines are told of, the rest are counted; and so much is quoted of what was said.
 _PROTOCOL_ERRORS = 20
 _QUOTED = 300
-#: The exit status of a process of ours that cannot reach its runner any more.
-_CUT_OFF = 71
-_CHANNEL_CLOSED = "the test closed the channel to its runner"
 _ORDER = (Phase.LOAD, Phase.SETUP, Phase.RUN, Phase.TEARDOWN, Phase.CLEANUP)
 
 #: What a test may say; anything else on its channel is an error of the test.
@@ -159,7 +153,7 @@ class Attempt:
         self._total = clock.Deadline()
         self._silence = clock.Deadline()
         self._nudge = clock.Deadline()
-        self._finished: dict[str, str] | None = None
+        self._finished: Finished | None = None
         self._stop: Stop | None = None
         self._killed = False
         self._repetition = 0
@@ -167,7 +161,9 @@ class Attempt:
         self._failures_before_stop = 0
         self._errors = 0
         self._undoing_failed = False
+        self._loading_took = 0.0
         self._garbled = 0
+        self._late = 0
         self._first = ""
         self._bytes = 0
         self._left_out = 0
@@ -177,28 +173,47 @@ class Attempt:
 
     def run(self, take: Callable[[], Child] | None = None) -> Outcome:
         """Carry it out in a fresh process, or in the one that ``take`` gives, and say what it came to."""
-        for again in (True, False):
-            try:
-                self._child = take() if take else self._fork_server.take(self._job.plugin, self._fixtures)
-                break
-            except ForkServerLostError as error:
-                if not again:  # the first time it was lost while nothing ran, which is no concern of the test
-                    return self._error("internal", str(error))
-        child = self._require_child()
         began = clock.monotonic()
+        try:
+            child = self._child = self._obtain(take or self._take_fresh)
+        except LoadTimeoutError as error:
+            return self._not_loaded(str(error), began)
+        except ForkServerLostError as error:
+            return self._error("internal", str(error))
         self._emit(
             TestStarted(test=self._job.id, attempt=self._job.attempt, pid=child.pid, fixtures=self._fixtures),
         )
-        self._total = clock.Deadline.after(self._limits.total)
-        self._deadline = clock.Deadline.after(self._limits.setup)
-        child.begin(self._job.to_message(), self._hear, self._capture.feed)
+        self._total = _left(self._limits.total, self._loading_took)
+        self._deadline = _left(self._limits.setup, self._loading_took)
+        child.begin(self._job, self._hear, self._capture.feed)
         self._wait()
         child.drain()
+        child.done.add(self._job.id)
         self._capture.close()
         self._dump()
         if self._left_out:
             self._note(Severity.WARNING, "journal", f"{self._left_out} events left out: the test said too much")
         return replace(self._conclude(), duration=clock.monotonic() - began)
+
+    def _obtain(self, take: Callable[[], Child]) -> Child:
+        try:
+            return take()
+        except ForkServerLostError:  # it was lost while nothing ran, which is no concern of the test
+            return take()
+
+    def _take_fresh(self) -> Child:
+        """A child of its own. The loading of a shared file counts as the loading of this test."""
+        limits = [limit for limit in (self._limits.setup, self._limits.total) if limit is not None]
+        child = self._fork_server.take(self._job.plugin, self._fixtures, min(limits, default=None))
+        self._loading_took = self._fork_server.loading_took
+        return child
+
+    def _not_loaded(self, why: str, began: float) -> Outcome:
+        """The file that it shares with other tests did not come to the end of its loading."""
+        self._emit(TestStarted(test=self._job.id, attempt=self._job.attempt, fixtures=self._fixtures))
+        self._stop = Stop(Verdict.ERROR, "timeout", why)
+        self._dump()
+        return replace(self._error("timeout", why), duration=clock.monotonic() - began)
 
     @property
     def stopped(self) -> bool:
@@ -261,7 +276,12 @@ class Attempt:
         """A process that dies closes its channel a moment before its end is known; one that lives on is cut off."""
         if self._silence.at == clock.FOREVER:
             self._silence = self._deadline = clock.Deadline.after(self._limits.grace)
-        return Stop(Verdict.ERROR, "channel", _CHANNEL_CLOSED) if self._silence.expired else None
+        return Stop(Verdict.ERROR, "channel", self._why_cut_off()) if self._silence.expired else None
+
+    def _why_cut_off(self) -> str:
+        if self._require_child().garbled:
+            return "the test wrote what is no message on the channel to its runner"
+        return "the test closed the channel to its runner"
 
     def _overdue(self, child: Child, what: str, deadline: clock.Deadline) -> Stop:
         detail = f"{what} did not end within {deadline.limit:g} s"
@@ -294,22 +314,34 @@ class Attempt:
 
     # Hearing -----------------------------------------------------------------------------------------------------
 
-    def _hear(self, line: bytes) -> None:
+    def _hear(self, data: bytes) -> None:
         try:
-            message = json.loads(line.decode())
-            if type(message) is dict and "finished" in message:
-                self._finished = {str(key): str(value) for key, value in message["finished"].items()}
-                self._deadline = clock.Deadline.after(_LEAVING)
-                self._nudge = clock.Deadline()
-                return
-            event = from_record(message)
-        except (EventError, ValueError, TypeError, AttributeError, RecursionError) as error:
-            self._garble(f"said something unintelligible: {str(error)[:_QUOTED]}: {line[:_QUOTED]!r}")
+            message = messages.from_child(data)
+        except (ValueError, RecursionError) as error:
+            self._garble(f"said something unintelligible: {str(error)[:_QUOTED]}: {data[:_QUOTED]!r}")
             return
-        if not isinstance(event, _ALLOWED) or event.test != self._job.id:
-            self._garble(f"may not say {event.kind} of {str(getattr(event, 'test', ''))[:_QUOTED]!r}")
+        if isinstance(message, Finished):
+            self._finished = message
+            self._deadline = clock.Deadline.after(_LEAVING)
+            self._nudge = clock.Deadline()
+        elif not isinstance(message, _ALLOWED):
+            self._garble(f"may not say {message.kind if isinstance(message, Event) else 'that'}")
+        elif message.test == self._job.id:
+            self._take(message, len(data))
+        elif message.test in self._require_child().done:
+            self._say_late(message, message.test)
+        else:
+            self._garble(f"may not say {message.kind} of {message.test[:_QUOTED]!r}")
+
+    def _say_late(self, event: Event, test: str) -> None:
+        """A thread of an earlier test lives on in the process that this test shares with it."""
+        if self._late >= _PROTOCOL_ERRORS:
+            self._left_out += 1
             return
-        self._take(event, len(line))
+        self._late += 1
+        text = f"{event.title}: {event.detail}" if isinstance(event, Message) else event.kind
+        detail = f"said by a thread of the test after the test was over: {text}"[:_QUOTED]
+        self._emit(Message(severity=Severity.WARNING, title="late", detail=detail, test=test))
 
     def _garble(self, what: str) -> None:
         self._garbled += 1
@@ -371,7 +403,7 @@ class Attempt:
         child = self._require_child()
 
         def answer(text: str | None, source: str) -> None:
-            child.send(json.dumps({"answer": [question.question, text, source]}).encode() + b"\n")
+            child.send(Answer(question.question, text, source))
 
         if self._ask is not None:
             self._ask(question, answer)
@@ -422,18 +454,18 @@ class Attempt:
             return self._error("crash", f"after the test was over its process ended badly: {how}")
         return self._claim(finished)
 
-    def _claim(self, finished: dict[str, str]) -> Outcome:
+    def _claim(self, finished: Finished) -> Outcome:
         """What is made of the last word of a process that ended well."""
         if self._failures or self._errors:  # what was heard counts, whatever the process says at last
             verdict, reason = (Verdict.FAILED, "failure") if self._failures else (Verdict.ERROR, "error")
-            return Outcome(verdict=verdict, reason=reason, detail=finished.get("detail") or self._first)
-        if finished.get("stopped"):
+            return Outcome(verdict=verdict, reason=reason, detail=finished.detail or self._first)
+        if finished.stopped:
             return self._error("stopped", "it was told to stop, and not by the runner")
         try:
-            verdict = Verdict(finished["outcome"])
-        except (KeyError, ValueError):
+            verdict = Verdict(finished.outcome)
+        except ValueError:
             return self._error("protocol", "the test's process did not say what the test came to")
-        return Outcome(verdict=verdict, reason=finished.get("reason", ""), detail=finished.get("detail", ""))
+        return Outcome(verdict=verdict, reason=finished.reason, detail=finished.detail)
 
     def _stopped_verdict(self, stop: Stop) -> Outcome:
         detail = stop.detail
@@ -456,8 +488,8 @@ class Attempt:
         if end.signal:
             hint = " (the machine may have run out of memory)" if end.signal == "SIGKILL" else ""
             return self._error("crash", f"killed by {end.signal} {where}{hint}")
-        if end.exit_status == _CUT_OFF:
-            return self._error("channel", _CHANNEL_CLOSED)
+        if end.exit_status == messages.CUT_OFF or self._require_child().garbled:
+            return self._error("channel", self._why_cut_off())
         return self._error(
             "exit", f"the process ended with exit status {end.exit_status} {where}, before the test was over"
         )
@@ -475,3 +507,31 @@ class Attempt:
         if self._child is None:
             raise RuntimeError("the attempt has no process yet")
         return self._child
+
+
+def _left(limit: float | None, used: float) -> clock.Deadline:
+    """What is left of a time limit. The deadline names the limit as a whole."""
+    if limit is None:
+        return clock.Deadline()
+    return clock.Deadline(clock.monotonic() + max(0.0, limit - used), limit)
+
+
+def run_in_process(job: Job, emit: Callable[[Event], None]) -> Outcome:
+    """Run one attempt inside the runner, for a debugger's sake; nothing can end a test that hangs.
+
+    Limits, memory and questions do not apply.
+    """
+    from rtf.testing.isolation.worker import run_test
+    from rtf.testing.session import Session
+
+    began = clock.monotonic()
+    emit(TestStarted(test=job.id, attempt=job.attempt))
+    session = Session(job.id, emit, folder=job.folder, run_folder=job.run_folder)
+    finished = run_test(job, session)
+    return Outcome(
+        verdict=Verdict(finished.outcome),
+        reason=finished.reason,
+        detail=finished.detail,
+        duration=clock.monotonic() - began,
+        cut_short=session.undoing_failed,
+    )

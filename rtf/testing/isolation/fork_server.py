@@ -1,19 +1,13 @@
-"""The fork server: a warm, single-threaded process from which every test and fixture host is forked.
+"""The fork server: a single-threaded process with everything loaded, from which tests and fixture hosts are forked.
 
-It is started once, has everything loaded that a test needs, and always holds a spare child ready, so that a test begins
-in well under a millisecond. It runs no author's code itself. As the subreaper of all that its children start, it ends
-whatever a child leaves behind before it reports the child's end; and when the runner dies, however that happens, it
-ends its children, fixtures in reverse order and with time to tear down, and then itself.
+It runs no author's code itself. As the subreaper of all that its children start, it ends whatever a child leaves behind
+before it reports the child's end; and when the runner dies, however that happens, it ends its children, fixtures in
+reverse order and with time to tear down, and then itself.
 
-*Templates.* Where several tests come from one file, a child is made a template: it loads the file and then serves as a
-fork server of its own, from which the tests of that file are forked, each with the file's module as it was right after
-loading. A file is fit for this if loading it left nothing behind that a fork does not copy (:func:`unfit_because`).
-What it draws or reads while it is loaded, such as the time, is then the same for all tests of the file.
-
-*Forking.* What a small test costs is mostly memory: with each fork the kernel copies the map of all pages, and after it
-each page that the test, or the fork server while the test lives, writes to; and Python writes to every object it looks
-at. So the loop below is flat, ``forking`` chooses the cheaper fork, and the modules that the fork server loads do
-without ``threading``, ``random`` and ``logging`` and put off what few tests need.
+*Plug-in servers.* Where several tests come from one file, a child loads the file and then serves as a fork server of
+its own, from which the tests of that file are forked, each with the file's module as it was right after loading. That
+halves what a small test takes, and a large library is imported once. A file is fit for this if loading it left nothing
+behind that a fork does not copy (:func:`unfit_because`).
 """
 
 from __future__ import annotations
@@ -23,209 +17,145 @@ import importlib
 import os
 import select
 import signal
-import struct
+import socket
 import sys
-from _socket import SCM_RIGHTS, SOL_SOCKET, socket, socketpair  # the C type: half the objects of the one in ``socket``
-from typing import TYPE_CHECKING, NoReturn
+from collections import deque
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from rtf import clock
-from rtf.testing.isolation import forking, processes, worker
-from rtf.testing.isolation.fork_server_protocol import (
-    CHILD,
-    CONTROL_FD,
-    DUMP_FD,
-    EXITED,
-    FORK,
-    FORK_SPARE,
-    FORK_SPARE_REQUEST,
-    MARK_HOST,
+from rtf.testing.isolation import messages, processes, worker
+from rtf.testing.isolation.launch import CONTROL_FD, DUMP_FD
+from rtf.testing.isolation.messages import (
     NUDGE_PERIOD,
     NUDGE_SIGNAL,
-    PRELOAD,
-    READY,
-    REPORT,
-    REQUEST,
     SAFE_STATE_LIMIT,
     SAFE_STATE_NAME,
-    SIGNAL_GROUP,
-    UNFIT,
+    Exited,
+    Fork,
+    Forked,
+    Frames,
+    Loaded,
+    MarkHost,
+    Preload,
+    Signal,
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rtf.testing.plugins import PluginRef
 
-#: How long a fixture may take to come down once the runner is gone, beside the time in which it parks, and how long a
-#: killed process may take to vanish.
+#: How long a fixture may take to come down once the runner is gone, beside the time in which it parks.
 ORPHAN_GRACE = 10.0
+#: How long a killed process may take to vanish; one that does not is not waited for again.
 STRAY_GRACE = 5.0
-
-#: As much of the list of children as is looked at in one go; strays beyond it have their turn when these are gone.
-_CHILDREN_SIZE = 1 << 16
+_DESCRIPTORS = 3 * 16
 
 
 class ForkServer:
-    """The process's one loop: requests, exits, strays."""
+    """The process's one loop: requests from the runner, and ends of children."""
 
-    def __init__(self, control: socket) -> None:
+    def __init__(self, control: socket.socket, keeper: int = 0) -> None:
         self._control = control
-        self._pidfds: dict[int, int] = {}  # of every process that is a child of this one, by its id
+        self._frames = Frames()
+        self._descriptors: deque[int] = deque()
+        self._pidfds: dict[int, int] = {}  # of each child, by its id
         self._pids: dict[int, int] = {}  # the other way round
-        self._strays: set[int] = set()
         self._hosts: list[int] = []
+        self._unkillable: set[int] = set()
         self._poll = select.poll()
         self._poll.register(control, select.POLLIN)
-        self._born: list[tuple[bytes, socket, int, int]] = []
-        self._ended: list[bytes] = []
-        self._buffer = b""
-        self._pid = os.getpid()
-        self._children = os.open(f"/proc/self/task/{self._pid}/children", os.O_RDONLY)
-        self._stray_deadline = _NEVER
-        self._make_process = forking.choose_fork()
+        self._keeper = os.pidfd_open(keeper) if keeper else -1
+        if keeper:
+            self._poll.register(self._keeper, select.POLLIN)
 
     def serve(self) -> None:
-        """Work until the runner is gone; then end everything."""
+        """Work until the runner, or the keeper, is gone; then end everything."""
         control = self._control.fileno()
-        poll = self._poll.poll
-        pids = self._pids
         while True:
-            timeout = None if self._stray_deadline is _NEVER else self._stray_deadline.remaining() * 1000
-            asked = False
-            for descriptor, _ in poll(timeout):
-                if descriptor == control:
-                    asked = True
-                else:
-                    self._reap(pids[descriptor])  # before anything else: the run waits for this
-            if asked and not self._receive():
+            ready = [descriptor for descriptor, _ in self._poll.poll()]
+            for descriptor in ready:
+                if descriptor in self._pids:
+                    self._reap(self._pids[descriptor])  # before anything else: the run waits for this
+            if self._keeper in ready or (control in ready and not self._receive()):
                 break
-            if self._stray_deadline is not _NEVER and self._stray_deadline.expired:
-                self._report()  # a stray that cannot be killed must not hold up the run
         self._shut_down()
-
-    # Requests ----------------------------------------------------------------------------------------------------
 
     def _receive(self) -> bool:
         try:
-            data = self._control.recv(65536)
+            data, descriptors, _, _ = socket.recv_fds(self._control, 1 << 16, _DESCRIPTORS)
         except ConnectionError:
             return False
-        if data == FORK_SPARE_REQUEST:
-            self._fork()
-            return True
-        if not data:
-            return False
-        data = self._buffer + data
-        position, size = 0, REQUEST.size
-        while len(data) - position >= size:
-            kind, pid, signum = REQUEST.unpack_from(data, position)
-            end = position + size + (pid if kind == PRELOAD else 0)
-            if len(data) < end:
-                break
-            self._obey(kind, pid, signum, data[position + size : end])
-            position = end
-        self._buffer = data[position:]
-        return True
+        self._descriptors.extend(descriptors)
+        for frame in self._frames.feed(data):
+            self._obey(messages.to_fork_server(frame))
+        return bool(data)
 
-    def _obey(self, kind: bytes, pid: int, signum: int, text: bytes) -> None:
-        if kind in (FORK, FORK_SPARE):
+    def _obey(self, message: Fork | Signal | MarkHost | Preload) -> None:
+        if isinstance(message, Fork):
             self._fork()
-            if kind == FORK:
-                self._report(ends=False)
-        elif kind == PRELOAD:
-            _preload(self._control, text.decode().split())
-            self._make_process = forking.choose_fork()
-        elif pid not in self._pidfds:
+        elif isinstance(message, Preload):
+            _preload(self._control, message.modules)
+        elif message.pid not in self._pidfds:
             return  # it ended meanwhile, and its end is on its way
-        elif kind == MARK_HOST:
-            self._hosts.append(pid)
-        elif kind == SIGNAL_GROUP:
-            processes.signal_group(pid, signum)
+        elif isinstance(message, MarkHost):
+            self._hosts.append(message.pid)
+        elif message.group:
+            processes.signal_group(message.pid, message.signum)
         else:
-            processes.signal_process(pid, signum)
+            processes.signal_process(message.pid, message.signum)
+
+    def _tell(self, message: messages.Message) -> None:
+        with suppress(OSError):  # the runner is gone; the next poll says so
+            self._control.sendall(messages.pack(message))
 
     # Children ----------------------------------------------------------------------------------------------------
 
     def _fork(self) -> None:
-        here, there = socketpair()
-        out_read, out_write = os.pipe()
-        err_read, err_write = os.pipe()
-        pid = self._make_process()
-        if pid < 0:
-            pid = os.fork()  # which meets the same want of memory, and says so
+        channel, out, err = (self._descriptors.popleft() for _ in range(3))
+        pid = os.fork()
         if pid == 0:
             status = 70
             try:
-                status = worker.child_main(there.fileno(), out_write, err_write)
+                status = worker.child_main(channel, out, err)
             finally:
                 os._exit(status)
-        there.close()
-        os.close(out_write)
-        os.close(err_write)
-        self._adopt(pid)
-        self._born.append((REPORT.pack(CHILD, pid, 0, 0.0, 0), here, out_read, err_read))
-
-    def _adopt(self, pid: int) -> None:
-        pidfd = os.pidfd_open(pid)
-        self._pidfds[pid] = pidfd
+        for descriptor in (channel, out, err):
+            os.close(descriptor)
+        pidfd = self._pidfds[pid] = os.pidfd_open(pid)
         self._pids[pidfd] = pid
         self._poll.register(pidfd, select.POLLIN)
+        self._tell(Forked(pid))
 
     def _reap(self, pid: int) -> None:
         """Take note of an end, and report it once nothing is left of what the dead child started."""
-        status, cpu, resident = processes.reap(pid)
+        status, cpu_time, max_rss = processes.reap(pid)
         pidfd = self._pidfds.pop(pid)
         del self._pids[pidfd]
         self._poll.unregister(pidfd)
         os.close(pidfd)
-        if pid in self._strays:
-            self._strays.discard(pid)
-        else:
-            self._ended.append(REPORT.pack(EXITED, pid, status, cpu, resident))
-        for word in os.pread(self._children, _CHILDREN_SIZE, 0).split():
-            if int(word) not in self._pidfds:
-                self._end_stray(int(word))
-        if not self._strays:
-            self._report()
-        elif self._stray_deadline is _NEVER:
-            self._stray_deadline = clock.Deadline.after(STRAY_GRACE)
+        self._end_strays()
+        self._tell(Exited(pid, status, cpu_time, max_rss))
 
-    def _end_stray(self, pid: int) -> None:
-        try:
-            self._adopt(pid)
-        except ProcessLookupError:
-            return
-        processes.signal_process(pid, signal.SIGKILL)
-        self._strays.add(pid)
-
-    def _report(self, *, ends: bool = True) -> None:
-        """Tell of new children, and of those that have ended."""
-        reports = []
-        descriptors: list[int] = []
-        for report, here, out, err in self._born:
-            reports.append(report)
-            descriptors += (here.fileno(), out, err)
-        if ends:
-            reports += self._ended
-            self._ended.clear()
-            self._stray_deadline = _NEVER
-        try:
-            if descriptors:
-                packed = struct.pack(f"={len(descriptors)}i", *descriptors)
-                self._control.sendmsg(reports, [(SOL_SOCKET, SCM_RIGHTS, packed)])
-            elif reports:
-                self._control.sendmsg(reports)
-        except OSError:
-            pass  # the runner is gone; the next poll says so
-        for _, here, out, err in self._born:
-            here.close()
-            os.close(out)
-            os.close(err)
-        self._born.clear()
+    def _end_strays(self) -> None:
+        """Kill the processes that this one has inherited, and wait until they are gone."""
+        deadline = clock.Deadline.after(STRAY_GRACE)
+        known = self._pidfds.keys() | self._unkillable
+        while strays := [pid for pid in processes.children_of(os.getpid()) if pid not in known]:
+            for pid in strays:
+                processes.signal_process(pid, signal.SIGKILL)
+                if not processes.await_exit(pid, deadline.remaining()):
+                    self._unkillable.add(pid)  # it must not hold up the run
+                    known = known | {pid}
 
     # The end -----------------------------------------------------------------------------------------------------
 
     def _shut_down(self) -> None:
         self._poll.unregister(self._control)
         self._control.close()
+        if self._keeper >= 0:
+            self._poll.unregister(self._keeper)
         hosts = [pid for pid in self._hosts if pid in self._pidfds]
         for pid in [*self._pidfds]:
             if pid not in hosts:
@@ -234,10 +164,12 @@ class ForkServer:
             if host in self._pidfds:
                 self._end_host(host)
         final = clock.Deadline.after(STRAY_GRACE)
-        while (self._pidfds or processes.children_of(self._pid)) and not final.expired:
-            for pid in processes.descendants_of(self._pid):
+        while (self._pidfds or processes.children_of(os.getpid())) and not final.expired:
+            for pid in processes.descendants_of(os.getpid()):
                 processes.signal_process(pid, signal.SIGKILL)
             self._reap_ready(min(0.2, final.remaining()))
+            if not self._pidfds:
+                self._end_strays()
 
     def _end_host(self, host: int) -> None:
         """Have a fixture come down, in its time: what depends on it is down. One that does not is killed."""
@@ -264,27 +196,47 @@ class ForkServer:
                 self._reap(self._pids[descriptor])
 
 
-_NEVER = clock.Deadline()
-
-
 # Being one -----------------------------------------------------------------------------------------------------------
 
 
-def _send_text(control: socket, kind: bytes, text: str) -> None:
-    data = text.encode()
-    control.sendall(REPORT.pack(kind, len(data), 0, 0.0, 0) + data)
-
-
-def _preload(control: socket, names: list[str]) -> None:
-    """Load modules that the suites' tests need once here instead of in each test, and tell of those that cannot be."""
-    problems = []
-    for name in names:
-        try:
-            importlib.import_module(name)
-        except Exception as error:  # noqa: BLE001 - whatever an import does, the run says so and goes on without it
-            problems.append(f"preload {name}: {type(error).__name__}: {error}")
-    _send_text(control, READY, "\n".join(problems))
+def main(keeper: int) -> NoReturn:
+    """Be the fork server of a runner."""
+    os.set_inheritable(CONTROL_FD, False)
+    os.set_inheritable(DUMP_FD, False)
+    processes.adopt_orphans()
+    processes.no_core_dumps()
+    processes.prefer_for_oom_kill()
+    worker.prepare()
     _settle()
+    ForkServer(socket.socket(fileno=CONTROL_FD), keeper).serve()
+    os._exit(0)
+
+
+def _preload(control: socket.socket, names: tuple[str, ...]) -> None:
+    """Load modules that the suites' tests need once here instead of in each test, and report those that cannot be."""
+    problems = []
+    with _one_thread():
+        for name in names:
+            try:
+                importlib.import_module(name)
+            except Exception as error:  # noqa: BLE001 - whatever an import does, the run says so and goes on without it
+                problems.append(f"preload {name}: {type(error).__name__}: {error}")
+    _settle()
+    control.sendall(messages.pack(Loaded(tuple(problems))))
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Have the library behind numpy start no threads in the block: a fork would be without them."""
+    name = "OPENBLAS_NUM_THREADS"
+    if name in os.environ:
+        yield
+        return
+    os.environ[name] = "1"
+    try:
+        yield
+    finally:
+        os.environ.pop(name, None)
 
 
 def _settle() -> None:
@@ -294,63 +246,69 @@ def _settle() -> None:
     processes.give_memory_back()
 
 
-def main() -> NoReturn:
-    """Be the fork server: what a fresh interpreter does that :mod:`rtf.testing.isolation.launch` has started."""
-    os.set_inheritable(CONTROL_FD, False)
-    os.set_inheritable(DUMP_FD, False)
-    processes.adopt_orphans()
-    processes.no_core_dumps()
-    processes.prefer_for_oom_kill()
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a thread pool would not survive the fork
-    worker.prepare()
-    _settle()
-    ForkServer(socket(fileno=CONTROL_FD)).serve()
-    os._exit(0)
+def serve_plugin(plugin: PluginRef, control_fd: int) -> int:
+    """Turn this worker into the fork server for the tests of one file. Returns the exit status of the process.
 
-
-def be_template(plugin: PluginRef, control_fd: int) -> int:
-    """Turn this worker into a fork server for the tests of one file. Returns the exit status of the process.
-
-    The first report is READY, or UNFIT with the reason; then each test loads the file for itself, and tells what is
+    It reports that the file is loaded; or else a problem, and each test loads the file for itself and tells what is
     wrong with it in its own name.
     """
-    control = socket(fileno=control_fd)
-    before = _kernel_state()
+    control = socket.socket(fileno=control_fd)
+    before = _state()
     try:
-        worker.load_template(plugin)
+        with _one_thread():
+            worker.load_plugin(plugin)
         sys.stdout.flush()
         sys.stderr.flush()
-        reason = unfit_because(before, _kernel_state())
+        reason = unfit_because(before, _state())
     except BaseException as error:  # noqa: BLE001 - even sys.exit() in the file is the tests' to report
         reason = f"{type(error).__name__}: {error}"
     if reason:
-        _send_text(control, UNFIT, reason)
+        control.sendall(messages.pack(Loaded((reason,))))
         return 0
     _settle()
-    _send_text(control, READY, "")
+    control.sendall(messages.pack(Loaded()))
     ForkServer(control).serve()
     return 0
 
 
-def _kernel_state() -> dict[str, list[str]]:
-    """What a process has from the kernel that its forks would share, or would not get."""
+def _state() -> dict[str, Any]:
+    """What a process has that its forks would share, or would not get."""
     with open("/proc/self/maps", encoding="utf-8") as stream:  # noqa: PTH123
         shared = [line for line in stream if line.split()[1].endswith("s")]
-    timers = [str(signal.getitimer(which)) for which in (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL, signal.ITIMER_PROF)]
     return {
         "threads": os.listdir("/proc/self/task"),  # noqa: PTH208 - names only
-        "processes": [str(pid) for pid in processes.children_of(os.getpid())],
+        "processes": processes.children_of(os.getpid()),
         "open files": sorted(os.listdir("/proc/self/fd")),  # noqa: PTH208
         "shared memory": shared,
-        "timers": timers,
+        "timers": [
+            signal.getitimer(which) for which in (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL, signal.ITIMER_PROF)
+        ],
+        "random numbers that have begun": _random_state(),
     }
 
 
-def unfit_because(before: dict[str, list[str]], after: dict[str, list[str]]) -> str:
+def _random_state() -> object:
+    """The state of Python's random numbers, and that of numpy's where they were seeded or drawn from.
+
+    A seed that nobody has chosen leaves numpy's generator (MT19937, ``init_by_array``) with 2**31 in the first word
+    of its state, and at the end of it.
+    """
+    import random
+
+    python = random.getstate()
+    numpy_random = sys.modules.get("numpy.random")
+    if numpy_random is None:
+        return python, None
+    _, words, position, _, _ = numpy_random.get_state()
+    untouched = words[0] == 1 << 31 and position >= len(words) - 1
+    return python, None if untouched else (words.tobytes(), position)
+
+
+def unfit_because(before: dict[str, Any], after: dict[str, Any]) -> str:
     """Why tests must not be forked from a process whose state was changed by loading a file; empty if they may.
 
     A thread would be missing in the fork, and so would a timer; a child process, an open file or socket (with its
-    position) and shared memory would be the same one in each test.
+    position) and shared memory would be the same one in each test; a chosen seed would be lost.
     """
     changed = [what for what in before if before[what] != after[what]]
     return f"loading it left {', '.join(changed)}" if changed else ""

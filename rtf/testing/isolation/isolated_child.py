@@ -107,25 +107,9 @@ def _keep(function: Callable[[], dict[str, Any]], lifeline: socket.socket, resul
         if child == 0:
             _call(function, result)
         os.close(result)
-        ended = os.pidfd_open(child)
-        select.select([ended, lifeline.fileno()], [], [])
-        lifeline.sendall(_STATUS.pack(_reap_all(child)))
+        lifeline.sendall(_STATUS.pack(processes.keep(child, lifeline.fileno())))
     finally:
         os._exit(0)
-
-
-def _reap_all(child: int) -> int:
-    """Kill every descendant of this process until there is none; return the wait status of ``child``."""
-    status = 0
-    while True:
-        for pid in processes.descendants_of(os.getpid()):
-            processes.signal_process(pid, signal.SIGKILL)  # a zombie keeps its status
-        try:
-            pid, ended = os.wait()
-        except ChildProcessError:
-            return status
-        if pid == child:
-            status = ended
 
 
 def _call(function: Callable[[], dict[str, Any]], result: int) -> NoReturn:

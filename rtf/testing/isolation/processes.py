@@ -9,8 +9,8 @@ import contextlib
 import ctypes
 import os
 import resource
+import select
 import signal
-import struct
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -20,9 +20,6 @@ _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
 
 _libc = ctypes.CDLL(None, use_errno=True)
-
-
-_plain_prctl = _libc.prctl
 
 
 def _prctl(option: int, argument: int) -> None:
@@ -43,8 +40,8 @@ def adopt_orphans() -> None:
 
 def tie_to_parent(signum: int = signal.SIGKILL) -> None:
     """Both of the above for a process that has just been forked, where it cannot fail and each call counts."""
-    _plain_prctl(_PR_SET_PDEATHSIG, signum, 0, 0, 0)
-    _plain_prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    _libc.prctl(_PR_SET_PDEATHSIG, signum, 0, 0, 0)
+    _libc.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
 @contextlib.contextmanager
@@ -72,21 +69,41 @@ def name_of(pid: int) -> str:
         return ""
 
 
-_wait4 = _libc.wait4
-_wait_status = ctypes.c_int()
-_wait_status_pointer = ctypes.byref(_wait_status)
-_usage = ctypes.create_string_buffer(256)  # struct rusage: user time, system time, largest resident size in KiB, …
-_USAGE = struct.Struct("@lllll")
-
-
 def reap(pid: int) -> tuple[int, float, int]:
-    """Take note of a child that has ended: its wait status, its CPU time in seconds, its peak memory in bytes.
+    """Take note of a child that has ended: its wait status, its CPU time in seconds, its peak memory in bytes."""
+    _, status, usage = os.wait4(pid, 0)
+    return status, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
 
-    ``os.wait4`` does the same, and imports a module each time to make its result of.
+
+def keep(child: int, lifeline: int | None = None) -> int:
+    """Wait for a child, then end all descendants of this process, a subreaper; return the child's wait status.
+
+    The child is ended, too, when ``lifeline`` is closed by its other end.
     """
-    _wait4(pid, _wait_status_pointer, 0, _usage)
-    user, user_micro, system, system_micro, resident = _USAGE.unpack_from(_usage)
-    return _wait_status.value, user + system + (user_micro + system_micro) * 1e-6, resident * 1024
+    ended = os.pidfd_open(child)
+    select.select([ended] if lifeline is None else [ended, lifeline], [], [])
+    status = 0
+    while True:
+        for pid in descendants_of(os.getpid()):
+            signal_process(pid, signal.SIGKILL)  # a zombie keeps its status
+        try:
+            pid, wait_status = os.wait()
+        except ChildProcessError:
+            return status
+        if pid == child:
+            status = wait_status
+
+
+def await_exit(pid: int, timeout: float | None) -> bool:
+    """Wait for a child of this process to end, and reap it. False when it does not within ``timeout`` seconds."""
+    pidfd = os.pidfd_open(pid)
+    try:
+        if not select.select([pidfd], [], [], timeout)[0]:
+            return False
+    finally:
+        os.close(pidfd)
+    os.waitpid(pid, 0)
+    return True
 
 
 def children_of(pid: int) -> list[int]:
@@ -128,19 +145,6 @@ def carries(pid: int, mark: str) -> bool:
         with open(f"/proc/{pid}/environ", "rb") as stream:  # noqa: PTH123
             return mark.encode() in stream.read().split(b"\0")
     except OSError:
-        return False
-
-
-def in_transit(pid: int) -> bool:
-    """Whether a process is between two programs or on its way out: it cannot be read, and may have children."""
-    try:
-        for name in ("environ", "cmdline"):
-            with open(f"/proc/{pid}/{name}", "rb") as stream:  # noqa: PTH123
-                if stream.read(1):
-                    return False
-        with open(f"/proc/{pid}/stat", "rb") as stream:  # noqa: PTH123
-            return stream.read().rpartition(b")")[2].split()[0] not in (b"Z", b"X")
-    except (OSError, IndexError):
         return False
 
 
@@ -193,11 +197,6 @@ def give_memory_back() -> None:
     """Return to the kernel what the C library keeps of freed memory."""
     with contextlib.suppress(AttributeError):  # the GNU C library has it, musl does not
         _libc.malloc_trim(0)
-
-
-def memory_limit() -> int:
-    """The limit of :func:`limit_memory` that holds for this process, -1 for none."""
-    return resource.getrlimit(resource.RLIMIT_DATA)[0]
 
 
 def no_core_dumps() -> None:

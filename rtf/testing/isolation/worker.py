@@ -1,60 +1,69 @@
 """The process in which one test runs. It sends events and nothing else.
 
-A worker is forked from the fork server or from a template of it, waits for a job on its socket, does it, says that it
+A worker is forked from the fork server or from a plug-in server, waits for a job on its socket, does it, says that it
 is finished and ends. What it says last is only a claim: the verdict is the runner's, which also knows how it ended.
-
-The way of a plain test through this module is kept short and flat. It runs in a process a moment old, in which every
-function that is called and every object that is touched costs the copy of a page of memory (about 3 µs), which is more
-than its work.
 """
 
 from __future__ import annotations
 
 import faulthandler
 import importlib
-import json
 import os
 import select
 import signal
 import sys
-from _socket import socketpair  # the C type, see the fork server
-from typing import TYPE_CHECKING, Any, NoReturn
+from collections import deque
+from threading import Lock
+from typing import TYPE_CHECKING, NoReturn
 
 from rtf import clock
 from rtf.testing import plugins
 from rtf.testing.case import TestCase
-from rtf.testing.events import Event, Measured, ParametersResolved, PhaseStarted, line_of, to_line
-from rtf.testing.isolation import processes
-from rtf.testing.isolation.fork_server_protocol import DUMP_FD, DUMP_SIGNAL, NUDGE_SIGNAL, SOCKET_FD, STOP_SIGNAL
-from rtf.testing.isolation.job import HEADER, JOB_MARK, Job
+from rtf.testing.events import Measured, ParametersResolved
+from rtf.testing.isolation import messages, processes
+from rtf.testing.isolation.messages import (
+    CHANNEL_FD,
+    DUMP_FD,
+    DUMP_SIGNAL,
+    NUDGE_SIGNAL,
+    STOP_SIGNAL,
+    Answer,
+    Command,
+    Finished,
+    Frames,
+    Job,
+)
 from rtf.testing.outcome import TestProblem, TestStopped
 from rtf.testing.plugin_spec import may_move
-from rtf.testing.plugins import PluginRef
 from rtf.testing.session import Session, text_of
 from rtf.testing.statistics import median, wilson_interval
 from rtf.testing.verdict import Phase, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from types import FrameType, ModuleType
+    from types import FrameType
+
+    import msgspec
+
+    from rtf.testing.plugins import PluginRef
 
 #: What every test imports; loaded once in the fork server, because in each test it would take a hundred times as long
 #: as the fork itself.
-_WARM = ("rtf.testing.fixture", "importlib.machinery", "importlib.util")
-
-#: Looking up a member of an enumeration runs Python code.
-_LOAD, _SETUP, _RUN = Phase.LOAD, Phase.SETUP, Phase.RUN
+_WARM = (
+    "importlib.machinery",
+    "importlib.util",
+    "random",
+    "rtf.testing.fixture",
+    "rtf.testing.languages.legacy_python",
+    "rtf.testing.parameters",
+)
+_CHUNK = 1 << 16
+_ALL_FILES = 1 << 20
 
 _session: Session | None = None
 
-#: In a template and its children: the file that is loaded already, as a module in which nothing has happened since.
-_template: tuple[str, ModuleType] | None = None
-#: The classes of that file that the template has looked up.
-_template_classes: dict[PluginRef, type[TestCase]] = {}
-
-
-#: The interpreter specialises code that has run some eight times.
-_REHEARSALS = 20
+#: In a plug-in server and its children: what makes the tests of the file that is loaded.
+_makers: dict[PluginRef, Callable[[], TestCase]] = {}
 
 
 def prepare() -> None:
@@ -68,35 +77,6 @@ def prepare() -> None:
     faulthandler.register(DUMP_SIGNAL, file=DUMP_FD, all_threads=True, chain=False)
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(line_buffering=True)  # type: ignore[union-attr]
-    _rehearse(_REHEARSALS)
-
-
-def _rehearse(times: int) -> None:
-    """Do what every worker does, with a test of our own that nobody hears of.
-
-    What the interpreter and the linker prepare when something is done for the first time (specialised instructions,
-    attribute caches, addresses of C functions) is then inherited, instead of being made by every worker in pages that
-    have to be copied for it.
-    """
-
-    class Rehearsal(TestCase):
-        def run(self) -> None:
-            self.check(True, "")
-
-    ref = PluginRef("test", "", "", "python")
-    job = Job(kind="test", id="", name="", plugin=ref, folder="", run_folder="").to_message()
-    runner, worker = socketpair()
-    nowhere = Wire(os.open(os.devnull, os.O_WRONLY | os.O_CLOEXEC))
-    limit = processes.memory_limit()
-    _template_classes[ref] = Rehearsal
-    for _ in range(times):
-        processes.tie_to_parent(0)
-        processes.limit_memory(limit)
-        runner.sendall(job)
-        received = Wire(worker.fileno()).receive_job()
-        assert received is not None
-        _work(received, nowhere)
-    del _template_classes[ref]
 
 
 def _on_stop(_signum: int, _frame: FrameType | None) -> None:
@@ -108,182 +88,131 @@ def _on_nudge(_signum: int, _frame: FrameType | None) -> None:
     """Nothing: to be woken is all, see ``NUDGE_SIGNAL``."""
 
 
-class Wire:
-    """The worker's end of the socket to its runner: jobs and answers come in, lines go out."""
+class Channel:
+    """A child's end of the socket to its runner. Any thread may send; one receives."""
 
     def __init__(self, descriptor: int) -> None:
         #: What to do when the runner is gone: for a test, to end; a fixture still has something to tear down.
         self.on_lost: Callable[[], object] = _end_without_runner
         self._descriptor = descriptor
-        self._buffer = b""
+        self._frames = Frames()
+        self._received: deque[Job | Answer | Command] = deque()
+        self._lock = Lock()
 
-    def send(self, line: bytes) -> None:
-        """Send one line whole."""
+    def send(self, message: msgspec.Struct) -> None:
+        """Send one message, or event, whole."""
+        data = messages.pack(message)
         try:
-            sent = os.write(self._descriptor, line)
-            while sent < len(line):
-                line = line[sent:]
-                sent = os.write(self._descriptor, line)
+            with self._lock:
+                sent = os.write(self._descriptor, data)
+                while sent < len(data):
+                    data = data[sent:]
+                    sent = os.write(self._descriptor, data)
         except OSError:
             self.on_lost()
 
-    def send_event(self, event: Event) -> None:
-        """Send one event."""
-        self.send(to_line(event))
-
-    def send_record(self, record: dict[str, Any]) -> None:
-        """Send what an event's line is made of."""
-        self.send(line_of(record))
-
-    def receive_job(self) -> Job | None:
-        """Wait for the next job; None when there is no runner any more."""
-        buffer = self._buffer
-        while True:
-            if buffer[:1] == JOB_MARK and len(buffer) >= HEADER.size:
-                end = HEADER.size + HEADER.unpack_from(buffer)[1]
-                if len(buffer) >= end:
-                    self._buffer = buffer[end:]
-                    return Job.from_data(buffer[HEADER.size : end])
-            elif buffer and buffer[:1] != JOB_MARK:  # a late answer to a question of the last job
-                _, separator, rest = buffer.partition(b"\n")
-                if separator:
-                    buffer = rest
-                    continue
-            data = self._read()
-            if not data:
-                return None
-            buffer += data
-
-    def receive(self, timeout: float | None) -> dict[str, Any] | None:
+    def receive(self, timeout: float | None = None) -> Job | Answer | Command | None:
         """Wait for one message; None when none came in ``timeout`` seconds (None: for ever), or without a runner."""
-        while True:
-            line, separator, rest = self._buffer.partition(b"\n")
-            if separator:
-                self._buffer = rest
-                message: dict[str, Any] = json.loads(line)
-                return message
+        while not self._received:
             if timeout is not None and not select.select([self._descriptor], [], [], timeout)[0]:
                 return None
-            data = self._read()
+            try:
+                data = os.read(self._descriptor, _CHUNK)
+            except ConnectionError:
+                data = b""
             if not data:
+                self.on_lost()
                 return None
-            self._buffer += data
-
-    def _read(self) -> bytes:
-        try:
-            data = os.read(self._descriptor, 8192)
-        except ConnectionError:
-            data = b""
-        if not data:
-            self.on_lost()
-        return data
+            self._received.extend(map(messages.to_child, self._frames.feed(data)))
+        return self._received.popleft()
 
     def receive_answer(self, timeout: float) -> tuple[str, str | None, str] | None:
         """Wait for the answer to a question: its id, the answer, and who gave it."""
-        message = self.receive(timeout)
-        if message is None or "answer" not in message:
-            return None
-        question, answer, source = message["answer"]
-        return question, answer, source
+        received = self.receive(timeout)
+        return (received.question, received.answer, received.source) if isinstance(received, Answer) else None
 
 
 def _end_without_runner() -> NoReturn:
-    os._exit(71)
+    os._exit(messages.CUT_OFF)
 
 
-def child_main(socket_fd: int, out_fd: int, err_fd: int) -> int:
+def child_main(channel_fd: int, out_fd: int, err_fd: int) -> int:
     """Live as a worker: tie this fresh fork to its parent, then do jobs until the last. Returns the exit status."""
     os.setpgid(0, 0)
     processes.tie_to_parent()
     os.dup2(out_fd, 1)
     os.dup2(err_fd, 2)
-    os.dup2(socket_fd, SOCKET_FD, inheritable=False)
-    os.closerange(DUMP_FD + 1, 1 << 20)
-    wire = Wire(SOCKET_FD)
+    os.dup2(channel_fd, CHANNEL_FD, inheritable=False)
+    os.closerange(DUMP_FD + 1, _ALL_FILES)
+    _seed_anew()
+    channel = Channel(CHANNEL_FD)
     while True:
-        job = wire.receive_job()
-        if job is None:
-            return 71
+        job = channel.receive()
+        if not isinstance(job, Job):  # a late answer to a question of the last job
+            continue
         if job.memory:
             processes.limit_memory(job.memory)
         if job.kind == "test":
-            _work(job, wire)
+            _work(job, channel)
             if job.last:
                 return 0
         elif job.kind == "fixture":
             from rtf.testing.supervision import fixture_host
 
-            return fixture_host.host(job, wire)
+            return fixture_host.host(job, channel)
         else:
             from rtf.testing.isolation import fork_server
 
-            return fork_server.be_template(job.plugin, SOCKET_FD)
+            return fork_server.serve_plugin(job.plugin, CHANNEL_FD)
 
 
-def _work(job: Job, wire: Wire) -> None:
+def _seed_anew() -> None:
+    """Have random numbers of its own; Python's are seeded by ``os.fork``, those of numpy, where it is loaded, here."""
+    numpy_random = sys.modules.get("numpy.random")
+    if numpy_random is not None:
+        numpy_random.seed()
+
+
+def _work(job: Job, channel: Channel) -> None:
     global _session  # noqa: PLW0603 - a signal handler has no other way to reach it
     session = Session(
         job.id,
-        wire.send_event,
+        channel.send,
         folder=job.folder,
         run_folder=job.run_folder,
-        receive=wire.receive_answer if job.can_ask else None,
-        send_record=wire.send_record,
+        receive=channel.receive_answer if job.can_ask else None,
     )
     _session = session
     os.environ["RTF_RUN_FOLDER"] = job.run_folder  # for what a test and its fixtures leave for one another
-    if job.variables:
-        os.environ.update(job.variables)
+    os.environ.update(job.variables)
     outcome = run_test(job, session)
     _session = None
-    wire.send_record({"finished": outcome})
+    channel.send(outcome)
     sys.stdout.flush()
     sys.stderr.flush()
 
 
-def load_template(ref: PluginRef) -> None:
-    """Load a test's file for all the tests that will be forked from this process; raises what the file raises.
-
-    Scripts of the C++ framework are told apart by their class and refused: their module is prepared for each test.
-    """
-    global _template  # noqa: PLW0603 - what a process has loaded is a fact of the process
+def load_plugin(ref: PluginRef) -> None:
+    """Load a test's file for all the tests that will be forked from this process; raises what the file raises."""
     from rtf.testing import parameters
 
-    module = plugins.load_module(ref)
-    old = getattr(module, "TestCase", None)
-    if isinstance(old, type) and not issubclass(old, TestCase):
-        raise plugins.PluginError("a script of the C++ framework")
-    cls = plugins.choose_class(ref, module, TestCase)
-    parameters.declarations_of(cls)  # which looks at everything in the class, once
-    _template_classes[ref] = cls
-    _template = (ref.path, module)
+    maker = _makers[ref] = plugins.test_maker(ref)
+    plugins.share_module(ref)
+    if isinstance(maker, type):
+        parameters.declarations_of(maker)  # which looks at everything in the class, once
 
 
-def _make_case(ref: PluginRef) -> TestCase:
-    """The test that a reference stands for, from the template's module where there is one."""
-    cls = _template_classes.get(ref)
-    if cls is None:
-        if _template is None or _template[0] != ref.path or ref.language != "python":
-            return plugins.load_test(ref)
-        cls = plugins.choose_class(ref, _template[1], TestCase)
-    return cls()
-
-
-_plain_setup = TestCase.setup
-_plain_teardown = TestCase.teardown
-
-
-def run_test(job: Job, session: Session) -> dict[str, str]:
-    """Carry out one attempt at a test and say what it came to: ``outcome``, ``reason`` and ``detail``."""
+def run_test(job: Job, session: Session) -> Finished:
+    """Carry out one attempt at a test and say what it came to."""
     made: list[TestCase] = []
-    _step(session, _LOAD, lambda: made.append(_load(job, session)))
+    _step(session, Phase.LOAD, lambda: made.append(_load(job, session)))
     if made and not session.tally.errors:
         _life(made[0], job, session)
     return _conclusion(session)
 
 
 def _load(job: Job, session: Session) -> TestCase:
-    case = _make_case(job.plugin)
+    case = (_makers.get(job.plugin) or plugins.test_maker(job.plugin))()
     case.attach_to(session, job.environment)
     case.take_fixture_values(job.values)
     rows = case.resolve_parameters(
@@ -305,13 +234,13 @@ def _load(job: Job, session: Session) -> TestCase:
 
 def _life(case: TestCase, job: Job, session: Session) -> None:
     cls = type(case)
-    fine = cls.setup is _plain_setup or _step(session, _SETUP, lambda: _set_up(case), announce=True)
+    fine = cls.setup is TestCase.setup or _step(session, Phase.SETUP, lambda: _set_up(case), announce=True)
     if fine and not session.stopped:
         if job.repetition:
             _repeat(case, job, session)
         else:
-            _step(session, _RUN, case.run, announce=True)
-    if cls.teardown is not _plain_teardown:
+            _step(session, Phase.RUN, case.run, announce=True)
+    if cls.teardown is not TestCase.teardown:
         _step(session, Phase.TEARDOWN, case.teardown, announce=True)
     stack = case.cleanup_stack()
     if stack:
@@ -331,7 +260,7 @@ def _repeat(case: TestCase, job: Job, session: Session) -> None:
     passed = 0
     durations = []
     for count in range(1, total + 1):
-        session.emit(PhaseStarted(test=job.id, phase=Phase.RUN, repetition=count))
+        session.enter(Phase.RUN, count)
         began = clock.monotonic()
         before = session.tally.failures + session.tally.errors
 
@@ -371,7 +300,7 @@ def _report_repetitions(session: Session, passed: int, durations: list[float]) -
 
 def _step(session: Session, phase: Phase, function: Callable[[], object], *, announce: bool = False) -> bool:
     """Run one piece of author's code; whatever leaves it becomes data. Returns whether it came to its end."""
-    if session.stopped and phase in (_SETUP, _RUN):
+    if session.stopped and phase in (Phase.SETUP, Phase.RUN):
         return False
     if announce:
         session.enter(phase)
@@ -389,8 +318,8 @@ def _step(session: Session, phase: Phase, function: Callable[[], object], *, ann
     return True
 
 
-def _conclusion(session: Session) -> dict[str, str]:
+def _conclusion(session: Session) -> Finished:
     tally = session.tally
     detail = tally.first or tally.skipped or tally.inconclusive or ""
     reason = "failure" if tally.failures else "error" if tally.errors else ""
-    return {"outcome": tally.verdict(), "reason": reason, "detail": detail[:2000], "stopped": session.stopped}
+    return Finished(tally.verdict(), reason, detail[:2000], session.stopped)

@@ -15,14 +15,14 @@ import os
 import signal
 import sys
 import threading
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.testing import plugins
-from rtf.testing.events import Message, OutputCaptured, to_line
+from rtf.testing.events import Message, OutputCaptured
 from rtf.testing.fixture import FixtureManager, FixtureUnusable
 from rtf.testing.isolation import processes
-from rtf.testing.isolation.fork_server_protocol import DUMP_FD, SAFE_STATE_NAME
+from rtf.testing.isolation.messages import DUMP_FD, SAFE_STATE_NAME, Command, Said
 from rtf.testing.outcome import FixtureCollapsed, TestStopped
 from rtf.testing.session import author_traceback, bounded
 from rtf.testing.source_location import raised_place
@@ -32,8 +32,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from types import FrameType
 
-    from rtf.testing.isolation.job import Job
-    from rtf.testing.isolation.worker import Wire
+    import msgspec
+
+    from rtf.testing.isolation.messages import Job
+    from rtf.testing.isolation.worker import Channel
 
 #: Seconds to wait for the order in which the fork server has fixtures torn down when the runner is gone: it has those
 #: that stand on this one park first. A fork server that is gone as well makes itself felt at once.
@@ -44,12 +46,11 @@ _FIRST_COMMAND_LIMIT = 10.0
 class Host:
     """Runs one fixture manager and speaks for it. Any thread may speak; the main thread does the work."""
 
-    def __init__(self, job: Job, wire: Wire) -> None:
+    def __init__(self, job: Job, channel: Channel) -> None:
         self.generation = job.attempt
         self.name = job.id
         self._job = job
-        self._wire = wire
-        self._wire_lock = threading.Lock()
+        self._channel = channel
         self._main = threading.get_ident()
         self._sending = False  # the main thread is in the middle of a message, which must be whole
         self._phase = Phase.LOAD
@@ -62,18 +63,19 @@ class Host:
 
     # What the manager says ---------------------------------------------------------------------------------------
 
-    def say(self, **message: object) -> None:
-        """Send one message to the runner; any thread may. Values that JSON lacks are sent as text."""
-        self._send(json.dumps(message, default=str).encode() + b"\n")
+    def say(self, word: str, **members: object) -> None:
+        """Send a word to the runner, with what belongs to it; any thread may. What JSON lacks is sent as text."""
+        self._send(Said(word, json.loads(json.dumps(members, default=str))))
 
-    def _send(self, line: bytes) -> None:
+    def _send(self, message: msgspec.Struct) -> None:
         main = threading.get_ident() == self._main
-        with self._wire_lock:
-            self._sending = main or self._sending
-            try:
-                self._wire.send(line)
-            finally:
-                self._sending = self._sending and not main
+        if main:
+            self._sending = True
+        try:
+            self._channel.send(message)
+        finally:
+            if main:
+                self._sending = False
         if main and self._stopped and self._stoppable:
             self._leave()
 
@@ -88,11 +90,11 @@ class Host:
             file=place[0],
             line=place[1],
         )
-        self._send(to_line(event))
+        self._send(event)
 
     def output(self, text: object, stream: str) -> None:
         """Send what a program of the fixture wrote: a line, or several."""
-        self._send(to_line(OutputCaptured(stream=stream, text=bounded(str(text)) + "\n", fixture=self.name)))
+        self._send(OutputCaptured(stream=stream, text=bounded(str(text)) + "\n", fixture=self.name))
 
     def announce_collapse(self, reason: object, *, exit_status: int | None, signal_name: str, output: str) -> None:
         """Say once that the fixture collapsed."""
@@ -102,7 +104,7 @@ class Host:
                 return
             self._cause = cause
         self.say(
-            host="collapsed",
+            "collapsed",
             phase=self._phase,
             cause=cause,
             exit_status=exit_status,
@@ -113,7 +115,7 @@ class Host:
     def provide_value(self, key: str, value: object) -> None:
         """Hand a value to those that stand on the fixture, and into the journal."""
         self._provided.add(key)
-        self.say(host="value", key=key, value=value)
+        self.say("value", key=key, value=value)
         self.message(Severity.INFO, "provides", f"{key} = {json.dumps(value)}", ("", 0))
 
     # The life ----------------------------------------------------------------------------------------------------
@@ -121,25 +123,25 @@ class Host:
     def live(self) -> None:
         """Load, set up, watch and tear down."""
         self._redirect_stacks()
-        self.say(host="listening")
+        self.say("listening")
         manager = self._load()
         if manager is not None:
             up = self._set_up(manager)
             if up:
                 parks = type(manager).enter_safe_state is not FixtureManager.enter_safe_state
                 robot = bool(manager.occupies) and parks
-                self.say(host="ready", of_robot=robot, stop_limit=manager.stop_limit)
+                self.say("ready", of_robot=robot, stop_limit=manager.stop_limit)
                 self._watch(manager)
             self._come_down(manager, up=up)
-        self.say(host="done")
+        self.say("done")
 
     def _redirect_stacks(self) -> None:
         """Have the stacks of this process dumped where its runner says, apart from those of tests."""
-        command = self._wire.receive(_FIRST_COMMAND_LIMIT)
-        if command is None or command.get("command") != "stacks":
+        command = self._channel.receive(_FIRST_COMMAND_LIMIT)
+        if not isinstance(command, Command) or command.command != "stacks":
             return
         with contextlib.suppress(OSError):  # without it they go where those of tests go
-            descriptor = os.open(command["path"], os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC)
+            descriptor = os.open(command.detail, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC)
             os.dup2(descriptor, DUMP_FD, inheritable=False)
             os.close(descriptor)
 
@@ -188,7 +190,7 @@ class Host:
         """Say that the fixture is not usable, and why; ``hopeless`` if another try would come to the same."""
         known = isinstance(error, FixtureCollapsed)
         self.say(
-            host="failed",
+            "failed",
             hopeless=hopeless,
             phase=self._phase,
             cause=bounded(_text(error) if known else _named(error)),
@@ -200,7 +202,7 @@ class Host:
         self._phase = Phase.CHECK
         while not self._stopped and not self._lost:
             command = self._next_command()
-            kind = "check" if command is None else command.get("command")
+            kind = "check" if command is None else command.command
             if kind == "teardown":
                 self._note_reason(command)
                 return
@@ -209,25 +211,25 @@ class Host:
             elif not self._stopped and not self._lost:
                 self._check(manager)
             if command is not None:
-                self.say(host="answered")
+                self.say("answered")
         if not self._stopped:  # without a runner, the fork server says whose turn it is, dependents first
             self._stoppably(lambda: clock.sleep(ORPHAN_PATIENCE))
 
-    def _next_command(self) -> dict[str, Any] | None:
-        received: list[dict[str, Any] | None] = [None]
+    def _next_command(self) -> Command | None:
+        received: list[Command | None] = [None]
 
         def receive() -> None:
-            received[0] = self._wire.receive(self._job.check_period)
+            message = self._channel.receive(self._job.check_period)
+            received[0] = message if isinstance(message, Command) else None
 
         error = self._stoppably(receive)
         if error is not None and not isinstance(error, TestStopped):
             self._lost = True  # the author's code has closed the channel
         return received[0]
 
-    def _note_reason(self, command: dict[str, Any] | None) -> None:
-        reason = "" if command is None else str(command.get("collapse", ""))
-        if reason and self._cause is None:
-            self._cause = reason
+    def _note_reason(self, command: Command | None) -> None:
+        if command is not None and command.detail and self._cause is None:
+            self._cause = command.detail
 
     def _check(self, manager: FixtureManager) -> None:
         if self._cause is not None:
@@ -243,7 +245,7 @@ class Host:
         elif held[0] is False:
             self._collapse("check() returned False")
         else:
-            self.say(host="alive")
+            self.say("alive")
 
     def _enter_safe_state(self, manager: FixtureManager) -> None:
         """A fixture whose state after a test is unknown is as good as gone."""
@@ -265,19 +267,19 @@ class Host:
         elif up:
             with processes.named(SAFE_STATE_NAME):
                 self._last_thing("enter_safe_state()", manager.enter_safe_state)
-        self.say(host="doing", what="teardown()")
+        self.say("doing", what="teardown()")
         self._tell(self._caught(manager.teardown), "teardown()")
 
     def _read_pending_reason(self) -> None:
         """The runner that interrupts says before why."""
         with contextlib.suppress(OSError):  # the author's code has closed the channel
-            while (command := self._wire.receive(0)) is not None:
-                if command.get("command") == "teardown":
+            while (command := self._channel.receive(0)) is not None:
+                if isinstance(command, Command) and command.command == "teardown":
                     self._note_reason(command)
 
     def _last_thing(self, what: str, function: Callable[[], object]) -> None:
         """Do something that must not keep teardown from being done: it may be interrupted on its own."""
-        self.say(host="doing", what=what)
+        self.say("doing", what=what)
         self._stopped = False
         self._tell(self._stoppably(function), what)
 
@@ -288,7 +290,7 @@ class Host:
         cause = f"{what} did not come back and was interrupted" if stopped else f"{what} raised {_named(error)}"
         trace = "" if stopped else author_traceback(error)
         file, line = raised_place(error)
-        self.say(host="problem", phase=self._phase, cause=bounded(cause), traceback=trace, file=file, line=line)
+        self.say("problem", phase=self._phase, cause=bounded(cause), traceback=trace, file=file, line=line)
 
     # Being stopped from outside ----------------------------------------------------------------------------------
 
@@ -303,7 +305,7 @@ class Host:
         raise TestStopped
 
     def lost_runner(self) -> None:
-        """There is nobody left to work for, and still something to tear down. Called by the wire, in any thread."""
+        """There is nobody left to work for, and still something to tear down. Called by the channel, in any thread."""
         self._lost = True
 
     def _stoppably(self, function: Callable[[], object]) -> BaseException | None:
@@ -341,12 +343,12 @@ def _named(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
-def host(job: Job, wire: Wire) -> int:
+def host(job: Job, channel: Channel) -> int:
     """Be the host of one generation of a fixture. Returns the exit status of the process."""
     os.environ["RTF_RUN_FOLDER"] = job.run_folder
     os.environ.update(job.variables)
-    keeper = Host(job, wire)
-    wire.on_lost = keeper.lost_runner
+    keeper = Host(job, channel)
+    channel.on_lost = keeper.lost_runner
     signal.signal(signal.SIGTERM, keeper.on_signal)
     signal.signal(signal.SIGINT, keeper.on_signal)
     processes.die_with_parent(signal.SIGTERM)

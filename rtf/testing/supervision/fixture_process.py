@@ -7,16 +7,14 @@ of it happens in the thread of the supervisor.
 
 from __future__ import annotations
 
-import json
 import signal
 from typing import TYPE_CHECKING, Any
 
 from rtf import clock
-from rtf.testing.events import EventError, Message, OutputCaptured, from_record
-from rtf.testing.isolation import processes
-from rtf.testing.isolation.capture import Capture, Tail
-from rtf.testing.isolation.fork_server_protocol import NUDGE_PERIOD, NUDGE_SIGNAL, SAFE_STATE_LIMIT
-from rtf.testing.isolation.stacks import StackFile
+from rtf.testing.events import Message, OutputCaptured
+from rtf.testing.isolation import messages, processes
+from rtf.testing.isolation.capture import Capture, StackFile, Tail
+from rtf.testing.isolation.messages import NUDGE_PERIOD, NUDGE_SIGNAL, SAFE_STATE_LIMIT, Command, Said
 from rtf.testing.session import bounded
 from rtf.testing.supervision.fixture_record import Cause
 from rtf.testing.verdict import FixtureState, Phase, Severity
@@ -24,7 +22,7 @@ from rtf.testing.verdict import FixtureState, Phase, Severity
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.testing.isolation.job import Job
+    from rtf.testing.isolation.messages import Job
     from rtf.testing.isolation.worker_pool import Child, End, ForkServerClient
     from rtf.testing.supervision.fixture_record import Fixture, Notes
 
@@ -104,8 +102,8 @@ class FixtureProcess:
         child = self._child
         child.mark_as_host()
         self.deadline = clock.Deadline.after(self._fixture.entry.timeouts.setup or SETUP_LIMIT)
-        child.begin(job.to_message(), self._hear, self._written)
-        self._command("stacks", path=self._stacks.path)
+        child.begin(job, self._hear, self._written)
+        self._child.send(Command("stacks", self._stacks.path))
 
     # While tests run ---------------------------------------------------------------------------------------------
 
@@ -115,7 +113,7 @@ class FixtureProcess:
         if what == "enter_safe_state":
             self._doing = "enter_safe_state()"
             self.deadline = clock.Deadline.after(SAFE_STATE_LIMIT)
-        self._command(what)
+        self._child.send(Command(what))
 
     def look(self) -> None:
         """Notice that it has ended, fallen silent or cut its channel. Called after whatever happened."""
@@ -173,7 +171,7 @@ class FixtureProcess:
         child = self._child
         try:
             if child.end is None:
-                self._command("teardown", collapse=reason)
+                child.send(Command("teardown", reason))
                 self.deadline = clock.Deadline.after(GRACE)
                 if self._listening and (self._doing == "setup()" or self._dump_cause):
                     self._interrupt()
@@ -266,25 +264,20 @@ class FixtureProcess:
 
     # What it says ------------------------------------------------------------------------------------------------
 
-    def _command(self, command: str, **members: str) -> None:
-        self._child.send(json.dumps({"command": command, **members}).encode() + b"\n")
-
-    def _hear(self, line: bytes) -> None:
+    def _hear(self, data: bytes) -> None:
         if self._nonsense >= _NONSENSE_LIMIT:
             return
         try:
-            message = json.loads(line)
-            if isinstance(message, dict) and "host" in message:
-                self._hear_host(message)
-                return
-            event = from_record(message)
-            if isinstance(event, OutputCaptured):
-                self._written(event.stream, event.text.encode("utf-8", "backslashreplace"))
-            elif isinstance(event, Message) and event.fixture == self._fixture.name:
-                self._take(event, len(line))
+            message = messages.from_child(data)
+            if isinstance(message, Said):
+                self._hear_host(message.word, message.members)
+            elif isinstance(message, OutputCaptured):
+                self._written(message.stream, message.text.encode("utf-8", "backslashreplace"))
+            elif isinstance(message, Message) and message.fixture == self._fixture.name:
+                self._take(message, len(data))
             else:
-                self._complain(f"it may not say {event.kind}")
-        except (ValueError, TypeError, KeyError, RecursionError, EventError) as error:
+                self._complain(f"it may not say {type(message).__name__}")
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
             self._complain(str(error))
 
     def _complain(self, problem: str) -> None:
@@ -302,8 +295,7 @@ class FixtureProcess:
         else:
             self._notes.forward(event)
 
-    def _hear_host(self, message: dict[str, Any]) -> None:
-        kind = message["host"]
+    def _hear_host(self, kind: str, message: dict[str, Any]) -> None:
         if kind in ("collapsed", "failed", "problem"):
             self._hear_of_problem(kind, message)
         elif kind == "listening":

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec.structs import replace
 
 from rtf.testing.events import FixtureChanged, FixtureIncident, Message, OutputCaptured, StackDumped
-from rtf.testing.isolation.fork_server_protocol import STOP_LIMIT
+from rtf.testing.isolation.messages import STOP_LIMIT
 from rtf.testing.verdict import FixtureState, Phase, Severity
 
 if TYPE_CHECKING:

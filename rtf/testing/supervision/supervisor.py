@@ -25,7 +25,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rtf import clock
-from rtf.testing.isolation.fork_server_protocol import STOP_LIMIT
+from rtf.testing.isolation.messages import STOP_LIMIT
 from rtf.testing.isolation.worker_pool import ForkServerLostError
 from rtf.testing.supervision.fixture_process import FixtureProcess
 from rtf.testing.supervision.fixture_record import Cause, Fixture, Notes
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from rtf.testing.events import Event
-    from rtf.testing.isolation.job import Job
+    from rtf.testing.isolation.messages import Job
     from rtf.testing.isolation.worker_pool import ForkServerClient
     from rtf.testing.plugins import PluginRef
 

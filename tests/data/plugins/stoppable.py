@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from rtf.testing.events import to_line
-from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.messages import Job
 from rtf.testing.plugins import PluginRef
 from rtf.testing.session import Session
 from rtf.testing.isolation.worker import run_test
@@ -26,4 +26,4 @@ with open(events, "wb", buffering=0) as stream:
     outcome = run_test(job, session)
 # The most memory in kB; ru_maxrss would be that of whoever started this.
 peak = next(line.split()[1] for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
-print(f"{outcome['outcome']} {outcome['stopped'] or '-'} {peak}", file=sys.stderr)
+print(f"{outcome.outcome} {outcome.stopped or '-'} {peak}", file=sys.stderr)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING
 
 import pytest
 
 from rtf import clock
-from rtf.testing.events import Event, Message, OutputCaptured, PhaseStarted, StackDumped, TestStarted, to_line
+from rtf.testing.events import Event, Message, OutputCaptured, PhaseStarted, StackDumped, TestStarted
 from rtf.testing.isolation.attempt import Attempt, Limits, Stop
-from rtf.testing.isolation.fork_server_protocol import DUMP_SIGNAL, STOP_SIGNAL
-from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.messages import DUMP_SIGNAL, STOP_SIGNAL, Finished, Frames, Job, pack
 from rtf.testing.isolation.worker_pool import End
 from rtf.testing.plugins import PluginRef
 from rtf.testing.verdict import Phase, Severity, Verdict
@@ -20,7 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 PLUGIN = PluginRef("test", "t", "t.py", "python")
-FINISHED = b'{"finished":{"outcome":"passed","reason":"","detail":""}}\n'
+FINISHED = pack(Finished("passed"))
+GARBAGE = b"\x07\0\0\0garbage"
 
 
 class Scripted:
@@ -34,6 +33,9 @@ class Scripted:
         self.pid = 0
         self.end: End | None = None
         self.channel_closed = False
+        self.garbled = False
+        self.loading_took = 0.0
+        self.done: set[str] = set()
         self.signals: list[tuple[int, bool]] = []
         self.abandoned = False
         self.waits: list[float] = []
@@ -46,16 +48,16 @@ class Scripted:
     def take(self, *_: object) -> Scripted:
         return self
 
-    def begin(self, message: bytes, on_line: Callable[[bytes], None], on_output: Callable[[str, bytes], None]) -> None:
-        self.on_line, self.on_output = on_line, on_output
+    def begin(self, job: Job, on_message: Callable[[bytes], None], on_output: Callable[[str, bytes], None]) -> None:
+        self.on_message, self.on_output = on_message, on_output
 
     def run_once(self, deadline: clock.Deadline) -> None:
         assert self.steps, "the attempt should be over"
         self.waits.append(deadline.limit)
         step = self.steps.pop(0)
         if isinstance(step, bytes):
-            for line in step.splitlines():
-                self.on_line(line)
+            for message in Frames().feed(step):
+                self.on_message(message)
         elif isinstance(step, End):
             self.end = step
         else:
@@ -64,7 +66,7 @@ class Scripted:
     def signal(self, signum: int, *, group: bool = False) -> None:
         self.signals.append((int(signum), group))
 
-    def send(self, line: bytes) -> None:
+    def send(self, message: object) -> None:
         pass
 
     def drain(self) -> None:
@@ -89,8 +91,8 @@ class Scripted:
 
 
 def phase(name: Phase, repetition: int = 0) -> bytes:
-    """The line by which a phase begins."""
-    return to_line(PhaseStarted(test="s/t", phase=name, repetition=repetition))
+    """The message by which a phase begins."""
+    return pack(PhaseStarted(test="s/t", phase=name, repetition=repetition))
 
 
 def attempt(
@@ -155,10 +157,10 @@ def test_what_is_finished_and_ended_well_is_believed():
 @pytest.mark.parametrize(
     ("lines", "verdict"),
     [
-        pytest.param(to_line(Message(severity=Severity.FAILURE, title="x", test="s/t")), Verdict.FAILED, id="failure"),
-        pytest.param(to_line(Message(severity=Severity.ERROR, title="x", test="s/t")), Verdict.ERROR, id="error"),
-        pytest.param(to_line(Message(severity=Severity.WARNING, title="x", test="s/t")), Verdict.PASSED, id="warning"),
-        pytest.param(b"garbage\n", Verdict.ERROR, id="garbage"),
+        pytest.param(pack(Message(severity=Severity.FAILURE, title="x", test="s/t")), Verdict.FAILED, id="failure"),
+        pytest.param(pack(Message(severity=Severity.ERROR, title="x", test="s/t")), Verdict.ERROR, id="error"),
+        pytest.param(pack(Message(severity=Severity.WARNING, title="x", test="s/t")), Verdict.PASSED, id="warning"),
+        pytest.param(GARBAGE, Verdict.ERROR, id="garbage"),
     ],
 )
 def test_what_was_heard_counts_whatever_the_process_says_at_last(lines: bytes, verdict: Verdict):
@@ -177,11 +179,11 @@ def test_what_was_heard_counts_whatever_the_process_says_at_last(lines: bytes, v
 )
 def test_what_goes_wrong_while_it_undoes_things_cuts_it_short(where: Phase, severity: Severity, cut_short: bool):
     """Nobody knows then what it left behind."""
-    said = to_line(Message(severity=severity, title="x", test="s/t"))
+    said = pack(Message(severity=severity, title="x", test="s/t"))
     assert attempt(phase(where) + said + FINISHED, End(0))[0].cut_short is cut_short
 
 
-@pytest.mark.parametrize("last", [b'{"finished":{}}\n', b'{"finished":{"outcome":"splendid"}}\n', b'{"finished":7}\n'])
+@pytest.mark.parametrize("last", [pack(Finished("")), pack(Finished("splendid")), GARBAGE])
 def test_claim_that_is_none(last: bytes):
     """A last word that says nothing is an error."""
     outcome = attempt(last, End(0))[0]
@@ -344,7 +346,7 @@ class TestTimeOut:
         forced = []
 
         def clean_up(child: Scripted) -> None:
-            child.on_line(phase(Phase.CLEANUP).strip())
+            child.on_message(b"".join(Frames().feed(phase(Phase.CLEANUP))))
             forced.append(True)
 
         steps = (phase(Phase.RUN), later(301.0), nothing, phase(Phase.TEARDOWN), later(31.0), clean_up, End(9))
@@ -362,13 +364,13 @@ class TestTimeOut:
     ("said", "verdict", "reason"),
     [
         (b"", Verdict.ERROR, "stopped"),
-        (to_line(Message(severity=Severity.FAILURE, title="x", test="s/t")), Verdict.FAILED, "failure"),
+        (pack(Message(severity=Severity.FAILURE, title="x", test="s/t")), Verdict.FAILED, "failure"),
     ],
     ids=["nothing", "failure"],
 )
 def test_test_that_somebody_else_stopped_has_not_passed(said: bytes, verdict: Verdict, reason: str):
     """What it had not come to may be what fails. A failure that was found stands."""
-    stopped = FINISHED.replace(b'"detail":""', b'"detail":"","stopped":"stopped by the runner"')
+    stopped = pack(Finished("passed", stopped="stopped by the runner"))
     outcome = attempt(phase(Phase.RUN) + said + stopped, End(0))[0]
     assert (outcome.verdict, outcome.reason) == (verdict, reason)
 
@@ -379,7 +381,7 @@ def test_test_that_somebody_else_stopped_has_not_passed(said: bytes, verdict: Ve
 )
 def test_failure_counts_when_it_was_found_before_the_stop(early: bool, late: bool, verdict: Verdict):
     """What fails because the test is being stopped is the interrupt's doing; what failed before is not."""
-    failure = to_line(Message(severity=Severity.FAILURE, title="checks", detail="wrong", test="s/t"))
+    failure = pack(Message(severity=Severity.FAILURE, title="checks", detail="wrong", test="s/t"))
     stop = Stop(Verdict.INTERRUPTED, "interrupted", "enough")
     asked: list[int] = []
 
@@ -394,7 +396,7 @@ def test_failure_counts_when_it_was_found_before_the_stop(early: bool, late: boo
 
 def test_fixture_lost_outweighs_what_the_test_had_found():
     """On a rig that is gone nothing that was found can be trusted."""
-    failure = to_line(Message(severity=Severity.FAILURE, title="checks", detail="wrong", test="s/t"))
+    failure = pack(Message(severity=Severity.FAILURE, title="checks", detail="wrong", test="s/t"))
     stop = Stop(Verdict.FIXTURE_LOST, "fixture", "rig: gone")
     outcome = attempt(phase(Phase.RUN) + failure, End(9), tick=lambda: stop)[0]
     assert outcome.verdict is Verdict.FIXTURE_LOST
@@ -411,7 +413,7 @@ def test_output_is_the_tests():
 
 
 def test_quotes_of_garbage_are_short():
-    """A line of megabytes is told in a few words."""
-    _, events, _ = attempt(json.dumps({"event": "x" * 1_000_000}).encode() + b"\n" + FINISHED, End(0))
+    """A message of megabytes is told in a few words."""
+    _, events, _ = attempt((1_000_000).to_bytes(4, "little") + b"x" * 1_000_000 + FINISHED, End(0))
     (told,) = [event for event in events if isinstance(event, Message)]
     assert len(told.detail) < 1000

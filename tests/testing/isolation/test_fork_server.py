@@ -1,11 +1,9 @@
-"""The fork server and its templates: which fork, what a test sees of its file, which files are not shared."""
+"""The fork server and its plug-in servers: what a test sees of its file, and which files are not shared."""
 
 from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 from typing import TYPE_CHECKING
 
 import pytest
@@ -14,10 +12,11 @@ from harness import Outcome, run_suite
 from rtf import clock
 from rtf.testing import plugins
 from rtf.testing.events import OutputCaptured, TestEnded, TestStarted
+from rtf.testing.isolation import messages
 from rtf.testing.isolation.fork_server import unfit_because
-from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.messages import Frames, Job
 from rtf.testing.isolation.reactor import Reactor
-from rtf.testing.isolation.worker_pool import Child, ForkServerClient
+from rtf.testing.isolation.worker_pool import Child, ForkServerClient, LoadTimeoutError
 from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import Verdict
 
@@ -35,7 +34,7 @@ from rtf.testing import TestCase
 LOADED_BY = os.getpid()
 class It(TestCase):
     def run(self):
-        self.report("in a template" if LOADED_BY != os.getpid() else "in the test")
+        self.report("in a plug-in server" if LOADED_BY != os.getpid() else "in the test")
 """
 
 
@@ -49,76 +48,18 @@ def said(outcome: Outcome, name: str) -> str:
     return message.detail  # type: ignore[attr-defined, no-any-return]
 
 
-def in_fork_server(code: str) -> str:
-    """What a program prints that begins as a fork server does and then runs ``code``."""
-    begin = (
-        "import os, sys; from rtf.testing.isolation import forking; forking.watch_hooks(); os.dup2(2, 4); "
-        "from rtf.testing.isolation import fork_server, worker; worker.prepare()\n"
-    )
-    return subprocess.run([sys.executable, "-c", begin + code], check=True, text=True, stdout=subprocess.PIPE).stdout
-
-
-class TestWhichFork:
-    """The plain fork where it is enough, else Python's."""
-
-    def test_nothing_that_a_fork_server_loads_wants_to_hear_of_forks(self):
-        """A fork server has one thread and no hook, so the plain fork is enough for it, and that is what it uses."""
-        assert in_fork_server("print(forking.choose_fork() is not os.fork)") == "True\n"
-
-    @pytest.mark.parametrize("module", ["threading", "random", "logging", "concurrent.futures.thread"])
-    def test_a_module_with_a_hook_is_heard(self, module: str):
-        """Once a module has registered for forks, ``os.fork`` is used, which calls it."""
-        assert in_fork_server(f"import {module}; print(forking.choose_fork() is os.fork)") == "True\n"
-
-    def test_a_second_thread_is_noticed(self):
-        """With a thread beside the one that forks, ``os.fork`` is used."""
-        code = (
-            "import _thread; held = _thread.allocate_lock(); held.acquire(); _thread.start_new_thread(held.acquire, ())"
-        )
-        assert (
-            in_fork_server(f"{code}; print(forking.choose_fork() is os.fork); sys.stdout.flush(); os._exit(0)")
-            == "True\n"
-        )
-
-    def test_a_plain_fork_may_do_anything(self):
-        """The child of a plain fork imports, starts threads, forks, takes signals and has its own random numbers."""
-        code = """
-pid = forking.choose_fork()()
-if pid == 0:
-    import threading, random, logging, subprocess, signal, concurrent.futures, multiprocessing
-    from importlib import reload
-    assert threading.main_thread() is threading.current_thread()
-    assert threading.main_thread().native_id == os.getpid() == threading.get_native_id()
-    with concurrent.futures.ThreadPoolExecutor(4) as pool:
-        assert sum(pool.map(abs, range(-100, 1))) == 5050
-    assert subprocess.run(["echo", "x"], stdout=subprocess.PIPE).stdout == b"x\\n"
-    caught = []
-    signal.signal(signal.SIGUSR1, lambda *_: caught.append(1))
-    os.kill(os.getpid(), signal.SIGUSR1)
-    assert caught == [1]
-    inner = os.fork()
-    if inner == 0:
-        os._exit(7)
-    assert os.waitstatus_to_exitcode(os.waitpid(inner, 0)[1]) == 7
-    reload(threading)
-    os._exit(0)
-print(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
-"""
-        assert in_fork_server(code) == "0\n"
-
-
-class TestTemplates:
+class TestPluginServers:
     """A file with several tests is loaded once, and no test can tell."""
 
     def test_a_file_with_one_test_is_loaded_in_the_test(self, tmp_path: Path):
-        """A template is worth its while from the second test on."""
+        """A plug-in server is worth its while from the second test on."""
         outcome = run_suite(tmp_path, '<test name="one">it.py</test>', it__py=WHO_LOADED)
         assert said(outcome, "one") == "in the test"
 
     def test_a_file_with_several_tests_is_loaded_once(self, tmp_path: Path):
         """All tests of a file that has several are forked from the process that has loaded it."""
         outcome = run_suite(tmp_path, THRICE, it__py=WHO_LOADED)
-        assert {said(outcome, name) for name in NAMES} == {"in a template"}
+        assert {said(outcome, name) for name in NAMES} == {"in a plug-in server"}
         assert len({event.pid for event in outcome.of(TestStarted)}) == 3  # type: ignore[attr-defined]
 
     def test_each_test_sees_the_file_as_it_was_right_after_loading(self, tmp_path: Path):
@@ -138,12 +79,12 @@ class It(TestCase):
         outcome = run_suite(tmp_path, THRICE, it__py=code)
         assert [outcome.verdict(name) for name in NAMES] == [Verdict.PASSED] * 3
 
-    def test_the_classes_of_one_file_share_a_template(self, tmp_path: Path):
+    def test_the_classes_of_one_file_share_a_plugin_server(self, tmp_path: Path):
         """Tests that name different classes of one file are forked from one process, and each gets its class."""
         code = WHO_LOADED + "\nclass Other(It):\n    def run(self):\n        self.report(f'Other, {LOADED_BY}')\n"
         xml = '<test name="one">It</test><test name="two">Other</test><test name="three">Other</test>'
         outcome = run_suite(tmp_path, xml, it__py=code)
-        assert said(outcome, "one") == "in a template"
+        assert said(outcome, "one") == "in a plug-in server"
         assert said(outcome, "two") == said(outcome, "three")
         assert said(outcome, "two").startswith("Other, ")
 
@@ -182,12 +123,12 @@ class It(TestCase):
         ids=["raises", "exits", "exits at once", "dies", "is no Python"],
     )
     def test_a_file_that_cannot_be_loaded_is_told_by_each_test(self, tmp_path: Path, line: str, detail: str):
-        """The error is each test's own, as if there were no templates."""
+        """The error is each test's own, as if there were no plug-in servers."""
         outcome = run_suite(tmp_path, THRICE, it__py=f"{WHO_LOADED}\n{line}\n")
         assert [outcome.verdict(name) for name in NAMES] == [Verdict.ERROR] * 3
         assert all(detail in outcome.detail(name) for name in NAMES)
 
-    def test_a_template_that_is_killed_takes_one_test_with_it(self, tmp_path: Path):
+    def test_a_plugin_server_that_is_killed_takes_one_test_with_it(self, tmp_path: Path):
         """The test that stood on it is an error; the others load the file for themselves."""
         code = WHO_LOADED + "        if LOADED_BY != os.getpid():\n            os.kill(os.getppid(), 9)\n"
         outcome = run_suite(tmp_path, THRICE, it__py=code)
@@ -195,7 +136,7 @@ class It(TestCase):
         assert "the process from which tests are forked was lost" in outcome.detail("one")
         assert [said(outcome, name) for name in NAMES[1:]] == ["in the test"] * 2
 
-    def test_a_template_that_is_stopped_goes_on(self, tmp_path: Path):
+    def test_a_plugin_server_that_is_stopped_goes_on(self, tmp_path: Path):
         """A test that stops the process it was forked from is noticed, and the tests after it run."""
         code = f"{WHO_LOADED}        if self.folder.name == 'one':\n            os.kill(os.getppid(), 19)\n"
         outcome = run_suite(tmp_path, THRICE, options={"limits": Timeouts(total=1.0)}, it__py=code)
@@ -215,7 +156,7 @@ class It(TestCase):
         assert "".join(event.text for event in outcome.of(OutputCaptured)).endswith("the end\n")  # type: ignore[attr-defined]
 
     def test_what_a_test_leaves_behind_is_gone_before_the_next_begins(self, tmp_path: Path):
-        """A template ends strays as the fork server does: whoever a test has started does not live on."""
+        """A plug-in server ends strays as the fork server does: whoever a test has started does not live on."""
         code = """
 import os, pathlib, subprocess
 from rtf.testing import TestCase
@@ -241,7 +182,7 @@ class It(TestCase):
 
 
 def test_every_change_is_named():
-    """The reason why a file makes no template says all that loading it left behind."""
+    """The reason why a file makes no plug-in server says all that loading it left behind."""
     before: dict[str, list[str]] = {"threads": ["1"], "open files": ["0"], "timers": []}
     assert unfit_because(before, before) == ""
     after = {**before, "threads": ["1", "2"], "timers": ["3"]}
@@ -275,25 +216,25 @@ def parent_of(child: Child) -> int:
         return int(stream.read().rpartition(")")[2].split()[1])
 
 
-def test_a_template_holds_as_long_as_the_fixtures_it_was_loaded_on(fork_server: ForkServerClient, tmp_path: Path):
+def test_a_plugin_server_holds_as_long_as_the_fixtures_it_was_loaded_on(fork_server: ForkServerClient, tmp_path: Path):
     """When a fixture has been restarted, the file is loaded anew: it may have learnt something from the old one."""
     ref = found(tmp_path, "a")
     first = fork_server.take(ref, {"simulator": 1})
-    template = parent_of(first)
-    assert parent_of(fork_server.take(ref, {"simulator": 1})) == template
-    assert parent_of(fork_server.take(ref, {"simulator": 2})) != template
-    assert first.end is not None  # it went with its template
+    plugin_server = parent_of(first)
+    assert parent_of(fork_server.take(ref, {"simulator": 1})) == plugin_server
+    assert parent_of(fork_server.take(ref, {"simulator": 2})) != plugin_server
+    assert first.end is not None  # it went with its plug-in server
 
 
-def test_only_so_many_templates_are_kept(fork_server: ForkServerClient, tmp_path: Path):
+def test_only_so_many_plugin_servers_are_kept(fork_server: ForkServerClient, tmp_path: Path):
     """Tests of a fifth file load it for themselves as long as four others are in use."""
     children = [fork_server.take(found(tmp_path, name)) for name in FILES]
     root = parent_of(fork_server.take())
     assert [parent_of(child) == root for child in children] == [False] * 4 + [True]
 
 
-def test_a_template_whose_tests_are_over_makes_room(fork_server: ForkServerClient, tmp_path: Path):
-    """When the planned tests of a file have been taken, its template is ended for the sake of another file's."""
+def test_a_plugin_server_whose_tests_are_over_makes_room(fork_server: ForkServerClient, tmp_path: Path):
+    """When the planned tests of a file have been taken, its plug-in server is ended for the sake of another file's."""
     for _ in range(3):
         fork_server.take(found(tmp_path, "a")).dismiss()
     children = [fork_server.take(found(tmp_path, name)) for name in FILES[1:]]
@@ -301,12 +242,13 @@ def test_a_template_whose_tests_are_over_makes_room(fork_server: ForkServerClien
     assert all(parent_of(child) != root for child in children)
 
 
-def test_a_file_that_does_not_end_loading_makes_no_template(
-    fork_server: ForkServerClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    """Loading it for all is given up after a while; each test then has its own time limit for it."""
-    monkeypatch.setattr("rtf.testing.isolation.worker_pool._TEMPLATE_LIMIT", 0.2)
+def test_loading_that_does_not_end_is_given_up_once(fork_server: ForkServerClient, tmp_path: Path):
+    """The test that waits for it has its own limit; those after it load the file for themselves."""
     (tmp_path / "a.py").write_text("import time\nwhile True:\n    time.sleep(1)\n")
+    fork_server.take()  # now it is up
+    with pytest.raises(LoadTimeoutError, match=r"^loading did not end within 1 s$"):
+        fork_server.take(found(tmp_path, "a"), {}, 1.0)
+    assert "a.py" in fork_server.new_stacks()
     child = fork_server.take(found(tmp_path, "a"))
     assert parent_of(child) == parent_of(fork_server.take())
 
@@ -328,9 +270,11 @@ def test_a_job_arrives_as_it_was_sent():
         check_period=0.25,
         last=False,
     )
-    data = job.to_message()
-    assert Job.from_data(data[5:]) == job
-    assert isinstance(Job.from_data(data[5:]).plugin, plugins.PluginRef)
+    data = messages.pack(job)
+    frames = Frames()
+    halves = [*frames.feed(data[:9]), *frames.feed(data[9:])]
+    assert [messages.to_child(frame) for frame in halves] == [job]
+    assert isinstance(messages.to_child(halves[0]).plugin, plugins.PluginRef)  # type: ignore[union-attr]
 
 
 def test_a_fork_server_that_was_killed_is_replaced(fork_server: ForkServerClient):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.testing.events import Attached, Message, SubResultEnded
-from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.messages import Finished, Job
 from rtf.testing.isolation.worker import run_test
 from rtf.testing.languages.executable import ExecutableTest
 from rtf.testing.languages.program import LineCutter
@@ -32,9 +32,9 @@ MIB = 1024  # in kilobytes, as rusage has it
 class Ran:
     """What came of a test: its conclusion and its events."""
 
-    def __init__(self, conclusion: dict[str, str], events: list[object]) -> None:
-        self.outcome = str(conclusion["outcome"])
-        self.detail = conclusion["detail"]
+    def __init__(self, conclusion: Finished, events: list[object]) -> None:
+        self.outcome = str(conclusion.outcome)
+        self.detail = conclusion.detail
         self.events = events
         self.messages = self.of(Message)
 
@@ -284,7 +284,7 @@ def test_points_are_told_while_the_program_runs(run: Callable[..., Ran], tmp_pat
         run_folder=str(tmp_path),
     )
     session = Session(job.id, send, folder=tmp_path / "files", run_folder=tmp_path)
-    assert run_test(job, session)["outcome"] == "passed"
+    assert run_test(job, session).outcome == "passed"
     assert seen == ["test 1", "test 2"]
 
 

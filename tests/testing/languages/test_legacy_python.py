@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.testing.events import Message, ParametersResolved, SubResultEnded, TestRenamed
-from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.messages import Finished, Job
 from rtf.testing.isolation.worker import run_test
 from rtf.testing.languages import legacy_python
 from rtf.testing.plugins import PluginRef
@@ -24,8 +24,8 @@ DATA = Path(__file__).parents[2] / "data" / "plugins"
 class Ran:
     """What came of a test: its conclusion and its events."""
 
-    def __init__(self, conclusion: dict[str, str], events: list[object]) -> None:
-        self.outcome = str(conclusion["outcome"])
+    def __init__(self, conclusion: Finished, events: list[object]) -> None:
+        self.outcome = str(conclusion.outcome)
         self.events = events
         self.messages = self.of(Message)
 

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("lupa", reason="Lua tests need lupa")
 
 from rtf.testing.events import Measured, Message, Progressed, TestRenamed
-from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.messages import Finished, Job
 from rtf.testing.isolation.worker import run_test
 from rtf.testing.languages import lua_plugin
 from rtf.testing.plugins import PluginError, PluginRef
@@ -28,9 +28,9 @@ DATA = Path(__file__).parents[2] / "data" / "plugins"
 class Ran:
     """What came of a test: its conclusion and its events."""
 
-    def __init__(self, conclusion: dict[str, str], events: list[object]) -> None:
-        self.outcome = str(conclusion["outcome"])
-        self.detail = conclusion["detail"]
+    def __init__(self, conclusion: Finished, events: list[object]) -> None:
+        self.outcome = str(conclusion.outcome)
+        self.detail = conclusion.detail
         self.events = events
         self.messages = self.of(Message)
 

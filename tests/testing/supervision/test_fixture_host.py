@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import socket
 import subprocess
 import sys
+from collections import deque
 from typing import TYPE_CHECKING
 
 import pytest
 
 from rtf import clock
 from rtf.testing import FixtureManager
+from rtf.testing.events import to_record
+from rtf.testing.isolation import messages
+from rtf.testing.isolation.messages import Command, Frames, Said
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -25,21 +28,24 @@ HOST = """
 import sys
 from rtf.testing.supervision import fixture_host
 from rtf.testing import plugins
-from rtf.testing.isolation.job import Job
-from rtf.testing.isolation.worker import Wire
+from rtf.testing.isolation.messages import Job
+from rtf.testing.isolation.worker import Channel
 fixture_host.ORPHAN_PATIENCE = 0.2
 path, descriptor, attempt = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
 plugin = plugins.PluginRef("fixture", "Fx", path, "python")
 job = Job(
     kind="fixture", id="fx", name="fx", plugin=plugin, folder="", run_folder="", attempt=attempt, check_period=0.02
 )
-sys.exit(fixture_host.host(job, Wire(descriptor)))
+sys.exit(fixture_host.host(job, Channel(descriptor)))
 """
 
 FIXTURE = """
 import os, threading
 from rtf import clock
 from rtf.testing import FixtureManager
+from rtf.testing.events import to_record
+from rtf.testing.isolation import messages
+from rtf.testing.isolation.messages import Command, Frames, Said
 class Fx(FixtureManager):
     def note(self, hook):
         with open(CALLS, "a") as stream: stream.write(hook + "\\n")
@@ -60,21 +66,28 @@ class Talk:
         here, there = socket.socketpair()
         here.settimeout(20.0)
         self.here = here
+        self._frames = Frames()
+        self._heard: deque[bytes] = deque()
         self.process = subprocess.Popen(
             [sys.executable, "-c", HOST, str(path), str(there.fileno()), str(attempt)], pass_fds=[there.fileno()]
         )
         there.close()
-        self._lines = here.makefile("rb")
-        self.command("stacks", path="/dev/null")
+        self.command("stacks", "/dev/null")
 
-    def command(self, command: str, **members: str) -> None:
+    def command(self, command: str, detail: str = "") -> None:
         """Say something."""
-        self.here.sendall(json.dumps({"command": command, **members}).encode() + b"\n")
+        self.here.sendall(messages.pack(Command(command, detail)))
 
     def hear(self) -> Iterator[dict]:
         """Everything that is said, until the host has ended."""
-        for line in self._lines:
-            yield json.loads(line)
+        while True:
+            while self._heard:
+                message = messages.from_child(self._heard.popleft())
+                yield {"host": message.word, **message.members} if isinstance(message, Said) else to_record(message)
+            data = self.here.recv(1 << 16)
+            if not data:
+                return
+            self._heard.extend(self._frames.feed(data))
 
     def until(self, **members: object) -> dict:
         """Wait for a message that has these members."""
@@ -96,7 +109,6 @@ class Talk:
         """End everything."""
         self.process.kill()
         self.process.wait()
-        self._lines.close()
         self.here.close()
 
 
@@ -126,7 +138,7 @@ class TestCommands:
         host.until(host="answered")
         host.command("check")
         host.until(host="answered")
-        host.command("teardown", collapse="")
+        host.command("teardown", "")
         said = [message["host"] for message in host.hear() if message["host"] != "alive"]
         assert said == ["doing", "doing", "done"]
         assert host.end() == ["setup", "park", "park", "teardown"]
@@ -135,7 +147,7 @@ class TestCommands:
         """The runner's reason reaches on_collapse."""
         host = talk()
         host.until(host="ready")
-        host.command("teardown", collapse="the runner says so")
+        host.command("teardown", "the runner says so")
         assert host.end() == ["setup", "on_collapse the runner says so", "teardown"]
 
     def test_first_announcement_counts(self, talk: Starter):
@@ -149,7 +161,7 @@ class TestCommands:
 """
         host = talk(body)
         cause = host.until(host="collapsed")["cause"]
-        host.command("teardown", collapse=cause)
+        host.command("teardown", cause)
         assert [message for message in host.hear() if message["host"] == "collapsed"] == []
         assert host.end() == ["setup", f"on_collapse {cause}", "teardown"]
 
@@ -203,7 +215,7 @@ class TestInterruption:
         host = talk("    def check(self): clock.sleep(1000)\n")
         host.until(host="ready")
         clock.sleep(0.1)  # so that it is in check(); were it not, the outcome would be the same
-        host.command("teardown", collapse="hung")
+        host.command("teardown", "hung")
         host.interrupt()
         assert host.end() == ["setup", "on_collapse hung", "teardown"]
 
@@ -218,7 +230,7 @@ class TestInterruption:
 """
         host = talk(body)
         host.until(host="ready")
-        host.command("teardown", collapse="")
+        host.command("teardown", "")
         host.until(event="message", detail="begun")
         for _ in range(5):
             host.interrupt()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,8 +10,7 @@ import pytest
 
 from rtf import clock
 from rtf.testing.events import Event, FixtureIncident
-from rtf.testing.isolation.fork_server_protocol import DUMP_SIGNAL, SAFE_STATE_LIMIT
-from rtf.testing.isolation.job import Job
+from rtf.testing.isolation.messages import DUMP_SIGNAL, SAFE_STATE_LIMIT, Command, Frames, Job, Said, pack
 from rtf.testing.isolation.worker_pool import End
 from rtf.testing.plugins import PluginRef
 from rtf.testing.suite.model import FixtureEntry
@@ -57,11 +55,16 @@ class Scripted:
 
     def drain(self) -> None: ...
 
-    def begin(self, message: bytes, on_line: Callable[[bytes], None], on_output: Callable[[str, bytes], None]) -> None:
-        self.on_line = on_line
+    def begin(self, job: Job, on_message: Callable[[bytes], None], on_output: Callable[[str, bytes], None]) -> None:
+        self.on_message = on_message
 
-    def send(self, line: bytes) -> None:
-        self.path = json.loads(line).get("path", self.path)
+    def send(self, message: Command) -> None:
+        if message.command == "stacks":
+            self.path = message.detail
+
+    def say(self, said: dict[str, object]) -> None:
+        word, members = str(said["host"]), {name: value for name, value in said.items() if name != "host"}
+        self.on_message(b"".join(Frames().feed(pack(Said(word, members)))))
 
     def signal(self, signum: int, *, group: bool = False) -> None:
         self.signals.append(int(signum))
@@ -82,7 +85,7 @@ class Scripted:
         if isinstance(said, End):
             self.end = said
         else:
-            self.on_line(json.dumps(said).encode())
+            self.say(said)
 
 
 def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[], bool] = lambda: False):
@@ -100,8 +103,8 @@ def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[]
     fixture.process = generation
     fixture.state = FixtureState.STARTING
     generation.begin(Job(kind="fixture", id="fx", name="fx", plugin=PLUGIN, folder="", run_folder=""))
-    child.on_line(b'{"host": "listening"}')
-    child.on_line(b'{"host": "ready", "of_robot": true}')
+    child.say({"host": "listening"})
+    child.say({"host": "ready", "of_robot": True, "stop_limit": 5.0})
     fixture.state = FixtureState.STOPPING
     generation.stop("")
     return [event.cause for event in events if isinstance(event, FixtureIncident)]

@@ -84,12 +84,14 @@ class Fx(FixtureManager):
         thread = threading.Thread(target=self.collapsed, args=("announced in a thread",)); thread.start(); thread.join()
     def do_announce_and_hang(self): self.do_announce_in_thread(); self.linger_in_vain()
     def do_garbage(self):
-        os.write(3, b'[1, 2]\\n{"host": 5\\n"host"\\n{"host": "collapsed"}\\n\\xff\\xfe\\n')
-        os.write(3, b"[" * 100000 + b"\\n")
-    def do_foreign(self): os.write(3, b'{"event":"test_ended","test":"s/t","verdict":"passed","outcome":"passed"}\\n')
-    def do_surrogate(self):
-        os.write(3, b'{"event":"output_captured","stream":"stdout","text":"\\\\ud800\\\\n","fixture":"fx"}\\n')
-    def do_nonsense(self): os.write(3, b"nonsense\\n" * 3000)
+        for data in (b"", b"[1, 2]", b"\\xc0", b"\\x81\\xa5event\\x05", b"\\x91" * 100000):
+            os.write(3, len(data).to_bytes(4, "little") + data)
+    def do_foreign(self):
+        from rtf.testing import events
+        from rtf.testing.isolation.messages import pack
+        os.write(3, pack(events.TestEnded(test="s/t", verdict="passed", outcome="passed")))
+    def do_surrogate(self): self.output("\\ud800")
+    def do_nonsense(self): os.write(3, b"\\x08\\0\\0\\0nonsense" * 3000)
     def do_close_channel(self): os.close(3); self.linger_in_vain()
     def do_flood(self):
         for _ in range(400): self.output("x" * 8191)

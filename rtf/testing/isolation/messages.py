@@ -1,0 +1,237 @@
+"""The messages between a runner, its fork servers and the processes that these fork.
+
+A message is a :class:`msgspec.Struct`, written as msgpack behind its length in bytes. What a test says are events, as
+in the journal. Signals stop a test and have it write its stacks.
+"""
+
+from __future__ import annotations
+
+import signal
+import struct
+from typing import TYPE_CHECKING, Any, Union
+
+import msgspec
+
+from rtf.testing.events import KINDS
+from rtf.testing.outcome import TestingError
+from rtf.testing.plugins import PluginRef
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+#: Asks a test to end, and makes any process of ours write the stacks of its threads into its dump file.
+STOP_SIGNAL = signal.SIGINT
+DUMP_SIGNAL = signal.SIGQUIT
+#: Does nothing but wake a process that was asked to end. The interpreter does not notice a signal that comes between
+#: its last look for one and the system call in which it then waits, until another comes: so it is sent repeatedly.
+NUDGE_SIGNAL = signal.SIGURG
+NUDGE_PERIOD = 0.1
+
+#: Seconds in which a fixture has put right what a test left: a robot may have some way to go.
+SAFE_STATE_LIMIT = 45.0
+#: Seconds that all fixtures together have to come down after SIGTERM or SIGHUP, unless one declares that it needs more.
+STOP_LIMIT = 4.0
+#: What a fixture's process calls itself meanwhile (at most 15 bytes), so that its fork server knows without the runner.
+SAFE_STATE_NAME = "rtf parking"
+
+#: The files of our processes beside 0, 1 and 2: the channel to the runner, and the file for stacks.
+CHANNEL_FD = 3
+DUMP_FD = 4
+
+#: The exit status of a process of ours that cannot reach its runner any more.
+CUT_OFF = 71
+
+#: A longer message is none of ours.
+MESSAGE_LIMIT = 32 << 20
+
+
+class MessageError(TestingError, ValueError):
+    """Bytes that are no message."""
+
+
+class Message(msgspec.Struct, frozen=True, array_like=True, tag=True):
+    """Base of all messages but events."""
+
+
+# From the runner to a fork server ------------------------------------------------------------------------------------
+
+
+class Fork(Message, frozen=True):
+    """Fork a child. Its channel, standard output and standard error come with the message, as descriptors."""
+
+
+class Signal(Message, frozen=True):
+    """Send a signal to a child, or to its process group."""
+
+    pid: int
+    signum: int
+    group: bool = False
+
+
+class MarkHost(Message, frozen=True):
+    """A child hosts a fixture: it is given time to tear down when the runner is gone."""
+
+    pid: int
+
+
+class Preload(Message, frozen=True):
+    """Import modules that the tests of the suites need."""
+
+    modules: tuple[str, ...]
+
+
+# From a fork server to the runner ------------------------------------------------------------------------------------
+
+
+class Forked(Message, frozen=True):
+    """The process of the oldest Fork that has not been answered."""
+
+    pid: int
+
+
+class Exited(Message, frozen=True):
+    """A child and all that it started are gone. Wait status, seconds of CPU time, largest resident size in bytes."""
+
+    pid: int
+    status: int
+    cpu_time: float
+    max_rss: int
+
+
+class Loaded(Message, frozen=True):
+    """Modules, or the file of a plug-in server, are loaded; ``problems`` says what could not be."""
+
+    problems: tuple[str, ...] = ()
+
+
+# From the runner to a child ------------------------------------------------------------------------------------------
+
+
+class Job(Message, frozen=True, kw_only=True):
+    """One attempt at a test, the hosting of one fixture, or serving as the fork server of a plug-in's tests.
+
+    ``param`` is the suite's parameter string, ``parameters`` its ``<parameter>`` elements, ``overrides`` the ``--set``
+    values; they count in this order. ``attempt`` counts the attempts at a test, or the generations of a fixture,
+    from 1. ``suite_place`` is the suite's file and line, for provenance; ``suite_folder`` its folder. ``memory`` is the
+    private memory in bytes a process may use, 0 for no limit. ``last`` says that no other job follows.
+    ``variables`` are set in the environment of the process; ``values`` are those of its fixtures, as a JSON text.
+    """
+
+    plugin: PluginRef
+    kind: str  # "test", "fixture" or "plugin server"
+    id: str
+    name: str
+    folder: str
+    run_folder: str
+    param: str = ""
+    parameters: tuple[tuple[str, str], ...] = ()
+    overrides: tuple[tuple[str, str], ...] = ()
+    suite_place: str = ""
+    suite_folder: str = ""
+    environment: str = ""
+    repetition: int = 0
+    attempt: int = 1
+    memory: int = 0
+    can_ask: bool = False
+    check_period: float = 0.5
+    last: bool = True
+    variables: tuple[tuple[str, str], ...] = ()
+    values: str = ""
+
+
+class Answer(Message, frozen=True):
+    """What the operator answered to a test's question, and who or what answered for them."""
+
+    question: str
+    answer: str | None
+    source: str
+
+
+class Command(Message, frozen=True):
+    """What a fixture's process is to do. ``detail`` is the path for ``stacks``, or the reason for ``teardown``."""
+
+    command: str
+    detail: str = ""
+
+
+# From a child to the runner ------------------------------------------------------------------------------------------
+
+
+class Finished(msgspec.Struct, frozen=True, tag_field="event", tag="finished"):
+    """The test is over; what it came to, as its process claims."""
+
+    outcome: str
+    reason: str = ""
+    detail: str = ""
+    stopped: str = ""
+
+
+class Said(msgspec.Struct, frozen=True, tag_field="event", tag="said"):
+    """What the process of a fixture says of its life: a word, and what belongs to it."""
+
+    word: str
+    members: dict[str, Any] = {}
+
+
+# On the wire ---------------------------------------------------------------------------------------------------------
+
+_LENGTH = struct.Struct("=I")
+
+
+def _plain(value: object) -> object:
+    """An author's subclass of a plain type, such as numpy's ``float64``, as that type."""
+    if isinstance(value, str):
+        return str.__str__(value)
+    if isinstance(value, float | int):
+        return float.__float__(value) if isinstance(value, float) else int.__int__(value)
+    raise TypeError(f"{type(value).__name__} cannot be sent to the runner")
+
+
+_encoder = msgspec.msgpack.Encoder(enc_hook=_plain)
+
+
+def pack(message: msgspec.Struct) -> bytes:
+    """Write a message or an event as it crosses the wire."""
+    try:
+        data = _encoder.encode(message)
+    except UnicodeEncodeError:  # half a character, such as in the name of a file
+        data = _encoder.encode(_without_halves(msgspec.to_builtins(message, enc_hook=_plain)))
+    return _LENGTH.pack(len(data)) + data
+
+
+def _without_halves(value: Any) -> Any:
+    if isinstance(value, str):
+        return value.encode("utf-8", "backslashreplace").decode()
+    if isinstance(value, dict):
+        return {_without_halves(name): _without_halves(item) for name, item in value.items()}
+    return [_without_halves(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+class Frames:
+    """The bytes of a stream that have come so far, of which whole messages are taken."""
+
+    def __init__(self) -> None:
+        self._buffer = b""
+
+    def feed(self, data: bytes) -> Iterator[bytes]:
+        """Add what was read; gives each message that is whole now, without its length. Raises MessageError."""
+        buffer = self._buffer + data if self._buffer else data
+        position, size = 0, len(buffer)
+        try:
+            while size - position >= _LENGTH.size:
+                (length,) = _LENGTH.unpack_from(buffer, position)
+                if length > MESSAGE_LIMIT:
+                    raise MessageError(f"no message begins like this: {buffer[position : position + 300]!r}")
+                end = position + _LENGTH.size + length
+                if size < end:
+                    break
+                begin, position = position + _LENGTH.size, end
+                yield buffer[begin:end]
+        finally:
+            self._buffer = buffer[position:]
+
+
+to_fork_server = msgspec.msgpack.Decoder(Fork | Signal | MarkHost | Preload).decode
+to_runner = msgspec.msgpack.Decoder(Forked | Exited | Loaded).decode
+to_child = msgspec.msgpack.Decoder(Job | Answer | Command).decode
+from_child = msgspec.msgpack.Decoder(Union[(Finished, Said, *KINDS.values())]).decode
