@@ -252,6 +252,21 @@ const HANDLERS = {
     run.note(record);
   },
 
+  plan_changed(run, record) {
+    for (const id of [...(record.removed ?? []), ...(record.changed ?? [])]) {
+      const test = run.tests.get(id);
+      if (test) {
+        run.counts.set(test.state, run.counts.get(test.state) - 1);
+        run.running.delete(id);
+        run.tests.delete(id);
+        const suite = run.suites.get(test.planned.suite);
+        if (suite) suite.tests = suite.tests.filter((one) => one !== test);
+      }
+      run.suites.delete(id);
+    }
+    run.changes.plan = true;
+  },
+
   suite_planned(run, record) {
     if (run.suites.has(record.suite)) return;
     const suite = new Suite(record);

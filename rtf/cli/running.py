@@ -12,7 +12,17 @@ from typing import TYPE_CHECKING
 from rtf.cli.device import device_record
 from rtf.cli.parser import UsageError
 from rtf.testing import run_folder
-from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files, plugin_files, suite_files, suite_of_plugins
+from rtf.testing.events import Diagnosed
+from rtf.testing.plan import (
+    Loaded,
+    PlannedSuite,
+    Planner,
+    fingerprint,
+    load_files,
+    plugin_files,
+    suite_files,
+    suite_of_plugins,
+)
 from rtf.testing.suite.model import Isolation, SuiteError, TestSuite, Timeouts, number_suites
 from rtf.testing.verdict import ExitCode, Severity
 
@@ -20,7 +30,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator, Sequence
 
-    from rtf.testing.events import Diagnosed
+    from rtf.testing.events import PlanChanged
     from rtf.testing.isolation.launch import Launched
     from rtf.testing.reporting import Reporter
     from rtf.testing.run_control import Control
@@ -133,14 +143,14 @@ def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple
     from rtf.testing import selection
 
     filters = {}
+    if options.names:
+        filters[f"-k {options.names!r}"] = selection.name_filter(options.names)
+    if options.tags:
+        filters[f"--tags {options.tags!r}"] = selection.tag_filter(options.tags)
     planned = getattr(options, "planned", None)
-    if planned is not None:  # a run that is resumed consists of what it consisted of
-        filters["--resume"] = selection.id_filter(planned)
+    if planned is not None and (options.last_failed or options.stepwise):
+        filters["--resume"] = selection.id_filter(planned)  # what has failed last is something else by now
     else:
-        if options.names:
-            filters[f"-k {options.names!r}"] = selection.name_filter(options.names)
-        if options.tags:
-            filters[f"--tags {options.tags!r}"] = selection.tag_filter(options.tags)
         last = Path(options.runs) / run_folder.LATEST
         if options.last_failed:
             failed = selection.id_filter(_failed_in(last, "--last-failed"))
@@ -176,6 +186,21 @@ def _failed_in(folder: Path, option: str) -> frozenset[str]:
     for event in replay.as_one_run(folder):
         results.apply(event)
     return frozenset(test.id for test in results.tests.values() if test.verdict is None or not test.verdict.good)
+
+
+def fingerprints(plan: Plan) -> dict[str, str]:
+    """Return what each test of a plan is, by its id."""
+    return {test.entry.id: fingerprint(planned.suite, test.entry) for planned in plan.suites for test in planned.tests}
+
+
+def said_of_changes(changes: PlanChanged) -> Diagnosed:
+    """Return the message that the suites of a run that is resumed were edited."""
+    kinds = (("added", changes.added), ("removed", changes.removed), ("changed", changes.changed))
+    told = "; ".join(f"{word}: {', '.join(tests)}" for word, tests in kinds if tests)
+    text = f"the suites were edited since the run was begun: {told}"
+    return Diagnosed(
+        severity=Severity.WARNING, text=text, hint="what is new or changed is run, what is gone is left out"
+    )
 
 
 def list_plan(plan: Plan) -> ExitCode:
@@ -300,7 +325,8 @@ def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: 
     )
     broadcast = Broadcast(journal, [*reporters, *link])
     if run.resumed:
-        broadcast.resume(path)
+        changes = run.changes
+        broadcast.resume(path, void=(*changes.removed, *changes.changed) if changes else ())
     code = Run(plan.suites, run, broadcast, launched).execute(plan.diagnostics)
     with contextlib.suppress(KeyboardInterrupt):  # the run is over, and its verdict stands
         for reporter in reporters:

@@ -91,24 +91,19 @@ def _resume(options: argparse.Namespace) -> int:
     from rtf.cli.arguments import build_parser, parse_run
     from rtf.robot_testing.ledger import MotionLedger
     from rtf.testing import journal, replay
-    from rtf.testing.events import RunStarted
 
     folder = Path(options.resume).resolve()
-    started: RunStarted | None = None
-    for event in journal.read(folder):
-        if isinstance(event, RunStarted):
-            started = event
-            break
+    before = replay.RunSoFar(journal.read(folder))
+    started = before.started
     if started is None:
         print(f"testrunner: {folder} holds no run that was begun", file=sys.stderr)
         return int(ExitCode.USAGE)
     if started.command[:1] == ("pytest",):
         print(f"testrunner: {folder} was made by pytest, which goes on with it by --last-failed", file=sys.stderr)
         return int(ExitCode.USAGE)
-    done = replay.finished_tests(journal.read(folder))
     original = parse_run(started.command)
     original.device, original.device_file, original.device_ask = [*started.device.items()], None, False
-    original.planned = replay.planned_tests(journal.read(folder))  # whatever it was that selected them then
+    original.planned = before.planned if before.plan_is_whole else None  # whatever it was that selected them then
     for name in _OF_REPORTING:
         if getattr(options, name) != build_parser().get_default(name):
             setattr(original, name, getattr(options, name))
@@ -120,7 +115,11 @@ def _resume(options: argparse.Namespace) -> int:
         return int(running.refuse(planned))
     MotionLedger(folder).resumed()
     run: RunOptions = running.run_options(original, folder, list(started.command))
-    run = replace(run, done=done, resumed=True, seed=started.seed)
+    changes = before.changes([one.suite.id for one in planned.suites], running.fingerprints(planned))
+    if changes is not None:
+        planned = replace(planned, diagnostics=(*planned.diagnostics, running.said_of_changes(changes)))
+        before.finished.difference_update(changes.removed, changes.changed)
+    run = replace(run, done=frozenset(before.finished), changes=changes, resumed=True, seed=started.seed)
     return int(running.execute(planned, run, original))
 
 

@@ -100,7 +100,10 @@ class SuitePlanned(Event, tag="suite_planned", frozen=True, kw_only=True):
 
 
 class TestPlanned(Event, tag="test_planned", frozen=True, kw_only=True):
-    """A test will run. ``test`` is its stable id, ``suite/test``; ``run_timeout`` is in seconds."""
+    """A test will run. ``test`` is its stable id, ``suite/test``; ``run_timeout`` is in seconds.
+
+    ``fingerprint`` is another one when the suite says something else of the test: parameters, environment, fixtures.
+    """
 
     __test__: ClassVar[bool] = False
     test: str
@@ -116,6 +119,19 @@ class TestPlanned(Event, tag="test_planned", frozen=True, kw_only=True):
     retries: Count = 0
     expected: str = "pass"
     run_timeout: float | None = None
+    fingerprint: str = ""
+
+
+class PlanChanged(Event, tag="plan_changed", frozen=True, kw_only=True):
+    """The suites were edited between two parts of a run: ids of the tests that came, went, or are another test now.
+
+    What the earlier parts tell of a removed or changed test is void. ``removed`` holds suites of which nothing is left,
+    too.
+    """
+
+    added: tuple[str, ...] = ()
+    removed: tuple[str, ...] = ()
+    changed: tuple[str, ...] = ()
 
 
 class SuiteStarted(Event, tag="suite_started", frozen=True, kw_only=True):

@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rtf.errors import Location
 from rtf.testing.dispatch import numbered_copy
 from rtf.testing.events import Diagnosed
 from rtf.testing.matrix import combinations
 from rtf.testing.plugin_spec import UNKNOWN, PluginSpec
 from rtf.testing.plugins import PluginError, PluginRef, find, spec_of
-from rtf.testing.suite.ids import TestIds, label_of_plugin, name_of_plugin, varied
+from rtf.testing.suite.ids import TestIds, digest, label_of_plugin, name_of_plugin, varied
 from rtf.testing.suite.model import (
     TEST_REQUIREMENT,
     FixtureEntry,
@@ -145,6 +146,14 @@ def suite_of_plugins(
         for plugin, type_ in plugins
     )
     return TestSuite(id=suite_id, name=name, environment=environment, tests=tests)
+
+
+def fingerprint(suite: TestSuite, entry: TestEntry) -> str:
+    """Return a digest of what the suite says of a test and how it runs; its place in the file does not matter."""
+    fixtures = [replace(fixture, location=Location()) for fixture in suite.fixtures_of(entry)]
+    how = (entry.environment, entry.repetition, entry.retries, entry.requires, entry.isolation, entry.on_lost)
+    what = (entry.plugin, entry.type, entry.param, entry.parameters, entry.expected)
+    return digest(repr((what, how, suite.timeouts_of(entry), fixtures)), 12)
 
 
 class Planner:

@@ -18,7 +18,7 @@ from rtf.testing.outcome import TestingError
 from rtf.testing.results import RunResult
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Collection, Iterable, Mapping
     from pathlib import Path
 
     from rtf.testing.run_control import Control
@@ -101,9 +101,12 @@ class Broadcast:
                 self._seq = max(self._seq, event.seq)
                 self._tell(event)
 
-    def resume(self, path: Path) -> None:
-        """Tell of what a run has come to that is resumed now, and go on counting where its journal stops."""
-        self.replay(replay.as_one_run(path, resuming=True))
+    def resume(self, path: Path, void: Collection[str] = ()) -> None:
+        """Tell of what a run has come to that is resumed now, and go on counting where its journal stops.
+
+        The suites and tests in ``void`` are no part of it any more.
+        """
+        self.replay(replay.as_one_run(path, resuming=True, void=void))
         self._seq = max((event.seq for event in journal.read(path)), default=0)
 
     def emit(self, event: Event) -> None:

@@ -35,6 +35,7 @@ from rtf.testing.events import (
     TestPlanned,
 )
 from rtf.testing.isolation.attempt import GRACE, Limits
+from rtf.testing.plan import fingerprint
 from rtf.testing.sharing import groups_sharing_fixtures
 from rtf.testing.suite.model import Isolation, TestEntry, Timeouts
 from rtf.testing.verdict import ExitCode, Severity, Verdict
@@ -42,7 +43,7 @@ from rtf.testing.verdict import ExitCode, Severity, Verdict
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from rtf.testing.events import Asked
+    from rtf.testing.events import Asked, PlanChanged
     from rtf.testing.isolation.launch import Launched
     from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.reporting import Broadcast
@@ -83,6 +84,7 @@ class RunOptions:
     allow_empty: bool = False
     done: frozenset[str] = frozenset()
     resumed: bool = False
+    changes: PlanChanged | None = None
     robot: str = ""
     station: str = ""
     device: Mapping[str, str] = field(default_factory=dict)
@@ -162,6 +164,8 @@ class Run:
                 resumed=options.resumed,
             ),
         )
+        if options.changes is not None:
+            self.emit(options.changes)
         for diagnosed in diagnostics:
             self.emit(diagnosed)
         if options.plan_ahead:
@@ -209,6 +213,7 @@ class Run:
                 retries=self.retries_of(entry),
                 expected=entry.expected,
                 run_timeout=self.limits_of(planned, test).run,
+                fingerprint=fingerprint(planned.suite, entry),
             ),
         )
 

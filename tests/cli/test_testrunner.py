@@ -11,11 +11,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from lxml import etree
 
 from harness import Command, run_command, write_files
 from rtf.cli.arguments import build_parser
-from rtf.testing import journal
-from rtf.testing.events import RunStarted
+from rtf.testing import journal, replay
+from rtf.testing.events import RunStarted, TestStarted
+from rtf.testing.results import RunResult
 from rtf.testing.verdict import ExitCode, Verdict
 from waiting import eventually
 
@@ -278,6 +280,45 @@ def test_version(folder: Path):
     """A number, exit 0."""
     done = run_command(folder, "--version")
     assert re.fullmatch(r"testrunner version \d+\.\d+\.\d+\n", done.stdout)
+
+
+def test_run_of_a_suite_that_was_edited_is_resumed(folder: Path):
+    """What is new or changed runs, what is gone is left out, what is done is not run again; the run says so."""
+    suite = folder / "edited.xml"
+    suite.write_text(
+        '<suite name="e"><test name="a">fine.py</test><test name="first">fine.py</test><test>bad.py</test>'
+        "<test>fine.py</test><test>fine.py</test></suite>"
+    )
+    assert run_command(folder, "-s", "edited.xml", "--maxfail", "1").exit_code == ExitCode.FAILURES
+    suite.write_text(
+        '<suite name="e"><test name="new">fine.py</test><test name="first">fine.py</test>'
+        '<test>fine.py</test><test>bad.py</test><test name="a" retries="1">fine.py</test></suite>'
+    )
+    resumed = run_command(folder, "--resume", "rtf-runs/latest", "--junit", "j.xml")
+    assert "added: e/new; removed: e/fine+2; changed: e/a" in resumed.stdout + resumed.stderr
+    events = [*journal.read(folder / "rtf-runs" / "latest")]
+    second = max(index for index, event in enumerate(events) if isinstance(event, RunStarted))
+    assert {event.test for event in events[second:] if isinstance(event, TestStarted)} == {"e/new", "e/fine", "e/a"}
+    results = RunResult()
+    for event in replay.as_one_run(folder / "rtf-runs" / "latest"):
+        results.apply(event)
+    verdicts = {test.id: test.verdict for test in results.tests.values()}
+    assert verdicts.pop("e/bad") is Verdict.FAILED
+    assert verdicts == dict.fromkeys(("e/first", "e/new", "e/fine", "e/a"), Verdict.PASSED)
+    cases = {case.get("name") for case in etree.parse(folder / "j.xml").iter("testcase")}
+    assert cases == {"first", "bad", "new", "fine", "a"}
+
+
+def test_suite_that_was_done_before_has_its_time_in_a_resumed_run(folder: Path):
+    """A suite of which nothing was left to run took the time that its tests took."""
+    slow = FINE.replace("def run(self):", "def run(self):\n        import time; time.sleep(0.2)")
+    (folder / "slow.py").write_text(slow)
+    (folder / "one.xml").write_text('<suite name="one"><test>slow.py</test></suite>')
+    (folder / "two.xml").write_text('<suite name="two"><test>bad.py</test><test>fine.py</test></suite>')
+    run_command(folder, "-s", "one.xml", "-s", "two.xml", "--maxfail", "1")
+    run_command(folder, "--resume", "rtf-runs/latest", "--junit", "j.xml")
+    times = {suite.get("name"): float(suite.get("time")) for suite in etree.parse(folder / "j.xml").iter("testsuite")}
+    assert times["one"] >= 0.2
 
 
 def test_what_failed_last_can_be_interrupted_and_resumed(folder: Path):

@@ -15,6 +15,7 @@ from rtf.testing.events import (
     InternalError,
     Interrupted,
     Message,
+    PlanChanged,
     RunEnded,
     RunStarted,
     SuiteEnded,
@@ -77,14 +78,30 @@ def folded(events: Iterable[Event]) -> RunResult:
 )
 def test_finished_is_what_has_said_something(verdict: Verdict, stands: bool):
     """A test that was not run, interrupted or blocked is still owed."""
-    assert replay.finished_tests([*PLAN, *ran("s/a", verdict)]) == ({"s/a"} if stands else set())
+    assert replay.RunSoFar([*PLAN, *ran("s/a", verdict)]).finished == ({"s/a"} if stands else set())
 
 
 def test_test_that_was_started_again_is_not_finished():
     """The later start makes the earlier end void."""
-    assert replay.finished_tests([*PLAN, *ran("s/a"), TestStarted(test="s/a")]) == set()
+    assert replay.RunSoFar([*PLAN, *ran("s/a"), TestStarted(test="s/a")]).finished == set()
     retried = TestEnded(test="s/a", verdict=Verdict.FAILED, outcome=Verdict.FAILED, final=False)
-    assert replay.finished_tests([*PLAN, TestStarted(test="s/a"), retried]) == set()
+    assert replay.RunSoFar([*PLAN, TestStarted(test="s/a"), retried]).finished == set()
+
+
+def test_what_was_removed_or_changed_before_a_later_part_is_void(write: Writer):
+    """Of a removed test nothing is left, of a changed one what the later part tells; a suite that is gone is gone."""
+    gone = SuitePlanned(suite="t", name="t")
+    again = TestPlanned(test="s/b", suite="s", name="b", fingerprint="2")
+    path = write(
+        *(*PLAN[:-1], gone, PLAN[-1], *ran("s/a"), *ran("s/b", words="before"), *CUT, OVER, AGAIN[0]),
+        *(PlanChanged(removed=("s/a", "t"), changed=("s/b",)), again, AGAIN[1], *ran("s/b", words="after"), OVER),
+    )
+    results = folded(replay.as_one_run(path))
+    assert [*results.suites] == ["s"]
+    assert {test.planned.fingerprint for test in results.tests.values()} == {"2"}
+    assert "before" not in {event.detail for event in replay.as_one_run(path) if isinstance(event, Message)}
+    so_far = replay.RunSoFar(journal.read(path))
+    assert (so_far.planned, so_far.finished, so_far.suites) == ({"s/b": "2"}, {"s/b"}, {"s"})
 
 
 def test_run_that_was_not_resumed_is_as_it_was(write: Writer):
@@ -160,5 +177,7 @@ def test_journal_that_was_closed_in_order_gets_nothing(write: Writer):
 
 def test_a_plan_that_was_cut_off_selects_nothing():
     """A run that was killed while it told its plan consists of what its command line says, not of the part it told."""
-    assert replay.planned_tests(PLAN[:3]) is None
-    assert replay.planned_tests([*PLAN[:4], SuiteStarted(suite="s")]) == {"s/a", "s/b"}
+    assert not replay.RunSoFar(PLAN[:3]).plan_is_whole
+    whole = replay.RunSoFar([*PLAN[:4], SuiteStarted(suite="s")])
+    assert whole.plan_is_whole
+    assert whole.planned.keys() == {"s/a", "s/b"}
