@@ -33,10 +33,10 @@ EXPECTED = {
     "unsure": (Verdict.INCONCLUSIVE, "FAILED", " - inconclusive: the light was off"),
     "flaky": (Verdict.FLAKY, "", ""),
     "bug": (Verdict.ERROR, "FAILED", " - error: KeyError: 'arm'"),
-    "known bug": (Verdict.EXPECTED_FAILURE, "XFAIL", " - ticket 7: left: position = 12.5 deg"),
+    "known-bug": (Verdict.EXPECTED_FAILURE, "XFAIL", " - ticket 7: left: position = 12.5 deg"),
     "fixed": (Verdict.UNEXPECTED_PASS, "FAILED", " - unexpected pass: expected to fail: ticket 8"),
     "missing": (Verdict.ERROR, "ERROR", " - error: no test plug-in 'NoSuchTest' …"),
-    "stands on arm": (Verdict.BLOCKED, "ERROR", " - blocked: needs test s/arm, which came to: failed"),
+    "stands-on-arm": (Verdict.BLOCKED, "ERROR", " - blocked: needs test s/arm, which came to: failed"),
 }
 
 
@@ -113,8 +113,8 @@ def test_measurement_is_readable_by_a_script(session):
     assert {key: value for key, value in properties.items() if key.startswith(name)} == {
         name: "12.5",
         f"{name}:unit": "deg",
-        f"{name}:low": "0",
-        f"{name}:high": "10",
+        f"{name}:low": "0.0",
+        f"{name}:high": "10.0",
         f"{name}:margin": "-2.5",
         f"{name}:verdict": "failed",
     }
@@ -129,7 +129,7 @@ def test_verdict_is_a_property(session):
         for name, case in session.cases().items()
     }
     expected = {name: str(verdict) for name, (verdict, _, _) in EXPECTED.items()}
-    assert verdicts == {**expected, "skip": "skipped", "needs more": "skipped"}
+    assert verdicts == {**expected, "skip": "skipped", "needs-more": "skipped"}
 
 
 def test_output_and_messages_are_captured(session):
