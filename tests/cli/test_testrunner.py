@@ -133,8 +133,8 @@ def test_a_plugin_that_is_missing_is_a_failed_entry(folder: Path):
     (folder / "x.xml").write_text('<suite name="x"><test>Nonesuch</test><test>fine.py</test></suite>')
     done = run_command(folder, "-s", "x.xml", "--junit", "out.xml")
     assert done.exit_code == ExitCode.FAILURES
-    assert done.verdict("nonesuch") is Verdict.ERROR
-    assert "tried" in done.detail("nonesuch")
+    assert done.verdict("Nonesuch") is Verdict.ERROR
+    assert "tried" in done.detail("Nonesuch")
     assert "Nonesuch" in (folder / "out.xml").read_text()
 
 
