@@ -29,6 +29,7 @@ class ClassicReporter(Reporter):
     """
 
     plugin_name = "classic"
+    patience = 600.0  # a person may hold the screen
 
     _stream: TextIO | None = None
     _coloured = False

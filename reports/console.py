@@ -17,6 +17,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from msgspec.structs import replace
@@ -84,6 +85,7 @@ class ConsoleReporter(Reporter):
     """Shows a run to a person. Writes no file."""
 
     plugin_name = "console"
+    patience = 600.0  # a person may hold the screen
 
     def __init__(self, options: ReportOptions) -> None:
         super().__init__(options)
@@ -95,6 +97,7 @@ class ConsoleReporter(Reporter):
         self._suite = ""
         self._reason = ""  # why tests were not begun, as it was said last
         self._incidents_said: dict[tuple[str, str], FixtureIncident] = {}  # the last of each fixture of a suite
+        self._errors_said: set[str] = set()
         self._handlers = self._choose_handlers(options.verbosity)
 
     def open(self) -> None:
@@ -128,6 +131,8 @@ class ConsoleReporter(Reporter):
             self._incidents(results)
             self._slowest(results)
             self._paths()
+        elif self.options.verbosity < 0:
+            self._not_begun(results)
         self._verdict(results)
         self._out = None
 
@@ -199,6 +204,9 @@ class ConsoleReporter(Reporter):
             self._print_error(f"  {shown(event.hint)}")
 
     def _internal_error(self, event: InternalError, _results: RunResult) -> None:
+        if event.text in self._errors_said:  # of several suite workers, for one reason
+            return
+        self._errors_said.add(event.text)
         self._print_error(f"internal error: {shown(event.text)}", _BAD)
         if event.traceback:
             self._print_error(shown(event.traceback.rstrip("\n")))
@@ -259,7 +267,8 @@ class ConsoleReporter(Reporter):
 
     def _test_ended(self, event: TestEnded, results: RunResult) -> None:
         test = results.tests.get(event.test)
-        if test is None or (self.options.verbosity < 0 and (event.verdict.good or not event.final)):
+        quiet = self.options.verbosity < 0
+        if test is None or (quiet and (event.verdict.good or not event.final or not event.attempt)):
             return
         if self.options.verbosity >= 0:
             self._heading(test.planned.suite, results)
@@ -353,14 +362,25 @@ class ConsoleReporter(Reporter):
                 self._print(f"  {self._styled(str(message.severity), _BAD)}  suite {one_line(suite.name)}")
                 self._indented(problem_text(message), "      ")
 
-    def _alike(self, verdict: Verdict, tests: list[TestResult]) -> None:
+    def _alike(self, verdict: Verdict, tests: list[TestResult], width: int = 0) -> None:
         """Name tests of which the same is to be said; of those that were not begun the number says enough."""
-        word = self._styled(verdict, _STYLES.get(verdict, _BAD))
+        word = self._styled(f"{verdict:<{width}}", _STYLES.get(verdict, _BAD))
         if len(tests) > _NAMED and not verdict.ran and not any(test.problems for test in tests):
             self._print(f"  {word}  {len(tests)} tests: {one_line(tests[0].id)} … {one_line(tests[-1].id)}")
             return
         for test in tests:
             self._print(f"  {word}  {one_line(test.id)}")
+
+    def _not_begun(self, results: RunResult) -> None:
+        """Say once of all tests that were not begun for one reason what each would say."""
+        alike: dict[tuple[Verdict, str], list[TestResult]] = {}
+        for test in results.tests.values():
+            if test.last is not None and not test.last.attempt and not test.last.verdict.good:
+                alike.setdefault((test.last.verdict, test.last.detail), []).append(test)
+        for (verdict, reason), tests in alike.items():
+            self._alike(verdict, tests, width=_VERDICT_WIDTH)
+            if reason:
+                self._indented(reason, "      ")
 
     def _reasons(self, test: TestResult, verdict: Verdict) -> tuple[str, ...]:
         """Why a test is not good: what it said, else the sentence of its end; nothing twice."""
@@ -401,7 +421,9 @@ class ConsoleReporter(Reporter):
         paths = [path for path in self.options.extra.get("reports", "").split(os.pathsep) if path]
         self._print(self._styled("\nReports", _BOLD))
         for path in [*paths, str(self.options.run_folder)]:
-            self._print(f"  {place(path)}")
+            reason = self.options.unwritten.get(Path(path), "")
+            told = f"  {place(path)}  is not complete: {one_line(reason)}" if reason else f"  {place(path)}"
+            self._print(self._styled(told, _BAD if reason else ""))
 
     def _verdict(self, results: RunResult) -> None:
         verdict = results.ended.verdict if results.ended else results.verdict()

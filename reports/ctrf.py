@@ -3,6 +3,7 @@
 Written to specification 0.1.0: ``retryAttempts`` is what came before the last attempt, and ``retries`` their number.
 CTRF knows five statuses; ``rawStatus`` has RTF's verdict. What is no test (a fixture that collapsed, a suite that
 could not be loaded) is a test of its own, ``failed`` exactly when it is a reason for RTF's exit code, else ``other``.
+A test that has not ended is ``pending``: the file was written while the run went on, and its runner killed.
 What has no place in the format is below ``extra.rtf``; whoever wants all of it reads the ``json`` report.
 """
 
@@ -24,15 +25,13 @@ from rtf.testing.events import (
     StackDumped,
     SubResultEnded,
 )
-from rtf.testing.report.files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents, members, to_json
+from rtf.testing.report.files import AttemptEvents, FileReporter, members, to_json
 from rtf.testing.report.problems import of_run, of_suite
 from rtf.testing.report.text import near_path, problem_text, shown
-from rtf.testing.reporting import Reporter
 from rtf.testing.verdict import Severity, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
+    from rtf.testing.report.files import Spool
     from rtf.testing.report.problems import Problem
     from rtf.testing.results import RunResult, TestResult
 
@@ -50,69 +49,42 @@ _STATUS = {
 _STATUSES = ("passed", "failed", "skipped", "pending", "other")
 
 
-class CtrfReporter(Reporter):
+class CtrfReporter(FileReporter):
     """Writes ``ctrf.json`` when the run is over. Without a target it writes to standard output."""
 
     plugin_name = "ctrf"
     default_file = "ctrf.json"
 
-    _spool: Spool | None = None
-
     def open(self) -> None:
-        """Make sure the report can be written. Raises OSError."""
-        self._target = Target(self.options.target)
-        self._target.check()
-        self._spool = Spool(self._target.folder)
-        self._events = TestEvents()
         self._first: float | None = None
         self._last = 0.0
+        super().open()
 
     def handle(self, event: Event, results: RunResult) -> None:
-        """Take one event; a test that has ended leaves the memory."""
         if self._first is None:
             self._first = event.time
         self._last = event.time
-        if type(event) in OF_A_TEST and event.test:  # type: ignore[attr-defined]
-            attempts = self._events.take(event)
-            if attempts is not None:
-                self._keep(attempts, event.test, results)  # type: ignore[attr-defined]
+        super().handle(event, results)
 
-    def close(self, results: RunResult) -> None:
-        """Put the document together."""
-        spool = self._spool
-        if spool is None:
-            return
-        for test, attempts in self._events.unfinished().items():
-            self._keep(attempts, test, results)
-        try:
-            with self._target.writing() as stream:
-                self._write(stream, spool, results)
-        finally:
-            self._spool = None
-            spool.close()
+    def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:
+        suite = results.suite_of(result.id)
+        return b",\n" + to_json(self._test(result, suite.name if suite is not None else "", attempts))
 
-    def _write(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
+    def document(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
         statuses: Counter[str] = Counter()
         stream.write(to_json(self._head(results))[:-1] + b',\n"results":{"tests":[')
-        for index, (status, record) in enumerate(self._tests(spool, results)):
-            statuses[status] += 1
-            stream.write((b",\n" if index else b"\n") + record)
-        stream.write(b"],\n" + to_json(self._tail(results, statuses))[1:] + b"}\n")
-
-    def _keep(self, attempts: list[AttemptEvents], test: str, results: RunResult) -> None:
-        result, suite = results.tests.get(test), results.suite_of(test)
-        if result is not None and suite is not None and self._spool is not None:
-            self._spool.put(test, to_json(self._test(result, suite.name, attempts)))
-
-    def _tests(self, spool: Spool, results: RunResult) -> Iterator[tuple[str, bytes]]:
+        skip = 1  # the first entry has no comma before it
         for suite in results.suites.values():
-            for result in suite.tests.values():
-                record = spool.get(result.id) if result.id in spool else to_json(self._test(result, suite.name, []))
-                yield _status(result.verdict or Verdict.NOT_RUN), record
+            statuses.update(_status(result.verdict or Verdict.NOT_RUN) for result in suite.tests.values())
+            spool.copy(suite.tests, stream, skip=skip)
+            skip = 0 if suite.tests else skip
             for problem in of_suite(suite):
-                yield _problem(problem, suite.name)
+                stream.write(_problem(problem, suite.name, statuses)[skip:])
+                skip = 0
         for problem in of_run(results):
-            yield _problem(problem, "run")
+            stream.write(_problem(problem, "run", statuses)[skip:])
+            skip = 0
+        stream.write(b"],\n" + to_json(self._tail(results, statuses))[1:] + b"}\n")
 
     def _head(self, results: RunResult) -> dict[str, Any]:
         run = results.started.run if results.started else ""
@@ -167,7 +139,9 @@ class CtrfReporter(Reporter):
             record["tags"] = planned.tags
         if planned.type:
             record["type"] = planned.type
-        if ended is not None and (ended.detail or verdict is not Verdict.PASSED):
+        if result.verdict is None:
+            record["message"] = "not run: the runner was killed"
+        elif ended is not None and (ended.detail or verdict is not Verdict.PASSED):
             record["message"] = ended.detail or ended.reason or verdict
         earlier = attempts[:-1]
         if earlier:
@@ -244,8 +218,9 @@ def _status(verdict: Verdict) -> str:
     return _STATUS.get(verdict, "failed")
 
 
-def _problem(problem: Problem, suite: str) -> tuple[str, bytes]:
+def _problem(problem: Problem, suite: str, statuses: Counter[str]) -> bytes:
     status = "failed" if problem.red else "other"
+    statuses[status] += 1
     record = {
         "name": problem.name,
         "status": status,
@@ -255,4 +230,4 @@ def _problem(problem: Problem, suite: str) -> tuple[str, bytes]:
         "message": problem.message or problem.name,
         "trace": problem.text,
     }
-    return status, to_json(record)
+    return b",\n" + to_json(record)

@@ -39,15 +39,21 @@ class HtmlReporter(Reporter):
             journal_of(Path(compare))
         self._target = target
 
+    def update(self, results: RunResult) -> None:  # noqa: ARG002 - the journal has it
+        """Write the page of the run so far, without what only a run that is over is compared with."""
+        if self._target is not None and self._target.replaceable:
+            self._write(self._target, None, last=False)
+
     def close(self, results: RunResult) -> None:
         """Write the file. The journal is complete: each event is in it before any reporter hears of it."""
         target, self._target = self._target, None
-        if target is None:
-            return
+        if target is not None:
+            self._write(target, self._extras(results), last=True)
+
+    def _write(self, target: Target, extras: Extras | None, *, last: bool) -> None:
         from rtf.page.archive import write_archive
 
-        extras = self._extras(results)
-        with target.writing() as stream:
+        with target.writing(last=last) as stream:
             write_archive(stream, self.options.run_folder, extras)
 
     def _extras(self, results: RunResult) -> Extras:

@@ -3,7 +3,8 @@
 ``result.schema.json`` beside this file describes it. ``version`` grows when a member changes its meaning, not when
 one is added, so readers must pass over members they do not know. Members of messages, measurements and the like are
 left out where they have their default value. Numbers that JSON lacks are the words ``NaN``, ``Infinity`` and
-``-Infinity``. The order of suites and tests is that of the plan; each test stands on a line of its own.
+``-Infinity``. The order of suites and tests is that of the plan; each test stands on a line of its own. In a document
+that was written while the run went on, a test that has not ended is ``not run``, and the run has no ``ended``.
 """
 
 from __future__ import annotations
@@ -29,16 +30,18 @@ from rtf.testing.events import (
     StackDumped,
     SubResultEnded,
     SuiteEnded,
+    TestEnded,
+    TestStarted,
 )
-from rtf.testing.report.files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents, members, to_json
-from rtf.testing.reporting import Reporter
+from rtf.testing.report.files import FileReporter, members, to_json
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
+    from rtf.testing.report.files import AttemptEvents, Spool
     from rtf.testing.results import RunResult, SuiteResult, TestResult
 
 FORMAT = "rtf-result"
-VERSION = 1
+VERSION = 2
 
 #: Where each kind of event goes in the record of an attempt.
 _LISTS: dict[type[Event], str] = {
@@ -55,62 +58,43 @@ _LISTS: dict[type[Event], str] = {
 }
 
 
-class JsonReporter(Reporter):
+#: What belongs to a suite and not to one of its tests.
+_SAID = (Message, OutputCaptured, StackDumped, Attached)
+_BESIDE_TESTS = ("messages", "output", "stacks", "attachments", "fixtures")
+
+
+class JsonReporter(FileReporter):
     """Writes ``result.json`` when the run is over. Without a target it writes to standard output."""
 
     plugin_name = "json"
     default_file = "result.json"
 
-    _spool: Spool | None = None
-
     def open(self) -> None:
-        """Make sure the report can be written. Raises OSError."""
-        self._target = Target(self.options.target)
-        self._target.check()
-        self._spool = Spool(self._target.folder)
-        self._events = TestEvents()
         self._suites: dict[str, dict[str, Any]] = {}
         self._suite_of_fixture: dict[str, str] = {}
         self._began: float | None = None
+        self._ended: set[str] = set()
+        self._earlier: dict[str, list[dict[str, Any]]] = {}  # attempts before the run was resumed, and the test with it
+        super().open()
 
     def handle(self, event: Event, results: RunResult) -> None:
-        """Take one event; a test that has ended leaves the memory."""
-        kind = type(event)
-        if kind in OF_A_TEST and event.test:  # type: ignore[attr-defined]
-            attempts = self._events.take(event)
-            if attempts is not None:
-                self._keep(attempts, results.tests.get(event.test))  # type: ignore[attr-defined]
-        elif kind in (Message, OutputCaptured, StackDumped, Attached, FixtureChanged, FixtureIncident):
+        if isinstance(event, TestStarted) and event.test in self._ended and self._spool is not None:
+            self._earlier[event.test] = json.loads(self._spool.get(event.test)[1:])["attempts"]
+            self._ended.remove(event.test)
+        super().handle(event, results)
+        if isinstance(event, TestEnded) and event.final and self._spool is not None and event.test in self._spool:
+            self._ended.add(event.test)
+        elif isinstance(event, FixtureChanged | FixtureIncident) or (isinstance(event, _SAID) and not event.test):
             self._beside_tests(event, results)
         elif isinstance(event, SuiteEnded):
             self._put_suite(event.suite)
         elif isinstance(event, RunStarted) and self._began is None:
             self._began = event.time
 
-    def close(self, results: RunResult) -> None:
-        """Put the document together."""
-        spool = self._spool
-        if spool is None:
-            return
-        for test, attempts in self._events.unfinished().items():
-            self._keep(attempts, results.tests.get(test))
-        try:
-            with self._target.writing() as stream:
-                self._write(stream, spool, results)
-        finally:
-            self._spool = None
-            spool.close()
-
-    # Tests -------------------------------------------------------------------------------------------------------
-
-    def _keep(self, attempts: list[AttemptEvents], result: TestResult | None) -> None:
-        if result is None or self._spool is None:
-            return
+    def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:  # noqa: ARG002 - as the base has it
         record = _test(result, attempts)
-        name = f"test {result.id}"
-        if name in self._spool:  # the run was resumed, and the test with it
-            record["attempts"] = json.loads(self._spool.get(name))["attempts"] + record["attempts"]
-        self._spool.put(name, to_json(record))
+        record["attempts"] = self._earlier.get(result.id, []) + record["attempts"]
+        return b",\n" + to_json(record)
 
     # Suites and fixtures -----------------------------------------------------------------------------------------
 
@@ -132,24 +116,26 @@ class JsonReporter(Reporter):
             _fixture(record, fixture)[_LISTS[type(event)]].append(members(event, "suite", "fixture"))
 
     def _suite(self, suite: str) -> dict[str, Any]:
+        """The record of what is beside a suite's tests, to be added to."""
         record = self._suites.get(suite)
         if record is None:
-            name = f"suite {suite}"
-            kept = self._spool is not None and name in self._spool
-            record = json.loads(self._spool.get(name)) if kept and self._spool else {}
-            for member in ("messages", "output", "stacks", "attachments", "fixtures"):
-                record.setdefault(member, [])
-            self._suites[suite] = record
+            record = self._suites[suite] = self._stored(suite, self._spool)
         return record
+
+    @staticmethod
+    def _stored(suite: str, spool: Spool | None) -> dict[str, Any]:
+        name = f"{suite} suite"
+        kept = json.loads(spool.get(name)) if spool is not None and name in spool else {}
+        return {**{member: [] for member in _BESIDE_TESTS}, **kept}
 
     def _put_suite(self, suite: str) -> None:
         record = self._suites.pop(suite, None)
         if record is not None and self._spool is not None:
-            self._spool.put(f"suite {suite}", to_json(record))
+            self._spool.put(f"{suite} suite", to_json(record))
 
     # The document ------------------------------------------------------------------------------------------------
 
-    def _write(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
+    def document(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
         head = {
             "format": FORMAT,
             "version": VERSION,
@@ -160,13 +146,10 @@ class JsonReporter(Reporter):
         }
         stream.write(to_json(head)[:-1] + b',\n"suites":[')
         for index, suite in enumerate(results.suites.values()):
-            record = {**_suite_head(suite), **self._suite(suite.id)}
-            del self._suites[suite.id]
-            stream.write((b",\n" if index else b"\n") + to_json(record)[:-1] + b',\n"tests":[')
-            for number, result in enumerate(suite.tests.values()):
-                name = f"test {result.id}"
-                data = spool.get(name) if name in spool else to_json(_test(result, []))
-                stream.write((b",\n" if number else b"\n") + data)
+            beside = self._suites.get(suite.id) or self._stored(suite.id, spool)
+            record = to_json({**_suite_head(suite), **beside})
+            stream.write((b",\n" if index else b"\n") + record[:-1] + b',\n"tests":[')
+            spool.copy(suite.tests, stream, skip=1)
             stream.write(b"]}")
         stream.write(b"]}\n")
 
@@ -236,6 +219,7 @@ def _enter_state(fixture: dict[str, Any], event: FixtureChanged) -> None:
 
 def _test(result: TestResult, attempts: list[AttemptEvents]) -> dict[str, Any]:
     planned, last = result.planned, result.last
+    lost = "the runner was killed" if result.verdict is None else ""
     return {
         "id": result.id,
         "name": result.name,
@@ -251,8 +235,8 @@ def _test(result: TestResult, attempts: list[AttemptEvents]) -> dict[str, Any]:
         "retries": planned.retries,
         "run_timeout": planned.run_timeout,
         "verdict": result.verdict or Verdict.NOT_RUN,
-        "reason": last.reason if last else "",
-        "detail": last.detail if last else "",
+        "reason": "not run" if lost else last.reason if last else "",
+        "detail": lost or (last.detail if last else ""),
         "duration": result.duration,
         "attempts": [_attempt(attempt) for attempt in attempts],
     }

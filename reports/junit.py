@@ -5,33 +5,30 @@ option ``junit-family`` chooses between ``strict`` (default), which is valid aga
 therefore says what the schema has no word for as ``[[PROPERTY|name=value]]`` lines in ``system-out``, and ``rich``,
 which says it as ``properties`` of the test case, with ``file`` and ``line`` as attributes.
 
-The file is written anew, whole or not at all, when a suite has ended and when the run has; while suites end faster
-than a file that grows can be written, some are skipped. The file is red exactly when RTF's exit code is not 0.
+The file is written anew, whole or not at all, while the run goes on. A test that has not ended is an error in it, *not
+run: the runner was killed*, until it has; so the file of a run that was killed tells the truth. The file is red exactly
+when RTF's exit code is not 0.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 from rtf import clock
-from rtf.testing.events import Event, SuiteEnded
-from rtf.testing.report.files import OF_A_TEST, AttemptEvents, Spool, Target, TestEvents
+from rtf.testing.events import TestPlanned
+from rtf.testing.report.files import FileReporter
 from rtf.testing.report.junit import CaseWriter, attributes, element, kind_of, problem_case, properties_of, seconds_of
-from rtf.testing.report.problems import Problem, of_run, of_suite
+from rtf.testing.report.problems import of_run, of_suite
 from rtf.testing.report.text import near_path
-from rtf.testing.reporting import Reporter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
+    from rtf.testing.events import Event
+    from rtf.testing.report.files import AttemptEvents, Spool
+    from rtf.testing.report.problems import Problem
     from rtf.testing.results import RunResult, SuiteResult, TestResult
 
 FAMILIES = ("strict", "rich")
-
-#: A file is written anew when it would grow by this part, or after so many seconds of the run.
-_GROWTH = 1 / 20
-_PAUSE = 10.0
 
 
 @dataclass(slots=True)
@@ -58,8 +55,13 @@ class _Totals:
 class _Names:
     """Gives each case of a class a name that no other has: GitLab passes over a second one of the same name."""
 
-    def __init__(self) -> None:
-        self._given: dict[tuple[str, str], int] = {}
+    def __init__(self, given: dict[tuple[str, str], int] | None = None) -> None:
+        self._given = given or {}
+        self._of_tests: dict[str, str] = {}
+
+    def copy(self) -> _Names:
+        """Names for the cases that are no tests, which are others each time the file is written."""
+        return _Names({**self._given})
 
     def identity(self, group: str, name: str) -> list[tuple[str, object]]:
         """The attributes that say which case it is."""
@@ -72,14 +74,18 @@ class _Names:
         self._given[group, name] = max(count, 1)
         return [("name", unique), ("classname", group)]
 
+    def of_test(self, test: str, group: str, name: str) -> list[tuple[str, object]]:
+        """The attributes of a test, which are the same each time the file is written."""
+        if test not in self._of_tests:
+            self._of_tests[test] = str(self.identity(group, name)[0][1])
+        return [("name", self._of_tests[test]), ("classname", group)]
 
-class JUnitReporter(Reporter):
+
+class JUnitReporter(FileReporter):
     """Writes ``junit.xml``. Without a target it writes to standard output, once."""
 
     plugin_name = "junit"
     default_file = "junit.xml"
-
-    _spool: Spool | None = None
 
     def open(self) -> None:
         """Make sure the report can be written. Raises OSError, and ValueError for an unknown family."""
@@ -87,77 +93,49 @@ class JUnitReporter(Reporter):
         if family not in FAMILIES:
             raise ValueError(f"junit-family is {family!r}; known families are {' and '.join(FAMILIES)}")
         self._cases = CaseWriter(self.options.run_folder, strict=family == "strict")
-        self._target = Target(self.options.target)
-        self._target.check()
-        self._spool = Spool(self._target.folder)
-        self._events = TestEvents()
-        self._written = 0
-        self._written_at = 0.0
+        self._names = _Names()
+        super().open()
 
     def handle(self, event: Event, results: RunResult) -> None:
-        """Take one event; a test that has ended leaves the memory, and a suite that has ended is written."""
-        if type(event) in OF_A_TEST and event.test:  # type: ignore[attr-defined]
-            attempts = self._events.take(event)
-            if attempts is not None:
-                self._keep(attempts, results.tests.get(event.test))  # type: ignore[attr-defined]
-        elif isinstance(event, SuiteEnded):
-            self._suite_ended(event, results)
+        if isinstance(event, TestPlanned):
+            self._identity(event.test, results)
+        super().handle(event, results)
 
-    def close(self, results: RunResult) -> None:
-        """Write the whole file."""
-        if self._spool is None:
-            return
-        for test, attempts in self._events.unfinished().items():
-            self._keep(attempts, results.tests.get(test))
-        spool = self._spool
-        try:
-            self._write(spool, results, over=True)
-        finally:
-            self._spool = None
-            spool.close()
+    def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:
+        return self._cases.case(result, attempts, self._identity(result.id, results)).encode()
 
-    def _keep(self, attempts: list[AttemptEvents], result: TestResult | None) -> None:
-        if result is not None and self._spool is not None:
-            self._spool.put(result.id, self._cases.body(result, attempts).encode())
-
-    def _suite_ended(self, event: SuiteEnded, results: RunResult) -> None:
-        spool = self._spool
-        if spool is None or not self._target.replaceable:
-            return
-        grown = spool.size - self._written
-        if grown > spool.size * _GROWTH or event.time - self._written_at > _PAUSE:
-            self._written, self._written_at = spool.size, event.time
-            self._write(spool, results, over=False)
+    def _identity(self, test: str, results: RunResult) -> list[tuple[str, object]]:
+        result, suite = results.tests.get(test), results.suite_of(test)
+        if result is None or suite is None:
+            return []
+        return self._names.of_test(test, _class_name(results, suite.name), result.label)
 
     # The file ----------------------------------------------------------------------------------------------------
 
-    def _write(self, spool: Spool, results: RunResult, *, over: bool) -> None:
-        """Write all suites that have ended, or when the run is over all, and the run's own problems."""
-        suites = [suite for suite in results.suites.values() if over or suite.ended is not None]
-        problems = of_run(results) if over else []
-        totals, elapsed = _Totals(), 0.0
-        for suite in suites:
-            totals.add(_totals(suite))
-            elapsed += _elapsed(suite)
+    def document(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
+        suites = [*results.suites.values()]
+        problems = of_run(results)
+        of_suites = [_totals(suite) for suite in suites]
+        totals = _Totals()
+        for one in of_suites:
+            totals.add(one)
         for problem in problems:
             totals.count("error" if problem.red else "")
+        elapsed = sum(_elapsed(suite) for suite in suites)
         pairs: list[tuple[str, object]] = [("name", "rtf"), ("tests", totals.tests), ("failures", totals.failures)]
         pairs += [("errors", totals.errors), ("time", seconds_of(elapsed))]
-        with self._target.writing(last=over) as stream:
-            head = attributes(pairs)
-            stream.write(f'<?xml version="1.0" encoding="UTF-8"?>\n<testsuites{head}>\n'.encode())
-            names = _Names()
-            for suite in suites:
-                stream.write(self._suite_head(suite, results).encode())
-                for piece in self._suite_cases(suite, spool, names, results):
-                    stream.write(piece)
-                stream.write(b"</testsuite>\n")
-            if problems:
-                stream.write(self._run_suite(problems, names, results).encode())
-            stream.write(b"</testsuites>\n")
+        names = self._names.copy()
+        stream.write(f'<?xml version="1.0" encoding="UTF-8"?>\n<testsuites{attributes(pairs)}>\n'.encode())
+        for suite, one in zip(suites, of_suites, strict=True):
+            stream.write(self._suite_head(suite, one, results).encode())
+            spool.copy(suite.tests, stream)
+            stream.write(self._beside_tests(suite, names, results).encode())
+        if problems:
+            stream.write(self._run_suite(problems, names, results).encode())
+        stream.write(b"</testsuites>\n")
 
-    def _suite_head(self, suite: SuiteResult, results: RunResult) -> str:
-        totals, planned, run = _totals(suite), suite.planned, results.started
+    def _suite_head(self, suite: SuiteResult, totals: _Totals, results: RunResult) -> str:
+        planned, run = suite.planned, results.started
         pairs: list[tuple[str, object]] = [
             ("name", suite.name or "(unnamed)"),
             ("tests", totals.tests),
@@ -176,19 +154,16 @@ class JUnitReporter(Reporter):
         properties += [("tags", " ".join(planned.tags)), ("fixtures", " ".join(planned.fixtures))]
         return f"<testsuite{attributes(pairs)}>\n{properties_of([*_run_facts(results), *properties])}"
 
-    def _suite_cases(self, suite: SuiteResult, spool: Spool, names: _Names, results: RunResult) -> Iterator[bytes]:
+    @staticmethod
+    def _beside_tests(suite: SuiteResult, names: _Names, results: RunResult) -> str:
         group = _class_name(results, suite.name)
-        for result in suite.tests.values():
-            head = [*names.identity(group, result.label), ("time", seconds_of(result.duration))]
-            body = spool.get(result.id) if result.id in spool else self._cases.body(result, []).encode()
-            yield f"<testcase{attributes([*head, *self._cases.place(result)])}>\n".encode() + body + b"</testcase>\n"
         problems = of_suite(suite)
-        for problem in problems:
-            yield problem_case(problem, names.identity(group, problem.name)).encode()
+        cases = [problem_case(problem, names.identity(group, problem.name)) for problem in problems]
         if not suite.tests and not problems:  # Jenkins drops a suite without a case
             empty = attributes([*names.identity(group, "(no tests)"), ("time", "0.000")])
             skipped = element("skipped", "the suite has no tests", ("message", "the suite has no tests"))
-            yield f"<testcase{empty}>\n{skipped}</testcase>\n".encode()
+            cases.append(f"<testcase{empty}>\n{skipped}</testcase>\n")
+        return "".join([*cases, "</testsuite>\n"])
 
     @staticmethod
     def _run_suite(problems: list[Problem], names: _Names, results: RunResult) -> str:

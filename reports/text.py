@@ -7,6 +7,7 @@ verbosity; ``detail`` adds the places.
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from contextlib import suppress
@@ -34,10 +35,9 @@ class TextReporter(Reporter):
         """Begin the file anew. Raises OSError when it cannot be written."""
         target = Target(self.options.target)
         target.check()
-        path = target.path
-        self._stream = (
-            sys.stdout if path is None else path.open("w", encoding="utf-8", errors="backslashreplace", newline="\n")
-        )
+        self._stream = sys.stdout
+        if target.path is not None:
+            self._stream = io.TextIOWrapper(target.open(), encoding="utf-8", errors="backslashreplace", newline="\n")
 
     def handle(self, event: Event, results: RunResult) -> None:
         """Write the lines of one event; at a test's end all that was written leaves the process."""

@@ -7,14 +7,11 @@ over, until somebody ends it. ``compare`` and ``history`` are shown beside the r
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import secrets
-import signal
 import sys
-import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rtf.page.compare import journal_of
 from rtf.page.process import ServerProcess, listen
@@ -22,14 +19,13 @@ from rtf.page.settings import LOG_NAME, Settings
 from rtf.testing.reporting import Reporter, ReportError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    import threading
 
     from rtf.testing.events import Event
     from rtf.testing.results import RunResult
 
 _TOKEN_BYTES = 18
 _NEEDED = ("starlette", "uvicorn")
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class WebReporter(Reporter):
@@ -62,7 +58,7 @@ class WebReporter(Reporter):
             compare=compare,
             history=history,
         )
-        self._keep = settings.keep
+        self.stays = settings.keep
         self._address = settings.address
         self._server = ServerProcess(settings, listener, self.options.run_folder / LOG_NAME, self.options.control)
         sys.stderr.write(f"web page: {self._address}#token={settings.token}\n")
@@ -73,31 +69,13 @@ class WebReporter(Reporter):
         if self._server is not None:
             self._server.poke()
 
-    def linger(self) -> None:
-        """Let everybody have the rest; with ``keep``, wait for Ctrl-C."""
+    def linger(self, stop: threading.Event) -> None:
         server, self._server = self._server, None
         if server is None:
             return
-        if self._keep and server.alive:
-            with _asked_to_end() as asked:
-                server.say_over()
-                sys.stderr.write(f"web page: stays at {self._address} until Ctrl-C\n")
-                while server.alive and not asked.wait(1.0):
-                    pass
+        if self.stays and server.alive:
+            server.say_over()
+            sys.stderr.write(f"web page: stays at {self._address} until Ctrl-C\n")
+            while server.alive and not stop.wait(1.0):
+                pass
         server.close()
-
-
-@contextlib.contextmanager
-def _asked_to_end() -> Iterator[threading.Event]:
-    """The event is set when a signal asks this process to end."""
-    asked = threading.Event()
-
-    def take(_number: int, _frame: Any) -> None:
-        asked.set()
-
-    before = [(signum, signal.signal(signum, take)) for signum in _SIGNALS]
-    try:
-        yield asked
-    finally:
-        for signum, handler in before:
-            signal.signal(signum, handler)

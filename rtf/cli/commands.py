@@ -116,6 +116,8 @@ def report(words: Sequence[str]) -> ExitCode:
     broadcast.replay(events)
     broadcast.close()
     results = broadcast.results
+    if broadcast.broken:
+        return ExitCode.INTERNAL
     return ExitCode(results.ended.exit_code) if results.ended is not None else results.exit_code()
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import difflib
+import resource
+import signal
 import sys
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,6 +37,10 @@ if TYPE_CHECKING:
     from rtf.testing.reporting import Reporter
     from rtf.testing.run_control import Control
     from rtf.testing.runner import RunOptions
+
+#: Open files that a run needs: the runner with its reports, and each suite worker with its fork server.
+_FILES, _FILES_OF_WORKER = 48, 16
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,6 +314,16 @@ def _memory(mebibytes: int | None) -> int:
     return most_memory()
 
 
+def make_room_for_files(jobs: int) -> None:
+    """Allow as many open files as a run needs. Raises SuiteError where that is forbidden: nothing would run."""
+    needed = _FILES + _FILES_OF_WORKER * jobs
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft != resource.RLIM_INFINITY and soft < needed:
+        if hard != resource.RLIM_INFINITY and hard < needed:
+            raise SuiteError(f"{hard} open files are too few for this run, which needs {needed}: ulimit -n {needed}")
+        resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
+
+
 def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: Launched | None = None) -> ExitCode:
     """Open reporters and journal, run, and close everything. ``launched`` is a fork server that is getting ready."""
     from rtf.testing.journal import FILE_NAME, Journal
@@ -315,6 +331,7 @@ def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: 
     from rtf.testing.run_folder import LatestRun
     from rtf.testing.runner import Run
 
+    make_room_for_files(run.jobs)
     path = run.run_folder / FILE_NAME
     if path.exists() and not run.resumed:
         raise SuiteError(f"{run.run_folder} holds a run already; go on with it by --resume, or name another folder")
@@ -328,10 +345,24 @@ def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: 
         changes = run.changes
         broadcast.resume(path, void=(*changes.removed, *changes.changed) if changes else ())
     code = Run(plan.suites, run, broadcast, launched).execute(plan.diagnostics)
-    with contextlib.suppress(KeyboardInterrupt):  # the run is over, and its verdict stands
-        for reporter in reporters:
-            reporter.linger()
-    return code
+    hung = linger_until_asked(reporters)
+    for reporter in hung:
+        name = type(reporter).plugin_name
+        print(f"testrunner: reporter {name} is left behind: linger() did not return within its time", file=sys.stderr)
+    return ExitCode.INTERNAL if hung else code
+
+
+def linger_until_asked(reporters: list[Reporter]) -> list[Reporter]:
+    """Let reporters show the finished run until a signal asks this process to end. Returns those that hang."""
+    from rtf.testing.reporting import let_linger
+
+    stop = threading.Event()
+    before = [(signum, signal.signal(signum, lambda *_: stop.set())) for signum in _SIGNALS]
+    try:
+        return let_linger(reporters, stop)
+    finally:
+        for signum, handler in before:
+            signal.signal(signum, handler)
 
 
 def open_reporters(options: argparse.Namespace, folder: Path, control: Control | None = None) -> list[Reporter]:
@@ -339,7 +370,7 @@ def open_reporters(options: argparse.Namespace, folder: Path, control: Control |
 
     ``control`` is given to the reporters of a run that can be stopped.
     """
-    from rtf.testing.reporting import ReportError, ReportOptions, load_reporter
+    from rtf.testing.reporting import ReportError, ReportOptions, bounded, load_reporter
 
     colour = {"auto": None, "always": True, "never": False}[options.color]
     verbosity = -1 if options.quiet else min(2, options.verbose)
@@ -350,6 +381,7 @@ def open_reporters(options: argparse.Namespace, folder: Path, control: Control |
     if getattr(options, "web_reporter", False):
         extra |= {"port": str(options.web_port), "host": options.web_host, "keep": "yes" if options.web_keep else "no"}
     reporters = []
+    unwritten: dict[Path, str] = {}
     wanted = [*_wanted(options, folder)]
     extra["reports"] = ":".join(str(target) for _, target in wanted if target is not None)
     for name, target in wanted:
@@ -362,10 +394,11 @@ def open_reporters(options: argparse.Namespace, folder: Path, control: Control |
                 colour=colour,
                 extra=extra,
                 control=control,
+                unwritten=unwritten,
             ),
         )
         try:
-            made.open()
+            bounded(made, "open")
         except (OSError, ValueError) as error:
             raise ReportError(f"report {name} cannot be written: {error}") from None
         reporters.append(made)

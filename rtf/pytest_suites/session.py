@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +19,7 @@ from rtf.testing.journal import FILE_NAME, Journal
 from rtf.testing.operator import automatic
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files
 from rtf.testing.report.text import near_path
-from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, load_reporter
+from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, bounded, let_linger, load_reporter
 from rtf.testing.run_control import Control
 from rtf.testing.run_folder import LatestRun, make_run_folder
 from rtf.testing.runner import RunOptions, most_memory
@@ -118,7 +119,7 @@ class SuiteSession:
             journal.close()
             raise
         suites = planned_suites(session.items)
-        broadcast = Broadcast(journal, [self._listener, *self._reporters, LatestRun(options)])
+        broadcast = Broadcast(journal, [*self._reporters, LatestRun(options)], listener=self._listener)
         conductor = Conductor(suites, self._options(folder, control), broadcast, self._diagnostics)
         conductor.start()
         return conductor
@@ -157,8 +158,7 @@ class SuiteSession:
             raise
 
     def _let_reporters_go(self) -> None:
-        for reporter in self._reporters:
-            reporter.linger()
+        let_linger(self._reporters, threading.Event())
 
     def _open(self, name: str, target: str, folder: Path, control: Control) -> Reporter:
         kind = load_reporter(name)
@@ -175,7 +175,7 @@ class SuiteSession:
         capture = self._config.pluginmanager.getplugin("capturemanager")
         try:
             with capture.global_and_fixture_disabled() if capture else nullcontext():  # it may say where to look
-                reporter.open()
+                bounded(reporter, "open")
         except (OSError, ValueError) as error:
             raise OSError(f"report {name} cannot be written: {error}") from None
         return reporter
@@ -214,7 +214,7 @@ class SuiteSession:
             return []
         lines = [f"robot tests: {near_path(str(self.run_folder))}"]
         for reporter in self._reporters:
-            lines += [f"robot tests: {near_path(os.fspath(path))}" for path in reporter.paths()]
+            lines += [f"robot tests: {near_path(os.fspath(path))}" for path in bounded(reporter, "paths")]
         if self._listener is not None:
             lines += [f"robot tests: internal error: {event.text}\n{event.traceback}" for event in self.listener.broken]
         return lines

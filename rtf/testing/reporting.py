@@ -6,22 +6,28 @@ hears live it can hear again from the journal. A reporter that breaks is told of
 
 from __future__ import annotations
 
+import errno
 import threading
 import traceback
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
+from rtf import clock
 from rtf.testing import journal, replay
 from rtf.testing.events import Event, InternalError, RunStarted, SuiteEnded, TestEnded
 from rtf.testing.journal import Journal, JournalError
 from rtf.testing.outcome import TestingError
+from rtf.testing.reporter_thread import CALL_LIMIT, CLOSE_LIMIT, STOPPING_LIMIT, ReporterThread
 from rtf.testing.results import RunResult
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping
     from pathlib import Path
 
     from rtf.testing.run_control import Control
+
+
+_LOOK = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +35,8 @@ class ReportOptions:
     """What a reporter is given: where its file goes, where the run's folder is, how much it is to say.
 
     ``verbosity`` is -1 for quiet, 0, 1 or 2. ``extra`` holds options of the reporter's own, by name. ``control`` is the
-    way to stop the run and to answer its questions; a run that is over has none.
+    way to stop the run and to answer its questions; a run that is over has none. ``unwritten`` is one for all reporters
+    of a run: the files that are not as they should be, each with the reason.
     """
 
     target: Path | None
@@ -39,18 +46,25 @@ class ReportOptions:
     colour: bool | None = None  # None: decide by the terminal and the environment
     extra: Mapping[str, str] = field(default_factory=dict)
     control: Control | None = None
+    unwritten: dict[Path, str] = field(default_factory=dict)
 
 
 class Reporter:
-    """Base of reporter plug-ins. Events come in the run's one order, one at a time, from any thread.
+    """Base of reporter plug-ins. All reporters of a run are called one after the other, in the run's one order.
 
     ``plugin_name`` is the name on the command line; ``default_file`` the name of its file inside the run's folder, or
-    empty for a reporter that writes none.
+    empty for a reporter that writes none. A call that takes longer than ``patience`` seconds (``patience_of_close``
+    for the calls at the end) is left behind: the reporter is named and hears nothing more, and the exit code is 3.
     """
 
     plugin_name: ClassVar[str] = ""
     aliases: ClassVar[tuple[str, ...]] = ()
     default_file: ClassVar[str] = ""
+    patience: ClassVar[float] = CALL_LIMIT
+    patience_of_close: ClassVar[float] = CLOSE_LIMIT
+
+    #: Whether :meth:`linger` stays until somebody asks it to end.
+    stays = False
 
     def __init__(self, options: ReportOptions) -> None:
         self.options = options
@@ -61,15 +75,55 @@ class Reporter:
     def handle(self, event: Event, results: RunResult) -> None:
         """Take one event; ``results`` has it in already. Must be quick: the run waits."""
 
+    def update(self, results: RunResult) -> None:
+        """Make the report complete as far as the run has come; called about once a second while something happens."""
+
     def close(self, results: RunResult) -> None:
         """Write what is still to be written; called on every exit path."""
 
-    def linger(self) -> None:
-        """Called last of all, in the main thread, when the journal is closed: what people look at may stay a while."""
+    def linger(self, stop: threading.Event) -> None:
+        """Called last of all, when the journal is closed. One that ``stays`` returns when ``stop`` is set."""
 
     def paths(self) -> tuple[Path, ...]:
         """The files that people may want to open when the run is over."""
         return (self.options.target,) if self.options.target is not None else ()
+
+
+def bounded(reporter: Reporter, what: str, *arguments: object) -> Any:
+    """Call a reporter in a thread of its own and return its answer. Raises TimeoutError when it takes too long."""
+    outcome: list[Any] = []
+
+    def call() -> None:
+        try:
+            outcome.extend((getattr(reporter, what)(*arguments), None))
+        except BaseException as error:  # noqa: BLE001 - raised where it is waited for
+            outcome.extend((None, error))
+
+    thread = threading.Thread(target=call, name=f"rtf-report-{what}", daemon=True)
+    thread.start()
+    thread.join(reporter.patience)
+    if thread.is_alive():
+        raise TimeoutError(f"{what}() did not return within {reporter.patience:g} s")
+    returned, problem = outcome
+    if problem is not None:
+        raise problem
+    return returned
+
+
+def let_linger(reporters: Iterable[Reporter], stop: threading.Event) -> list[Reporter]:
+    """Let each reporter show the finished run as long as it stays. Returns those that did not come back in time."""
+    hung = []
+    for reporter in reporters:
+        thread = threading.Thread(target=reporter.linger, args=(stop,), name="rtf-report-linger", daemon=True)
+        thread.start()
+        deadline = clock.Deadline.after(None if reporter.stays else reporter.patience_of_close)
+        while thread.is_alive() and not stop.is_set() and not deadline.expired:
+            thread.join(_LOOK)
+        if stop.is_set():
+            thread.join(STOPPING_LIMIT)
+        if thread.is_alive():
+            hung.append(reporter)
+    return hung
 
 
 class ReportError(TestingError, OSError):
@@ -83,26 +137,55 @@ def load_reporter(name: str) -> type[Reporter]:
     return plugins.load_class(plugins.find("report", name), Reporter)
 
 
-class Broadcast:
-    """Gives every event its place in the order, writes it down, and tells the reporters. Thread-safe."""
+#: What is full, and how that is mended, by the number of the operating system's error.
+_NO_ROOM = {
+    errno.ENOSPC: "free some space, then write the reports with: testrunner report",
+    errno.EDQUOT: "free some space, then write the reports with: testrunner report",
+    errno.EFBIG: "allow larger files (ulimit -f), then write the reports with: testrunner report",
+    errno.EMFILE: "allow more open files (ulimit -n), then write the reports with: testrunner report",
+    errno.ENFILE: "close other programs' files, then write the reports with: testrunner report",
+}
 
-    def __init__(self, to: Journal | None, reporters: list[Reporter], *, results: RunResult | None = None) -> None:
-        self.results = results or RunResult()
+
+def _reason(error: BaseException) -> str:
+    return (error.strerror or str(error)) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
+
+
+def _broken_journal(error: JournalError) -> InternalError:
+    hint = _NO_ROOM.get(error.errno or 0, "")
+    lost = "what follows is neither in the journal nor sure to be in the reports"
+    return InternalError(text=f"{error}; {lost}{f'; {hint}' if hint else ''}")
+
+
+class Broadcast:
+    """Gives every event its place in the order, writes it down, and passes it to the reporters. Thread-safe.
+
+    ``listener`` is called at once, in the thread that emits; reporters are called from a thread of their own.
+    """
+
+    def __init__(self, to: Journal | None, reporters: list[Reporter], *, listener: Reporter | None = None) -> None:
+        self.results = RunResult()
         self.reporters = reporters
         self.control: Control | None = None
+        self.broken: list[Reporter] = []
         self._journal = to
+        self._listener = listener
+        self._thread = ReporterThread(reporters, self._drop)
         self._lock = threading.RLock()
         self._seq = 0
+        self._no_room: set[int | None] = set()
+        self._told_of_room: InternalError | None = None
 
     def replay(self, events: Iterable[Event]) -> None:
-        """Tell of events that are in the journal already, and go on counting after them."""
-        with self._lock:
-            for event in events:
+        """Pass on events that are in the journal already, and go on counting after them."""
+        for event in events:
+            self._thread.wait_for_room()
+            with self._lock:
                 self._seq = max(self._seq, event.seq)
-                self._tell(event)
+                self._pass_on(event)
 
     def resume(self, path: Path, void: Collection[str] = ()) -> None:
-        """Tell of what a run has come to that is resumed now, and go on counting where its journal stops.
+        """Pass on what a run has come to that is resumed now, and go on counting where its journal stops.
 
         The suites and tests in ``void`` are no part of it any more.
         """
@@ -110,61 +193,77 @@ class Broadcast:
         self._seq = max((event.seq for event in journal.read(path)), default=0)
 
     def emit(self, event: Event) -> None:
-        """Tell of one event. First it is written down: what a report shows is in the journal already."""
+        """Take one event. First it is written down: what a report shows is in the journal already."""
+        self._thread.wait_for_room()
         with self._lock:
+            self._thread.live = True
             self._seq += 1
             event = event.with_seq(self._seq)
-            self._write(event)
-            self._tell(event)
+            problem = self._write(event)
+            if problem is not None and event is self._told_of_room:  # what the journal says of the full disk is enough
+                event, problem = problem.with_seq(self._seq), None
+            self._pass_on(event)
+        if problem is not None:
+            self.emit(problem)
 
-    def _tell(self, event: Event) -> None:
-        self.results.apply(event)
-        if self.control is not None:
-            self.control.note(event)
-        for reporter in [*self.reporters]:
-            try:
-                reporter.handle(event, self.results)
-            except Exception as error:  # noqa: BLE001 - told of, and the run goes on without this reporter
-                self._drop(reporter, error)
+    def flush(self, asked: Callable[[], int] = lambda: 0) -> None:
+        """Wait until the reporters have heard of everything. ``asked`` counts how often the run was asked to stop."""
+        self._thread.flush(asked)
 
-    def close_reporters(self) -> None:
-        """Let every reporter finish, once, the first one last: it can still tell of another one that breaks."""
-        with self._lock:
-            while self.reporters:
-                reporter = self.reporters.pop()
-                try:
-                    reporter.close(self.results)
-                except Exception as error:  # noqa: BLE001 - told of, and the others still finish
-                    self._drop(reporter, error)
+    def close_reporters(self, asked: Callable[[], int] = lambda: 0) -> None:
+        """Let every reporter finish, once; what takes longer than its limit is left behind."""
+        self._thread.close(asked)
 
     def close(self) -> None:
         """Let every reporter finish, and close the journal."""
+        self.close_reporters()
         with self._lock:
-            self.close_reporters()
             written, self._journal = self._journal, None
             if written is not None:
                 try:
                     written.close()
                 except JournalError as error:
-                    self.emit(InternalError(text=str(error)))
+                    self.emit(_broken_journal(error))
 
-    def _write(self, event: Event) -> None:
+    def _pass_on(self, event: Event) -> None:
+        self.results.apply(event)
+        if self.control is not None:
+            self.control.note(event)
+        if self._listener is not None:
+            self._listener.handle(event, self.results)
+        if self.reporters:
+            self._thread.put(event)
+
+    def _write(self, event: Event) -> InternalError | None:
         if self._journal is None:
-            return
+            return None
         try:
             self._journal.append(event)
         except JournalError as error:
             # The run goes on for the reporters' sake; the exit code and the console tell.
             self._journal.close_quietly()
             self._journal = None
-            self.emit(InternalError(text=str(error)))
-            return
+            self._no_room.add(error.errno)
+            return _broken_journal(error)
         if isinstance(event, TestEnded | SuiteEnded | RunStarted):
             self._journal.sync()
+        return None
 
-    def _drop(self, reporter: Reporter, error: Exception) -> None:
-        if reporter in self.reporters:
-            self.reporters.remove(reporter)
+    def _drop(self, reporter: Reporter, error: BaseException) -> None:
+        """Say once why a report is not written. What is said of one full disk is not said again for each file on it."""
         name = type(reporter).plugin_name or type(reporter).__name__
+        self.broken.append(reporter)
+        if reporter.options.target is not None:
+            reporter.options.unwritten[reporter.options.target] = _reason(error)
+        number = error.errno if isinstance(error, OSError) else None
+        if number is not None and number in self._no_room:
+            return
         text = f"reporter {name} broke and is left out: {type(error).__name__}: {error}"
-        self.emit(InternalError(text=text, traceback=traceback.format_exc()))
+        if isinstance(error, OSError) and number in _NO_ROOM:
+            self._no_room.add(number)
+            self._told_of_room = InternalError(text=f"{text}; {_NO_ROOM[number]}")
+            self.emit(self._told_of_room)
+            return
+        bounded_by_us = isinstance(error, TimeoutError) and error.errno is None
+        trace = "" if bounded_by_us else "".join(traceback.format_exception(error))
+        self.emit(InternalError(text=text, traceback=trace))

@@ -220,8 +220,9 @@ class Run:
     def _end(self, began: float) -> ExitCode:
         self.interrupts.announce(self.emit)
         self._account_for_all()
+        self._broadcast.flush(lambda: self.interrupts.count)
         code = self._say_end(began)
-        self._broadcast.close_reporters()
+        self._broadcast.close_reporters(lambda: self.interrupts.count)
         if self._exit_code() is not code:  # a reporter broke while it was finishing
             code = self._say_end(began)
         self._broadcast.close()

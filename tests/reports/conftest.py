@@ -132,6 +132,7 @@ class Reports:
         self.results = broadcast.results
         for event in story.events:
             broadcast.emit(event)
+        broadcast.flush()
         if close:
             broadcast.close()
         broken = [error for error in broadcast.results.internal_errors if "left out" in error.text]

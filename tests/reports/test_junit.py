@@ -19,9 +19,12 @@ from rtf.testing.events import (
     OutputCaptured,
     ParametersResolved,
     StackDumped,
+    TestEnded,
     TestPlanned,
+    TestStarted,
 )
 from rtf.testing.verdict import FixtureState, MeasurementVerdict, Phase, Severity, Verdict
+from tests.waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -311,12 +314,20 @@ def test_a_run_that_was_cut_off_is_red(story: Story, reports: Reports):
     assert "did not end in order" in case(root, "run").find("error").get("message")
 
 
-def test_the_file_is_there_when_a_suite_has_ended(story: Story, reports: Reports):
-    """Jenkins' real-time plug-in shows it while the run goes on; unfinished suites are not in it."""
-    story.begin(("arm", 1), ("leg", 1)).start("arm").test("arm/t1").end("arm").start("leg")
-    root = read(reports("junit", story, close=False))
-    assert [suite.get("name") for suite in root] == ["arm"]
+def test_the_file_is_there_while_the_run_goes_on(story: Story, reports: Reports):
+    """Jenkins' real-time plug-in shows it. Should the runner be killed now, what was not run is an error in it."""
+    story.begin(("arm", 2), ("leg", 1)).start("arm").test("arm/t1").add(TestStarted(test="arm/t2"))
+    path = reports("junit", story, close=False)
+    eventually(lambda: path.exists() and len(read(path).findall(".//error")) == 3, "the file is not there")
+    errors = {one.getparent().get("name"): one.get("message") for one in read(path).iter("error")}
+    assert errors == {
+        "t2": "interrupted: the runner was killed while this test was running",
+        "t1": "not run: the runner was killed",
+        "run": "the run did not end in order: the runner was killed",
+    }
     assert [reports.folder / "junit.xml"] == [*reports.folder.iterdir()]
+    reports.broadcast.emit(TestEnded(test="arm/t2", verdict=Verdict.PASSED, outcome=Verdict.PASSED))
+    eventually(lambda: len(read(path).findall(".//error")) == 2, "the file is not up to date")
     reports.broadcast.close()
 
 

@@ -13,6 +13,7 @@ import sys
 import tempfile
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from rtf.testing.events import (
@@ -33,10 +34,12 @@ from rtf.testing.events import (
     to_record,
 )
 from rtf.testing.report.text import joined
+from rtf.testing.reporting import Reporter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
+    from collections.abc import Iterable, Iterator
+
+    from rtf.testing.results import RunResult, TestResult
 
 #: The events that tell of one attempt at a test, each with the id of the test.
 OF_A_TEST = (
@@ -59,16 +62,22 @@ OF_A_TEST = (
 class Target:
     """Where a report goes. A file is written beside its place and moved there, so that nobody ever reads half of it.
 
-    Without a path the report goes to standard output. A pipe or device is written to directly.
+    Through a link the file is written that the link leads to. Without a path, or with ``-``, the report goes to
+    standard output. Standard streams, pipes and devices are written to directly, and once.
     """
 
     def __init__(self, path: Path | None) -> None:
-        self.path = path
+        self.path = None if path is None or str(path) == "-" else path
+        self._descriptor = _STDOUT if self.path is None else _descriptor_of(self.path)
+        if self.path is not None and self._descriptor is None:
+            self.path = Path(os.path.realpath(self.path))
 
     @property
     def replaceable(self) -> bool:
         """Whether it can be written more than once: it is a file, or not there yet."""
-        return self.path is not None and (self.path.is_file() or not self.path.exists())
+        if self.path is None or self._descriptor is not None:
+            return False
+        return self.path.is_file() or not self.path.exists()
 
     @property
     def folder(self) -> Path | None:
@@ -77,7 +86,7 @@ class Target:
 
     def check(self) -> None:
         """Raise OSError when the report could never be written. Makes the folder."""
-        if self.path is None:
+        if self.path is None or self._descriptor is not None:
             return
         if self.path.is_dir():
             raise IsADirectoryError(f"cannot write a report to {self.path}: it is a folder")
@@ -97,7 +106,7 @@ class Target:
             sys.stdout.buffer.flush()
             return
         if not self.replaceable:
-            with self.path.open("wb") as stream:
+            with self.open() as stream:
                 yield stream
             return
         beside = self._beside(self.path)
@@ -113,30 +122,57 @@ class Target:
                 beside.unlink()
             raise
 
+    def open(self) -> BinaryIO:
+        """A stream to the place itself, for what is written while the run goes on."""
+        if self.path is None or self._descriptor is not None:
+            sys.stdout.flush()
+            return os.fdopen(os.dup(_STDOUT if self._descriptor is None else self._descriptor), "wb")
+        return self.path.open("wb")
+
     @staticmethod
     def _beside(path: Path) -> Path:
         return path.with_name(f".{path.name}.{os.getpid()}.part")
+
+
+_STDOUT = 1
+_STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
+
+
+def _descriptor_of(path: Path) -> int | None:
+    """The open file of this process that a path such as ``/dev/stdout`` or ``/dev/fd/5`` stands for."""
+    name = os.path.normpath(path)
+    if name in _STREAMS:
+        return _STREAMS[name]
+    found = re.fullmatch(r"/(?:dev|proc/self)/fd/(\d+)", name)
+    return int(found[1]) if found else None
 
 
 class Spool:
     """Pieces of bytes by name, in a temporary file that vanishes with the process; the latest of a name counts."""
 
     def __init__(self, folder: Path | None) -> None:
-        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - closed by close()
+        self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115 - closed by close()
         self._places: dict[str, tuple[int, int]] = {}
+        self._room: dict[str, int] = {}  # of pieces that are put more often
         self._end = 0
 
-    @property
-    def size(self) -> int:
-        """The bytes put in so far."""
-        return self._end
-
-    def put(self, name: str, data: bytes) -> None:
-        """Keep a piece."""
-        self._file.seek(self._end)
-        self._file.write(data)
-        self._places[name] = (self._end, len(data))
-        self._end += len(data)
+    def put(self, name: str, data: bytes, *, again: bool = False) -> None:
+        """Keep a piece. One that will be put ``again`` gets room to grow, so that the file does not grow each time."""
+        start = self._end
+        room = self._room.get(name, 0)
+        if again and len(data) <= room:
+            start = self._places[name][0]
+        elif again:
+            self._room[name] = room = 2 * len(data)
+            self._end += room
+        else:
+            self._room.pop(name, None)
+            self._end += len(data)
+        view, place = memoryview(data), start
+        while view:
+            written = os.pwrite(self._file.fileno(), view, place)
+            view, place = view[written:], place + written
+        self._places[name] = (start, len(data))
 
     def __contains__(self, name: str) -> bool:
         return name in self._places
@@ -144,12 +180,34 @@ class Spool:
     def get(self, name: str) -> bytes:
         """The piece of this name; KeyError where there is none."""
         start, length = self._places[name]
-        self._file.seek(start)
-        return self._file.read(length)
+        return os.pread(self._file.fileno(), length, start)
+
+    def copy(self, names: Iterable[str], stream: BinaryIO, *, skip: int = 0) -> None:
+        """Write pieces one after the other, the first without its first ``skip`` bytes.
+
+        Pieces that were put one after the other are read at one go.
+        """
+        begin = end = 0
+        for name in names:
+            start, length = self._places[name]
+            if start != end or not end:
+                self._copy(begin, end, stream)
+                begin, skip = start + skip, 0
+            end = start + length
+        self._copy(begin, end, stream)
+
+    def _copy(self, begin: int, end: int, stream: BinaryIO) -> None:
+        while begin < end:
+            data = os.pread(self._file.fileno(), min(end - begin, _CHUNK), begin)
+            stream.write(data)
+            begin += len(data)
 
     def close(self) -> None:
         """Give the space back."""
         self._file.close()
+
+
+_CHUNK = 1 << 20
 
 
 @dataclass(slots=True)
@@ -194,6 +252,61 @@ class TestEvents:
         """The attempts of the tests that were begun and have not come to their final end."""
         begun = {test: [a for a in attempts if a.started or a.ended] for test, attempts in self._open.items()}
         return {test: attempts for test, attempts in begun.items() if attempts}
+
+
+class FileReporter(Reporter):
+    """Base of reporters that write a document with an entry for each test.
+
+    The document is complete at any time: ``update`` writes it anew while the run goes on, with an entry for each test
+    that is planned. What is known of a test that has ended is kept in a spool, as it will stand in the document.
+    """
+
+    _spool: Spool | None = None
+
+    def open(self) -> None:
+        self.target = Target(self.options.target)
+        self.target.check()
+        self._spool = Spool(self.target.folder)
+        self._tests = TestEvents()
+
+    def handle(self, event: Event, results: RunResult) -> None:
+        if type(event) in OF_A_TEST and event.test:  # type: ignore[attr-defined]
+            attempts = self._tests.take(event)
+            result = results.tests.get(event.test)  # type: ignore[attr-defined]
+            if attempts is not None and result is not None and self._spool is not None:
+                self._spool.put(result.id, self.entry(result, attempts, results))
+
+    def update(self, results: RunResult) -> None:
+        if self._spool is not None and self.target.replaceable:
+            self._write(self._spool, results, last=False)
+
+    def close(self, results: RunResult) -> None:
+        spool, self._spool = self._spool, None
+        if spool is None:
+            return
+        try:
+            self._write(spool, results, last=True)
+        finally:
+            spool.close()
+
+    def _write(self, spool: Spool, results: RunResult, *, last: bool) -> None:
+        for test, attempts in self._tests.unfinished().items():
+            result = results.tests.get(test)
+            if result is not None:
+                spool.put(test, self.entry(result, attempts, results), again=True)
+        for test, result in results.tests.items():
+            if test not in spool:
+                spool.put(test, self.entry(result, [], results))
+        with self.target.writing(last=last) as stream:
+            self.document(stream, spool, results)
+
+    def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:
+        """Make the entry of a test from its attempts; of one that has not begun there are none."""
+        raise NotImplementedError
+
+    def document(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
+        """Write the document. The spool has the entries of all tests."""
+        raise NotImplementedError
 
 
 def members(event: Event, *without: str) -> dict[str, Any]:

@@ -45,6 +45,7 @@ _FAILURES = (Verdict.FAILED, Verdict.UNEXPECTED_PASS)
 _ILLEGAL = re.compile(
     "[\ud800-\udbff][\udc00-\udfff]|[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]",
 )
+_FOREIGN_MARK = re.compile(r"\[\[(?=\s*(?:ATTACHMENT|PROPERTY))", re.IGNORECASE)
 _NOT_IN_A_MARK = re.compile(r"[|\n\r]|\]\]")
 
 
@@ -93,8 +94,10 @@ def _cut(text: str, limit: int) -> str:
 
 
 def kind_of(result: TestResult) -> str:
-    """The element that a test's verdict becomes; none for a pass."""
-    verdict = result.verdict or Verdict.NOT_RUN
+    """The element that a test's verdict becomes; none for a pass. A test without one is lost with its runner."""
+    verdict = result.verdict
+    if verdict is None:
+        return "error"
     if verdict in PASSED_OVER:
         return "skipped"
     if verdict.good:
@@ -122,7 +125,7 @@ def problem_case(problem: Problem, identity: list[tuple[str, object]]) -> str:
             )
             trace = element("stackTrace", _cut(incident_text(event), _EARLIER_LIMIT))
             parts.append(f"<flakyFailure{head}>{trace}</flakyFailure>\n")
-    parts.append(element("system-out", _cut(problem.text, _PASSING_LIMIT)))
+    parts.append(element("system-out", _defused(_cut(problem.text, _PASSING_LIMIT))))
     return "".join([*parts, "</testcase>\n"])
 
 
@@ -139,6 +142,11 @@ class CaseWriter:
         if self._strict or not planned.file:
             return []
         return [("file", near_path(planned.file)), *([("line", planned.line)] if planned.line else [])]
+
+    def case(self, result: TestResult, attempts: list[AttemptEvents], identity: list[tuple[str, object]]) -> str:
+        """A test case whole."""
+        head = attributes([*identity, ("time", seconds_of(result.duration)), *self.place(result)])
+        return f"<testcase{head}>\n{self.body(result, attempts)}</testcase>\n"
 
     def body(self, result: TestResult, attempts: list[AttemptEvents]) -> str:
         """The elements of a case: verdict, earlier attempts, output."""
@@ -160,9 +168,9 @@ class CaseWriter:
 
     @staticmethod
     def _verdict(result: TestResult, last: AttemptEvents, kind: str) -> str:
-        verdict = result.verdict or Verdict.NOT_RUN
+        verdict = result.verdict or (Verdict.NOT_RUN if last.started is None else Verdict.INTERRUPTED)
         ended = last.ended or result.last
-        reason, detail = (ended.reason, ended.detail) if ended is not None else ("", "the run did not come to it")
+        reason, detail = (ended.reason, ended.detail) if ended is not None else ("", _lost(last))
         found = _problems(last) or result.problems
         problems = [problem_text(one) for one in found]
         message = _filled(detail, problems[0].partition("\n")[0] if problems else "", reason, verdict)
@@ -219,11 +227,16 @@ class CaseWriter:
             for event in attempt.events:
                 if isinstance(event, Attached | SeriesRecorded):
                     path = _relative(os.path.join(self._folder, event.path))  # noqa: PTH118 - no need of a Path
-                    lines.append(path if _NOT_IN_A_MARK.search(path) else f"[[ATTACHMENT|{path}]]")
+                    lines.append(_defused(path) if _NOT_IN_A_MARK.search(path) else f"[[ATTACHMENT|{path}]]")
         for name, value in properties:
-            pair = _cut(f"{name}={value}", _MESSAGE_LIMIT)
+            pair = _defused(_cut(f"{name}={value}", _MESSAGE_LIMIT))
             lines.append(f"[[PROPERTY|{pair.replace(']]', '] ]').translate(_ONE_LINE)}]]")
         return "".join(f"{line}\n" for line in lines)
+
+
+def _lost(attempt: AttemptEvents) -> str:
+    """Why a test has no end: it is in a file that was written while the run went on, and then the run was killed."""
+    return "the runner was killed" if attempt.started is None else "the runner was killed while this test was running"
 
 
 _ONE_LINE = {ord("\n"): "\\n", ord("\r"): "\\r"}
@@ -270,4 +283,9 @@ def _outputs(attempt: AttemptEvents, limit: int) -> tuple[str, str]:
             part.append(event.text)
         elif isinstance(event, StackDumped):
             err.append(f"{event.cause}\n{event.text.rstrip()}\n")
-    return _cut("".join(out), limit), _cut("".join(err), limit)
+    return _defused(_cut("".join(out), limit)), _defused(_cut("".join(err), limit))
+
+
+def _defused(text: str) -> str:
+    """The text without marks that a plug-in of Jenkins would obey: only ours name files and properties."""
+    return _FOREIGN_MARK.sub("[ [", text) if "[[" in text else text

@@ -102,7 +102,7 @@ def _message(found: dict[str, Problem], message: Message, suite: str) -> None:
 
 
 def of_run(results: RunResult) -> list[Problem]:
-    """The problems of the run itself; to be asked for when the run is over."""
+    """The problems of the run itself, as far as it has come."""
     code = results.ended.exit_code if results.ended is not None else int(results.exit_code())
     found: dict[str, Problem] = {}
     for event in results.diagnostics:
@@ -115,6 +115,9 @@ def of_run(results: RunResult) -> list[Problem]:
     if results.interrupted is not None:
         message = f"interrupted by {results.interrupted.source}"
         problems.append(Problem("run: interrupted", "Interrupted", red=True, message=message))
+    if results.ended is None and results.interrupted is None:  # in a file that is written while the run goes on
+        message = "the run did not end in order: the runner was killed"
+        problems.append(Problem("run", "RunError", red=True, message=message))
     if code != ExitCode.PASSED and not _red_somewhere(results, problems):
         problems.append(_unexplained(results, code))
     return problems
@@ -142,5 +145,4 @@ def _unexplained(results: RunResult, code: int) -> Problem:
         word = ExitCode(code).name.lower().replace("_", " ")
     except ValueError:
         word = f"exit code {code}"
-    ended = "" if results.ended is not None else "the run did not end in order; "
-    return Problem("run", "RunError", red=True, message=f"{word}: {ended}{counts(results.counts())}")
+    return Problem("run", "RunError", red=True, message=f"{word}: {counts(results.counts())}")
