@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from rtf.testing.case import TestCase
     from rtf.testing.fixture import FixtureManager, FixtureUnusable
     from rtf.testing.fixture_values import FixtureValue, Value
-    from rtf.testing.matrix import Matrix
     from rtf.testing.measurement import Measurement, Unit
     from rtf.testing.outcome import FixtureCollapsed, Inconclusive, SkipTest, TestFailure, TestProblem
     from rtf.testing.parameters import Parameter
+    from rtf.testing.plugin_spec import Matrix
     from rtf.testing.reporting import Reporter
 
 __all__ = [
@@ -41,7 +41,7 @@ _HOMES = {
     "FixtureUnusable": "fixture",
     "FixtureValue": "fixture_values",
     "Inconclusive": "outcome",
-    "Matrix": "matrix",
+    "Matrix": "plugin_spec",
     "Measurement": "measurement",
     "Parameter": "parameters",
     "Reporter": "reporting",

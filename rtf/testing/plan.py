@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 from rtf.errors import Location
 from rtf.testing.dispatch import numbered_copy
 from rtf.testing.events import Diagnosed
-from rtf.testing.matrix import combinations
-from rtf.testing.plugin_spec import UNKNOWN, PluginSpec
+from rtf.testing.plugin_spec import UNKNOWN, PluginSpec, combinations
 from rtf.testing.plugins import PluginError, PluginRef, find, spec_of
 from rtf.testing.suite.ids import TestIds, digest, label_of_plugin, name_of_plugin, varied
 from rtf.testing.suite.model import (

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import rtf
-from rtf.testing.matrix import Matrix
-from rtf.testing.plugin_spec import PluginSpec, as_seconds, as_strings
+from rtf.testing.plugin_spec import Matrix, PluginSpec, as_seconds, as_strings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,9 +10,9 @@ from msgspec import structs
 from harness import run_command, write_files
 from rtf.testing import Matrix, plugins
 from rtf.testing.inspection import inspect_plugins
-from rtf.testing.matrix import combinations
 from rtf.testing.plan import Planner, load_files
 from rtf.testing.plugin_source import specs_in
+from rtf.testing.plugin_spec import combinations
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:

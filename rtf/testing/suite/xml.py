@@ -21,9 +21,8 @@ from typing import TYPE_CHECKING
 
 from rtf.errors import Location
 from rtf.testing.suite.diagnostics import Diagnostic, DiagnosticLog, Severity
-from rtf.testing.suite.entries import EntryReader, Surroundings
+from rtf.testing.suite.entries import EntryReader, Surroundings, read_preload, read_timeouts, surroundings
 from rtf.testing.suite.fields import Budget, Fields, OverBudget
-from rtf.testing.suite.header import read_preload, read_timeouts, surroundings
 from rtf.testing.suite.model import (
     FixtureEntry,
     SuiteError,
@@ -31,7 +30,7 @@ from rtf.testing.suite.model import (
     TestSuite,
     suite_id_of,
 )
-from rtf.testing.suite.order import check_test_fixtures, order_fixtures, resolve_requirements
+from rtf.testing.suite.references import check_test_fixtures, order_fixtures, resolve_requirements
 from rtf.testing.suite.scan import MAX_BYTES, Element, scan
 from rtf.testing.suite.values import NameBook, plugin_stem, quote
 from rtf.testing.suite.vocabulary import RULES, check
