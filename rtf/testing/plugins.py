@@ -293,7 +293,7 @@ def load_module(ref: PluginRef) -> ModuleType:
     folder = str(path.parent)
     if folder not in sys.path:
         sys.path.append(folder)
-    if ref.kind != "report":  # reporters live in the process of the command line, or of pytest
+    if ref.kind in ("test", "fixture"):  # reporters and faults live in processes that are not theirs
         _make_importable(ref.kind, folder)
     sys.modules[name] = module
     try:
