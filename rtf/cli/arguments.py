@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from typing import TYPE_CHECKING
 
 import rtf
@@ -177,6 +178,15 @@ def _how(group: argparse._ArgumentGroup) -> None:
         "--allow-motion",
         action="store_true",
         help="let tests move a real robot (a simulated one needs no permission); the operator is asked before each",
+    )
+    group.add_argument(
+        "--wait",
+        metavar="SECONDS",
+        nargs="?",
+        type=seconds,
+        const=math.inf,
+        default=0.0,
+        help="wait for a robot that another run works with, at most so long (without SECONDS: until it is free)",
     )
     group.add_argument(
         "--answer",

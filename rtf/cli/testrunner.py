@@ -43,7 +43,7 @@ def run(words: Sequence[str]) -> int:
             options = parse_run(words)
     if options.isolation == "none":
         print("testrunner: isolation 'none': a test that hangs or crashes takes the run with it", file=sys.stderr)
-    give_permission(given=options.allow_motion)
+    give_permission(given=options.allow_motion, wait=options.wait)
     if options.resume:
         return _resume(options)
     if not (options.targets or options.test or options.tests or options.suite or options.suites):

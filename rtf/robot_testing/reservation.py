@@ -1,11 +1,14 @@
-"""One run at a time works with a robot: whoever does so is known by a port, to all who share its name server."""
+"""One run at a time works with a robot. It is known by a port, to all runs that share the robot's name server."""
 
 from __future__ import annotations
 
+import getpass
 import os
 import secrets
 import socket
 from contextlib import ExitStack
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rtf import clock
@@ -15,12 +18,16 @@ from rtf.middleware.rpc import RpcClient, RpcServer
 from rtf.robot.errors import RobotError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rtf.middleware.network import Network
 
 _ASKS = "asks for it"
 _WORKS = "works with it"
 _LEAVES = "is about to leave"
 _LOOK_AGAIN = 0.02
+#: Seconds between two tries of a run that waits.
+_NEXT_TRY = 0.5
 
 
 class ReservedError(RobotError):
@@ -51,6 +58,11 @@ class Reservation:
     """
 
     def __init__(self, robot: str, *, network: Network, patience: float) -> None:
+        since = datetime.fromtimestamp(clock.now(), UTC).astimezone()
+        self._who = (
+            f"run {_run_name()} (process {_runner_pid()} of {_user()} on {socket.gethostname()}, "
+            f"since {since:%Y-%m-%d %H:%M:%S})"
+        )
         self._all = f"/{robot}/testrunner/"
         self._name = f"{self._all}{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}"
         self._stage = _ASKS
@@ -63,7 +75,7 @@ class Reservation:
         self._stage = _WORKS
 
     def _answer(self, _: Bottle) -> Bottle:
-        return Bottle([f"process {os.getpid()} on {socket.gethostname()}", self._stage])
+        return Bottle([self._who, self._stage])
 
     def _wait_to_be_alone(self) -> None:
         deadline = clock.Deadline.after(self._patience)
@@ -71,7 +83,9 @@ class Reservation:
             first = next((one for one in rivals if one.is_before(self._name)), None)
             if first or deadline.expired:
                 who = first or rivals[0]
-                raise ReservedError(f"{who.who} {who.stage} (port {who.port}); wait until that has ended")
+                raise ReservedError(
+                    f"{who.who} {who.stage} (port {who.port}); wait until that has ended, or say --wait"
+                )
             clock.sleep(_LOOK_AGAIN)
 
     def _rivals(self) -> list[_Rival]:
@@ -96,3 +110,40 @@ class Reservation:
     def close(self) -> None:
         """Let others have it."""
         self._port.close()
+
+
+def reserve_when_free(
+    robot: str, *, network: Network, patience: float, wait: float, report: Callable[[str], None]
+) -> Reservation:
+    """Reserve a robot, and wait at most ``wait`` seconds while another run works with it.
+
+    Raises what :class:`Reservation` raises. ``report`` is told once for whom is waited.
+    """
+    deadline = clock.Deadline.after(wait)
+    told = False
+    while True:
+        try:
+            return Reservation(robot, network=network, patience=patience)
+        except ReservedError as error:
+            if deadline.expired:
+                raise
+            if not told:
+                report(f"waits for /{robot}: {error}")
+                told = True
+        clock.sleep(min(_NEXT_TRY, deadline.remaining()))
+
+
+def _runner_pid() -> int:
+    """The process of the runner, of which all its processes carry a mark; without one this process."""
+    return int(os.environ.get("RTF_FORK_SERVER", "").partition("-")[0] or os.getpid())
+
+
+def _run_name() -> str:
+    return Path(os.environ.get("RTF_RUN_FOLDER", "without a folder")).name
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return f"user {os.getuid()}"

@@ -1,19 +1,29 @@
-"""Permission to move a real robot: given on the command line, for one run, and found by tests in their environment."""
+"""What the command line says for one run to all of its tests and fixtures, which find it in their environment."""
 
 from __future__ import annotations
 
 import os
 
-_VARIABLE = "RTF_ALLOW_MOTION"
+_MOTION = "RTF_ALLOW_MOTION"
+_WAIT = "RTF_WAIT_FOR_ROBOT"
 
 
-def give_permission(*, given: bool) -> None:
-    """Let the tests of this run move a robot, or not; what a shell has kept from an earlier one counts for nothing."""
-    os.environ.pop(_VARIABLE, None)
-    if given:
-        os.environ[_VARIABLE] = "1"
+def give_permission(*, given: bool, wait: float = 0.0) -> None:
+    """Let the tests of this run move a robot, or not, and its fixtures wait so many seconds for one that is in use.
+
+    What a shell has kept from an earlier run counts for nothing.
+    """
+    for name, value in ((_MOTION, "1" if given else ""), (_WAIT, repr(wait) if wait else "")):
+        os.environ.pop(name, None)
+        if value:
+            os.environ[name] = value
 
 
 def has_permission() -> bool:
     """Whether this test may move a real robot."""
-    return os.environ.get(_VARIABLE) == "1"
+    return os.environ.get(_MOTION) == "1"
+
+
+def seconds_to_wait() -> float:
+    """How long a fixture may wait for a robot that another run works with; infinite where there is no limit."""
+    return float(os.environ.get(_WAIT, "0"))

@@ -15,6 +15,7 @@ from rtf.testing.events import Message, OutputCaptured
 from rtf.testing.isolation import messages, processes
 from rtf.testing.isolation.capture import Capture, StackFile, Tail
 from rtf.testing.isolation.messages import NUDGE_PERIOD, NUDGE_SIGNAL, SAFE_STATE_LIMIT, Command, Said
+from rtf.testing.permission import seconds_to_wait
 from rtf.testing.session import bounded
 from rtf.testing.supervision.fixture_record import Cause
 from rtf.testing.verdict import FixtureState, Phase, Severity
@@ -101,7 +102,8 @@ class FixtureProcess:
         """Have the process set the fixture up."""
         child = self._child
         child.mark_as_host()
-        self.deadline = clock.Deadline.after(self._fixture.entry.timeouts.setup or SETUP_LIMIT)
+        limit = self._fixture.entry.timeouts.setup or SETUP_LIMIT
+        self.deadline = clock.Deadline.after(limit + seconds_to_wait())
         child.begin(job, self._hear, self._written)
         self._child.send(Command("stacks", self._stacks.path))
 
