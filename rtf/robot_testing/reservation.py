@@ -16,6 +16,7 @@ from rtf.bottle import Bottle, as_string
 from rtf.middleware.errors import MiddlewareError, WaitTimeoutError
 from rtf.middleware.rpc import RpcClient, RpcServer
 from rtf.robot.errors import RobotError
+from rtf.testing.permission import runner_pid
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -60,7 +61,7 @@ class Reservation:
     def __init__(self, robot: str, *, network: Network, patience: float) -> None:
         since = datetime.fromtimestamp(clock.now(), UTC).astimezone()
         self._who = (
-            f"run {_run_name()} (process {_runner_pid()} of {_user()} on {socket.gethostname()}, "
+            f"run {_run_name()} (process {runner_pid()} of {_user()} on {socket.gethostname()}, "
             f"since {since:%Y-%m-%d %H:%M:%S})"
         )
         self._all = f"/{robot}/testrunner/"
@@ -131,11 +132,6 @@ def reserve_when_free(
                 report(f"waits for /{robot}: {error}")
                 told = True
         clock.sleep(min(_NEXT_TRY, deadline.remaining()))
-
-
-def _runner_pid() -> int:
-    """The process of the runner, of which all its processes carry a mark; without one this process."""
-    return int(os.environ.get("RTF_FORK_SERVER", "").partition("-")[0] or os.getpid())
 
 
 def _run_name() -> str:
