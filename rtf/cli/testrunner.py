@@ -102,6 +102,7 @@ def _resume(options: argparse.Namespace) -> int:
         print(f"testrunner: {folder} was made by pytest, which goes on with it by --last-failed", file=sys.stderr)
         return int(ExitCode.USAGE)
     original = parse_run(started.command)
+    _give_secrets_again(original, options)
     original.device, original.device_file, original.device_ask = [*started.device.items()], None, False
     original.planned = before.planned if before.plan_is_whole else None  # whatever it was that selected them then
     for name in _OF_REPORTING:
@@ -121,6 +122,27 @@ def _resume(options: argparse.Namespace) -> int:
         before.finished.difference_update(changes.removed, changes.changed)
     run = replace(run, done=frozenset(before.finished), changes=changes, resumed=True, seed=started.seed)
     return int(running.execute(planned, run, original))
+
+
+def _give_secrets_again(original: argparse.Namespace, given: argparse.Namespace) -> None:
+    """Fill in the values that are not written down. Raises SuiteError, which names those that are still missing."""
+    from rtf.testing.secret_values import MASK
+    from rtf.testing.suite.model import SuiteError
+
+    values = dict(given.overrides)
+    hidden = [name for name, value in original.overrides if value == MASK]
+    for name in values:
+        if name not in hidden:
+            raise SuiteError(
+                f"--set {name}: a run that is resumed keeps its parameters; only secret ones are given again"
+            )
+    missing = [name for name in hidden if name not in values]
+    if missing:
+        again = " ".join(f"--set {name}=VALUE" for name in missing)
+        raise SuiteError(f"--resume: {', '.join(missing)} is secret and was not written down; give it again: {again}")
+    original.overrides = [(name, values.get(name, value)) for name, value in original.overrides]
+    if MASK in original.param or any(value == MASK for _, value in original.define):
+        raise SuiteError("--resume: a secret value in --param or --define was not written down; start a new run")
 
 
 def _absolute_targets(original: argparse.Namespace, here: Path, *, given: argparse.Namespace) -> None:

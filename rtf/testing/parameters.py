@@ -24,6 +24,7 @@ from rtf.resources.arguments import loose_words, parse_arguments
 from rtf.testing.measurement import limits_text, number, require_limits, unit
 from rtf.testing.outcome import TestingError
 from rtf.testing.plugins import shipped_folder
+from rtf.testing.secret_values import MASK, is_secret, masked_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -60,7 +61,8 @@ class Parameter(Generic[T]):
     ``default`` is the value when no layer has one; without it the parameter must be given. For a list with a ``length``
     a single default element stands for all. ``low`` and ``high`` are inclusive and hold for each element of a list.
     ``length`` is a number, or the name of another parameter: the length of a list, or the value of an ``int``.
-    ``Bottle`` takes everything that follows the key, or a whole section, as it is.
+    ``Bottle`` takes everything that follows the key, or a whole section, as it is. A ``secret`` value is shown nowhere;
+    one whose key has a word such as ``password``, ``token`` or ``key`` is secret unless ``secret`` is False.
     """
 
     def __init__(
@@ -76,7 +78,9 @@ class Parameter(Generic[T]):
         choices: Sequence[object] = (),
         aliases: Sequence[str] = (),
         key: str = "",
+        secret: bool | None = None,
     ) -> None:
+        self._secret = secret
         self.kind = kind
         self.description = description
         self.default = default
@@ -117,6 +121,11 @@ class Parameter(Generic[T]):
         instance.__dict__.setdefault("_parameter_values", {})[self.name] = value
 
     @property
+    def secret(self) -> bool:
+        """Whether no journal, report or page shows the value."""
+        return is_secret(self.key) if self._secret is None else self._secret
+
+    @property
     def required(self) -> bool:
         """Whether there is no default."""
         return self.default is REQUIRED
@@ -145,7 +154,7 @@ class Parameter(Generic[T]):
 
     def default_text(self) -> str:
         """The default in text form, for people."""
-        return "required" if self.required else value_text(self.default)
+        return "required" if self.required else MASK if self.secret else value_text(self.default)
 
     # From values to what the test sees -----------------------------------------------------------------------------
 
@@ -310,7 +319,7 @@ class Declared:
             assert group is not None
             yield Given(self.words_key, group.tail(), source)
         elif words:
-            text = " ".join(words)
+            text = masked_text(" ".join(words))
             problems.append(f"{text!r} belongs to no key ({source}); write --KEY VALUE, as in --{text.lstrip('-')}")
 
     def suite_value(self, key: str) -> str:
@@ -445,7 +454,8 @@ class _Filling:
         try:
             value = parameter.convert(given.group, given.text)
         except ValueError as error:
-            self._problems.append(f"{given.key}: {error} ({given.source})")
+            problem = f"the secret value is no {parameter.noun} that is allowed" if parameter.secret else error
+            self._problems.append(f"{given.key}: {problem} ({given.source})")
             return
         parameter.__set__(self._target, value)
         self._sources[name] = given.source
@@ -490,7 +500,7 @@ class _Filling:
         return [
             {
                 "name": parameter.key,
-                "value": value_text(getattr(self._target, name)),
+                "value": MASK if parameter.secret else value_text(getattr(self._target, name)),
                 "unit": parameter.unit,
                 "source": self._sources[name],
             }

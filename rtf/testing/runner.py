@@ -36,6 +36,7 @@ from rtf.testing.events import (
 )
 from rtf.testing.isolation.attempt import GRACE, Limits
 from rtf.testing.plan import fingerprint
+from rtf.testing.secret_values import declared_in, masked_command, masked_text
 from rtf.testing.sharing import groups_sharing_fixtures
 from rtf.testing.suite.model import Isolation, TestEntry, Timeouts
 from rtf.testing.verdict import ExitCode, Severity, Verdict
@@ -115,6 +116,8 @@ class Run:
         self._failures = 0
         self._counting = threading.Lock()
         self._broadcast = broadcast
+        files = {str(test.plugin.path) for suite in suites for test in suite.tests if test.plugin is not None}
+        self._secrets = declared_in(files)
         self._limits: dict[str, Limits] = {}
         self._launched = [] if launched is None else [launched]
         self.emit = broadcast.emit
@@ -155,7 +158,7 @@ class Run:
             RunStarted(
                 run=options.run_folder.name,
                 version=rtf.__version__,
-                command=options.command,
+                command=masked_command(options.command, self._secrets),
                 environment={**_facts(), **options.facts},
                 robot=options.robot,
                 station=options.station or platform.node(),
@@ -205,7 +208,7 @@ class Run:
                 name=entry.name,
                 plugin=entry.plugin,
                 type=entry.type or "",
-                param=entry.param,
+                param=masked_text(entry.param, self._secrets),
                 tags=entry.tags,
                 file=entry.location.file,
                 line=entry.location.line,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from rtf.resources.arguments import split_arguments
 from rtf.testing.case import TestCase
+from rtf.testing.secret_values import MASK, is_secret, masked_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,10 +47,20 @@ class RawParameters(TestCase):
         for key, value in self.added.items():
             words += [f"--{key}", *([value] if value else [])]
         self.words = tuple(words)
-        rows = [{"name": "param", "value": param, "unit": "", "source": f"param of {place}" if place else "param"}]
+        rows = [
+            {
+                "name": "param",
+                "value": masked_text(param),
+                "unit": "",
+                "source": f"param of {place}" if place else "param",
+            }
+        ]
         origin = dict.fromkeys(dict(parameters), f"<parameter> of {place}" if place else "<parameter>")
         origin |= dict.fromkeys(dict(overrides), "--set")
-        added = [{"name": key, "value": self.added[key], "unit": "", "source": origin[key]} for key in self.added]
+        added = [
+            {"name": key, "value": MASK if is_secret(key) else value, "unit": "", "source": origin[key]}
+            for key, value in self.added.items()
+        ]
         return (rows if param else []) + added
 
 

@@ -1,0 +1,126 @@
+"""Secret values: in no journal, report or page, and given again when a run is resumed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from harness import run_command
+from rtf.testing import Parameter, TestCase, journal, replay
+from rtf.testing.parameters import ParameterError
+from rtf.testing.secret_values import declared_in, is_secret, masked_command
+from rtf.testing.verdict import ExitCode
+
+LOGIN = '''
+from pathlib import Path
+from rtf.testing import Parameter, TestCase
+
+class Login(TestCase):
+    """Logs in."""
+
+    password = Parameter(str, "password of the robot", default="none")
+    pin = Parameter(int, "number of the operator", default=0, high=9999, secret=True, aliases=("code",))
+    keyboard = Parameter(str, "layout", default="us")
+
+    def run(self):
+        Path("seen").write_text(f"{self.password} {self.pin}")
+        self.assert_true(self.keyboard != "de", "the keyboard has the letters")
+'''
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a suite of a test that takes secrets."""
+    (tmp_path / "login.py").write_text(LOGIN)
+    (tmp_path / "s.xml").write_text('<suite name="s"><test>login.py</test><test name="b">login.py</test></suite>')
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["password", "robot_passwd", "apiToken", "API_KEY", "key", "client-secret", "tokens"])
+def test_name_that_is_secret(name: str):
+    """By one of its words, however they are joined."""
+    assert is_secret(name)
+
+
+@pytest.mark.parametrize("name", ["keyboard", "monkey", "speed", "passive", "part", "tokenizer"])
+def test_name_that_is_not_secret(name: str):
+    """Not by a part of a word."""
+    assert not is_secret(name)
+
+
+@pytest.mark.parametrize(
+    ("word", "shown"),
+    [
+        ("password=hunter2", "password=***"),
+        ("--set=password=hunter2", "--set=password=***"),
+        ("pin=4711", "pin=***"),
+        ("speed=20", "speed=20"),
+        ("--speed 3 --password 'hunter 2' --part arm", "--speed 3 --password *** --part arm"),
+        ("--param=--token hunter2", "--param=--token ***"),
+        ("left and not key", "left and not key"),
+    ],
+)
+def test_command_line_without_its_secrets(word: str, shown: str):
+    """In ``NAME=VALUE`` and in parameter strings; the rest is as it was."""
+    assert masked_command([word], {"pin"}) == (shown,)
+
+
+def test_secrets_are_in_no_file_of_a_run(folder: Path):
+    """The test gets them; journal, reports, page and console do not."""
+    command = ["-s", "s.xml", "--set", "password=hunter2", "--set", "code=4711", "--set", "keyboard=fr"]
+    reports = ["--json", "r.json", "--junit", "j.xml", "--html", "r.html", "-vv"]
+    done = run_command(folder, *command, *reports)
+    assert done.exit_code == 0, done.stderr
+    seen = [path for path in folder.rglob("seen") if path.read_text() == "hunter2 4711"]
+    assert seen, "the test has the values"
+    written = [path for path in folder.rglob("*") if path.is_file() and path not in seen]
+    assert [path for path in written if b"hunter2" in path.read_bytes() or b"code=4711" in path.read_bytes()] == []
+    assert "hunter2" not in done.stdout + done.stderr
+    assert b"keyboard=fr" in (done.folder / journal.FILE_NAME).read_bytes()
+
+
+def test_value_that_is_wrong_is_not_shown(folder: Path):
+    """The message names the parameter and what it takes."""
+    done = run_command(folder, "-s", "s.xml", "--set", "pin=471147", "-vv")
+    assert b"471147" not in (done.folder / journal.FILE_NAME).read_bytes()
+    assert "471147" not in done.stdout
+    assert "pin: the secret value is no whole number that is allowed (--set)" in done.stdout
+
+
+class Open(TestCase):
+    """A test whose parameter only sounds secret."""
+
+    key = Parameter(str, "key on the keyboard", default="a", secret=False)
+    token = Parameter(int, "a number")
+
+
+def test_author_has_the_last_word():
+    """What is declared ``secret=False`` is shown, whatever its name."""
+    rows = Open().resolve_parameters(param="--key q --token 12")
+    assert {row["name"]: row["value"] for row in rows if row["source"] == "param"} == {"key": "q", "token": "***"}
+    with pytest.raises(ParameterError) as caught:
+        Open().resolve_parameters(param="--token hunter2")
+    assert "hunter2" not in str(caught.value)
+
+
+def test_resumed_run_needs_its_secrets_again(folder: Path):
+    """They were not written down: the error names them; with them it goes on."""
+    secrets = ["--set", "password=hunter2", "--set", "pin=4711"]
+    run_command(folder, "-s", "s.xml", *secrets, "--set", "keyboard=de", "--maxfail", "1")
+    refused = run_command(folder, "--resume", "rtf-runs/latest", "--set", "pin=4711")
+    assert refused.exit_code == ExitCode.USAGE
+    assert "password is secret and was not written down; give it again: --set password=VALUE" in refused.stderr
+    refused = run_command(folder, "--resume", "rtf-runs/latest", *secrets, "--set", "keyboard=fr")
+    assert "--set keyboard: a run that is resumed keeps its parameters" in refused.stderr
+    run_command(folder, "--resume", "rtf-runs/latest", *secrets)
+    run = folder / "rtf-runs" / "latest"
+    assert replay.RunSoFar(journal.read(run)).finished == {"s/login", "s/b"}
+    assert b"hunter2" not in (run / journal.FILE_NAME).read_bytes()
+
+
+def test_declarations_are_read_from_the_text(folder: Path):
+    """Name, key and aliases of what is declared secret; what cannot be read declares nothing."""
+    (folder / "broken.py").write_text("secret = (")
+    files = [str(folder / name) for name in ("login.py", "broken.py", "none.py", "s.xml")]
+    assert declared_in(files) == {"pin", "code"}
