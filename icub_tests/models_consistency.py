@@ -1,4 +1,4 @@
-"""Models consistency: two models of the robot agree about where its links are."""
+"""Models consistency: two kinematic models of the robot agree on the poses of its links."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ if TYPE_CHECKING:
 
 
 class ModelsConsistency(TestCase):
-    """Compares the transforms of links between a description (URDF) and the simulator's model, or another description.
+    """Compares the poses of links in a robot description (URDF) with those of the simulator or of another description.
 
-    Postures are random within the limits of the joints; several seeds, many postures each. It needs no robot.
+    The postures are random within the joint limits, several for each seed. It needs no robot.
     """
 
     aliases = ("iKiniDynConsistencyTest", "models-consistency", "modelsConsistency", "iKinIDynConsistencyTest")
     tags = ("model",)
 
     model = Parameter(str, "the description, a URDF file; none: the published one", default="")
-    other = Parameter(str, "what it is compared with, a URDF file; none: the simulator's model", default="")
+    other = Parameter(str, "the model to compare with, a URDF file; none: the simulator's model", default="")
     links = Parameter(
-        list[str], "links that are compared", default=["l_hand", "r_hand", "l_foot", "r_foot", "head", "chest"]
+        list[str], "the compared links", default=["l_hand", "r_hand", "l_foot", "r_foot", "head", "chest"]
     )
-    seeds = Parameter(list[int], "where the random postures begin", default=[147, 1, 2])
+    seeds = Parameter(list[int], "seeds of the random postures", default=[147, 1, 2])
     postures = Parameter(int, "postures of each seed", default=20, low=1)
-    tolerance = Parameter(float, "how far apart a link may be", unit="m", default=1e-3, low=0.0)
-    turn_tolerance = Parameter(float, "how far turned against each other", unit="deg", default=0.1, low=0.0)
+    tolerance = Parameter(float, "greatest distance of a link in the two models", unit="m", default=1e-3, low=0.0)
+    turn_tolerance = Parameter(float, "greatest rotation between the two", unit="deg", default=0.1, low=0.0)
 
     def setup(self) -> None:
         """Read both models."""
@@ -45,13 +45,13 @@ class ModelsConsistency(TestCase):
             self.first = read_description(self.model)
             self.second = read_description(self.other) if self.other else SimulatedKinematics()
         except RtfError as error:
-            self.assert_error(f"a model cannot be had: {error}")
+            self.assert_error(f"cannot read a model: {error}")
         for link in self.links:
             for model in (self.first, self.second):
                 self.assert_error_if_false(link in model.links, f"{model.place} has no link {link!r}")
 
     def run(self) -> None:
-        """Compare link by link; what is worst is named with its posture."""
+        """Compare link by link; a failure names the worst posture."""
         self.report(f"{self.first.place} against {self.second.place}")
         postures = [*self._postures()]
         for link in self.links:
@@ -61,7 +61,7 @@ class ModelsConsistency(TestCase):
     def _postures(self) -> Iterator[dict[str, float]]:
         joints = sorted({joint for link in self.links for joint in self.first.chain(link)})
         limits = [self.first.limits(joint) for joint in joints]
-        # A joint without limits turns all the way round.
+        # A continuous joint has no limits.
         low = np.array([lower if math.isfinite(lower) else -math.pi for lower, _ in limits])
         high = np.array([upper if math.isfinite(upper) else math.pi for _, upper in limits])
         for seed in self.seeds:

@@ -1,4 +1,4 @@
-"""Stiction: how much duty cycle it takes to set each motor going, in both directions."""
+"""Stiction: the duty cycle that sets each motor in motion, in both directions."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.duty_test import BothWays
 
-_START = 0.0  # %: a ramp begins with what holds the joint
-_FAR = 0.5  # of the greatest stiction
+_START = 0.0  # %: a ramp begins with the duty cycle that holds the joint
+_FAR = 0.5  # share of the greatest stiction
 
 
 class MotorStiction(DutyTest):
     """Drives each motor with a slowly growing duty cycle until it has moved, upwards and downwards.
 
-    Half the distance between the two duty cycles at which it begins to move is the stiction; in the middle is what
-    gravity needs. Where the limit of it is near it is measured again. A joint under test begins with the duty cycle
-    that holds it, from its home or where it has room within its limits; all others are held by controllers, but an arm
-    and its hand are tested at the same time.
+    The stiction is half the difference of the two duty cycles at which motion begins; their mean is the load of
+    gravity. A stiction near its limit is measured again. A ramp begins with the duty cycle that holds the joint, at
+    home or where it has room within its limits. All other joints are held by their controllers, but an arm and its hand
+    are tested at the same time.
     """
 
     aliases = ("motorStiction", "motor-stiction")
     safety = Safety.EFFORT
     tags = ("motion", "motors", "friction")
-    apart = ("speed",)  # taken and not needed
+    not_per_joint = ("speed",)  # accepted and ignored
 
     output_step = Parameter(
-        list[float], "by how much the duty cycle grows", unit="%", default=[0.5], low=0.01, high=10.0, key="outputStep"
+        list[float], "step of the duty cycle", unit="%", default=[0.5], low=0.01, high=10.0, key="outputStep"
     )
     output_delay = Parameter(
         list[float], "time between two steps", unit="s", default=[0.1], low=0.02, key="outputDelay"
@@ -43,16 +43,16 @@ class MotorStiction(DutyTest):
     )
     threshold = Parameter(list[float], "motion that counts, of the joint", unit="deg", default=[5.0], low=0.5)
     repeat = Parameter(
-        int, "how often each motor is tested at most; once is enough far from the greatest stiction", default=2, low=1
+        int, "most measurements of a motor; one is enough far from the greatest stiction", default=2, low=1
     )
-    # A few per cent is what motors behind gears of 100:1 take; a dry or a bent one takes several times that.
+    # Motors with gears of 100:1 take a few per cent; a dry or a bent one several times that.
     stiction = Parameter(
         list[float], "greatest stiction", unit="%", default=[10.0], low=0.1, high=100.0, key="maxStiction"
     )
-    speed = Parameter(list[float], "taken and not needed", unit="deg/s", default=[20.0])
+    speed = Parameter(list[float], "accepted and ignored", unit="deg/s", default=[20.0])
 
     def setup(self) -> None:
-        """Read how the duty cycles grow."""
+        """Read the steps of the duty cycles."""
         super().setup()
         columns = (
             self.per_joint("outputStep", self.output_step, self.chosen),
@@ -64,7 +64,7 @@ class MotorStiction(DutyTest):
         self.most = self.per_joint("maxStiction", self.stiction, self.chosen)
 
     def enough(self, joint: int, found: list[BothWays]) -> bool:
-        """See the base. One measurement is wrong by a few steps: far from the limit no other can change the verdict."""
+        """End after one measurement far from the limit: its error of a few steps cannot change the verdict."""
         if not found or len(found) >= self.repeat:
             return bool(found)
         most = self._most(joint)
@@ -80,16 +80,16 @@ class MotorStiction(DutyTest):
         self.measure("in the middle, against gravity", float((upwards + downwards).mean() / 2), "%")
         each = _stictions(found)
         mean = float(each.mean())
-        # Two or three values tell what they are better than an interval, which is tens of times their spread.
+        # For two or three values the range says more than a confidence interval, which is tens of times wider.
         times = f" ({each.min():.1f} to {each.max():.1f} in {each.size} times)" if each.size > 1 else ""
         hint = (
-            f"{name} takes {mean:.1f} %{times} of duty cycle more than what gravity needs before it moves; "
+            f"{name} needs {mean:.1f} %{times} of duty cycle beyond the load of gravity before it moves; "
             f"{likely_causes('weak')}"
         )
         self.measure("stiction", mean, "%", high=self._most(joint), hint=hint)
 
     def _most(self, joint: int) -> float:
-        """The greatest stiction (%): a motor that is geared to less of its joint needs more for the same friction."""
+        """Return the greatest stiction (%): more for a motor with a smaller share in its joint."""
         share = abs(float(self.transmission.coupling[joint, joint])) or 1.0
         return self.most[self.chosen.index(joint)] / share
 
@@ -103,5 +103,5 @@ class MotorStiction(DutyTest):
 
 
 def _stictions(found: list[BothWays]) -> FloatArray:
-    """Half the distance between the duty cycles at which a motor began to move, of each measurement."""
+    """Return the stiction of each measurement: half the difference of the duty cycles at which motion began."""
     return np.array([(ways.positive.breakaway - ways.negative.breakaway) / 2 for ways in found])

@@ -1,4 +1,4 @@
-"""Motor test: position moves of single joints, of all at once and of a group arrive, and say when they are done."""
+"""Motor test: position moves of single joints, of all at once and of a group arrive, and are reported as done."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
 
-#: How long a board may take to begin with a move, and to call it done after its end, s.
+#: Time for a board to begin a move, and to report it as done after its end, s.
 _STARTS, _ENDS = 0.5, 1.0
-#: How long joints are watched after a move, s, and how often, s.
+#: Time for which joints are watched after a move, and period of the checks, s.
 _AFTER, _PACE = 0.3, 0.02
-#: The states at the end whose mean is where a joint has come to.
+#: The number of last states whose mean is the final position.
 _LAST = 10
-#: A way that is shorter says nothing of how it begins, deg.
+#: The shortest move whose beginning is judged, deg.
 _SHORTEST = 1.0
 
 
 class MotorTest(JointsTest):
     """Moves each joint to its target, all back home together, and all to their targets again as a group.
 
-    Each joint has to start, to say that it is done, and to be near its target; rise, settling and overshoot are
-    measured. Targets are ten degrees from home, towards the middle of the range, unless they are given.
+    Each joint has to start, to report the end of its motion, and to be near its target; rise time, settling time and
+    overshoot are measured. The default targets are ten degrees from home, towards the middle of the range.
     """
 
     aliases = ("motorTest", "motor-test", "motor-tests", "MotorTests")
@@ -41,23 +41,23 @@ class MotorTest(JointsTest):
     safety = Safety.MOTION
 
     port = Parameter(str, "port of the part; instead of robot and part", default="", key="portname", aliases=("port",))
-    # Files of old give their number here, not a list.
-    joints = Parameter(int, "how many axes the part has; 0: as many as it says", default=0, low=0)  # type: ignore[assignment]
-    target = Parameter(list[float], "where each joint is moved; none: near home", unit="deg", default=[])
-    below = Parameter(list[float], "how far below its target a joint may be", unit="deg", default=[1.0], key="min")
-    above = Parameter(list[float], "how far above its target it may be", unit="deg", default=[1.0], key="max")
+    # Existing parameter files give the number of joints here, not a list.
+    joints = Parameter(int, "expected number of axes of the part; 0: any", default=0, low=0)  # type: ignore[assignment]
+    target = Parameter(list[float], "targets of the joints; none: near home", unit="deg", default=[])
+    below = Parameter(list[float], "tolerance below the target", unit="deg", default=[1.0], key="min")
+    above = Parameter(list[float], "tolerance above the target", unit="deg", default=[1.0], key="max")
     speed = Parameter(list[float], "reference speeds", unit="deg/s", default=[20.0], low=0.1, key="refvel")
     acceleration = Parameter(
         list[float], "reference accelerations; none: as they are", unit="deg/s^2", default=[], low=0.0, key="refacc"
     )
     patience = Parameter(
-        list[float], "time for each move; none: by its way", unit="s", default=[], low=0.0, key="timeout"
+        list[float], "time-out of each move; none: by its distance", unit="s", default=[], low=0.0, key="timeout"
     )
-    overshoot = Parameter(float, "how far a joint may swing over its target", unit="deg", default=2.0, low=0.0)
-    distance = Parameter(float, "how far targets are from home that are not given", unit="deg", default=10.0, low=1.0)
+    overshoot = Parameter(float, "greatest overshoot", unit="deg", default=2.0, low=0.0)
+    distance = Parameter(float, "distance of the default targets from home", unit="deg", default=10.0, low=1.0)
 
     def check_parameters(self, folder: str) -> None:
-        """See Declared. The port says which robot it is, also to who puts that one back."""
+        """See Declared. A port determines robot and part; the fixture that restores the robot needs its name."""
         if self.port:
             self.robot, _, self.part = self.port.strip("/").rpartition("/")
         super().check_parameters(folder)
@@ -77,7 +77,7 @@ class MotorTest(JointsTest):
             part.board.set_reference_accelerations(accelerations, self.chosen)
 
     def wanted_joints(self) -> list[int]:
-        """All: the parameter ``joints`` is their number."""
+        """Return none, for all joints: the parameter ``joints`` is their number."""
         return []
 
     def _targets(self) -> FloatArray:
@@ -91,7 +91,7 @@ class MotorTest(JointsTest):
         """Single moves, all together, and a group in reverse order."""
         part = self.robot_part
         if self.joints:
-            self.check(part.axes == self.joints, f"{part.name} has {part.axes} axes, {self.joints} are expected")
+            self.check(part.axes == self.joints, f"{part.name} has {part.axes} axes, not {self.joints}")
         for joint in self.chosen:
             self.progress(joint / (part.axes + 2), part.names[joint])
             self._move("single", [joint], self.targets)
@@ -102,12 +102,12 @@ class MotorTest(JointsTest):
         part.report_clock_offset(self.report)
 
     def teardown(self) -> None:
-        """Go home gently; what did not arrive before need not arrive now."""
+        """Go home; a joint that failed to arrive before need not arrive now."""
         if hasattr(self, "targets"):
             self.robot_part.go_home()
 
     def _move(self, kind: str, joints: list[int] | None, targets: FloatArray) -> None:
-        """Move joints, None: all by the call for all; and judge each of them."""
+        """Move joints and judge each of them; None: all joints, by the request for the whole part."""
         part, board = self.robot_part, self.robot_part.board
         moved = self.chosen if joints is None else joints
         goal = targets[moved]
@@ -135,7 +135,7 @@ class MotorTest(JointsTest):
                 self._judge(joint, float(targets[joint]), float(way), trace, begin, kind)
         with self.subresult(f"{self._who(moved)} {kind}"):
             self.check_fail_if_false(done, f"{self._who(moved)}: the motion is not done {limit + _ENDS:.1f} s later")
-            none = f"{self._who(moved)}: no motion was begun within {_STARTS:g} s"
+            none = f"{self._who(moved)}: no motion began within {_STARTS:g} s"
             if late and not begun:
                 self.inconclusive(f"{none}; but {late}")  # it may have begun and ended meanwhile
             self.check_fail_if_false(begun, f"{none}; {likely_causes('does not start')}")

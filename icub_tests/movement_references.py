@@ -1,4 +1,4 @@
-"""Movement references: what was commanded can be read back, and a command in the wrong mode changes no reference."""
+"""Movement references: commands can be read back, and a command in the wrong mode changes none of them."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from rtf.testing import Parameter
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
 
-#: How near a reference has to be that is read back (deg or deg/s): boards keep single precision.
+#: Tolerance of a value that is read back (deg or deg/s): boards keep single precision.
 _SAME = 0.01
-#: The same of duty cycles, %: boards may count them in whole steps of their PWM.
+#: The same for duty cycles, %: boards may quantize them to steps of their PWM.
 _SAME_DUTY = 0.1
-#: What commands are given to take effect, s; the shorter, the less do joints fall in PWM mode.
+#: Time for a command to take effect, s; it is short because joints fall in PWM mode.
 _TAKES = 0.05
-#: What a board is given to change a mode, s: those that obey at once wait without power for the one that does not.
+#: Time for a board to change a mode, s: joints that change at once wait without power for those that do not.
 _CHANGES = 0.3
-#: A speed is commanded so many times, s apart; boards forget one that is not repeated.
+#: Number and period (s) of velocity commands; boards stop a joint whose command is not repeated.
 _REPEATS, _REPEATED = 4, 0.1
 _PACE = 0.02
-#: How near a move has to come, deg.
+#: Tolerance of a move, deg.
 _ARRIVED = 2.0
 
 
 class MovementReferencesTest(JointsTest):
-    """Commands positions, duty cycles, direct positions and speeds, and reads back what the board says they are.
+    """Commands positions, duty cycles, direct positions and velocities, and reads them back from the board.
 
-    A position move in PWM mode and a direct position must leave the target alone; a joint that is told a speed has to
-    take it.
+    A position move in PWM mode and a direct position must not change the target; a joint has to follow a commanded
+    velocity.
     """
 
     aliases = ("movementReferencesTest", "MovementReferences", "movementReferences")
@@ -42,7 +42,7 @@ class MovementReferencesTest(JointsTest):
     safety = Safety.EFFORT
     limits = Limits(speed=5.0, current=None, contact=None)  # joints fall in PWM mode, light ones fast
 
-    target = Parameter(list[float], "where joints are moved; none: near home", unit="deg", default=[])
+    target = Parameter(list[float], "targets of the joints; none: near home", unit="deg", default=[])
     speed = Parameter(
         list[float], "reference speeds of the moves", unit="deg/s", default=[20.0], low=0.1, key="refVel",
         aliases=("refvel",),
@@ -52,9 +52,9 @@ class MovementReferencesTest(JointsTest):
         aliases=("refacc",),
     )  # fmt: skip
     duty = Parameter(float, "duty cycle that is commanded", unit="%", default=2.0, low=0.5, high=10.0)
-    step = Parameter(float, "how far a direct position is away", unit="deg", default=0.1, low=0.02, high=2.0)
-    velocity = Parameter(float, "speed that is commanded", unit="deg/s", default=5.0, low=0.1, high=20.0)
-    distance = Parameter(float, "how far targets are from home that are not given", unit="deg", default=5.0, low=1.0)
+    step = Parameter(float, "way of a direct position", unit="deg", default=0.1, low=0.02, high=2.0)
+    velocity = Parameter(float, "commanded velocity", unit="deg/s", default=5.0, low=0.1, high=20.0)
+    distance = Parameter(float, "distance of the default targets from home", unit="deg", default=5.0, low=1.0)
 
     def setup(self) -> None:
         """Open the part, set speeds, and bring its joints home."""
@@ -70,7 +70,7 @@ class MovementReferencesTest(JointsTest):
         self.bring_home(speed=float(np.nanmin(self.speeds)))
 
     def _inwards(self, positions: FloatArray) -> FloatArray:
-        """The ways (1 or -1) of all joints that are at these positions away from their nearer limits."""
+        """Return for all joints the direction (1 or -1) from these positions away from the nearer limit."""
         part = self.robot_part
         ways: FloatArray = np.where(positions < (part.low + part.high) / 2, 1.0, -1.0)
         return ways
@@ -136,12 +136,12 @@ class MovementReferencesTest(JointsTest):
         self._same("target position after a direct one", joints, board.target_positions(joints), before, "deg")
 
     def _velocity(self) -> None:
-        """The speed that is taken is the way over the time of the stamps, by a line through all of them."""
+        """Command velocities; the velocity of a joint is the slope of a line through its positions and stamps."""
         part, board = self.robot_part, self.robot_part.board
         joints = self._enter(ControlMode.VELOCITY)
         if not joints:
             return
-        # From where they are: in PWM mode light ones may have fallen as far as a limit.
+        # From the current positions: in PWM mode light joints may have fallen to a limit.
         speeds = self.velocity * self._inwards(board.encoders())[joints]
         try:
             self._run_at(speeds, joints)
@@ -154,22 +154,22 @@ class MovementReferencesTest(JointsTest):
         time, positions = trace.time - trace.time[0], trace.positions[:, joints]
         taken = np.polyfit(time, positions, 1)[0]
         self._near("speed", joints, taken, speeds, _TAKEN * self.velocity, "deg/s", "does not move", "weak", late=late)
-        told = positions[0] + np.multiply.outer(time, speeds)
+        commanded = positions[0] + np.multiply.outer(time, speeds)
         for place, joint in enumerate(joints):
-            columns = {"position": (positions[:, place], "deg"), "told": (told[:, place], "deg")}
+            columns = {"position": (positions[:, place], "deg"), "told": (commanded[:, place], "deg")}
             self.record(f"velocity of {part.names[joint]}", time=(time, "s"), **columns)
 
     def _run_at(self, speeds: FloatArray, joints: list[int]) -> list[float]:
-        """Command speeds for a while, again and again: boards stop a joint that hears nothing. When it did so (s)."""
-        beats = [self.now()]
+        """Command velocities periodically, as boards stop a joint without commands. Return the times (s)."""
+        ticks = [self.now()]
         for _ in range(_REPEATS):
             self.robot_part.board.velocity_move(speeds, joints)
             self.robot_part.wait(_REPEATED, pace=_PACE)
-            beats.append(self.now())
-        return beats
+            ticks.append(self.now())
+        return ticks
 
     def _enter(self, mode: ControlMode) -> list[int]:
-        """Bring all joints into a mode: those that take it; the others have failed."""
+        """Bring all joints into a mode; return those that take it, and fail the others."""
         part = self.robot_part
         part.set_mode(mode, self.chosen, timeout=_CHANGES)
         there = []
@@ -197,7 +197,7 @@ class MovementReferencesTest(JointsTest):
         *findings: str,
         late: str = "",
     ) -> None:
-        """Judge values of joints, pointing to ``findings``; what is off where this test was ``late`` says nothing."""
+        """Judge values of joints, with the causes of ``findings``; with ``late`` a wrong value is inconclusive."""
         for joint, value, expected in zip(joints, found, wanted, strict=True):
             name = self.robot_part.names[joint]
             with self.subresult(name):
@@ -208,5 +208,5 @@ class MovementReferencesTest(JointsTest):
                 self.measure(what, value, unit, low=expected - tolerance, high=expected + tolerance, hint=hint)
 
 
-#: How exactly a speed is taken, as a share of it: twice what the worst healthy joint of the simulated robot is off.
+#: Tolerance of a velocity, as a share: twice the error of the worst healthy joint of the simulated robot.
 _TAKEN = 0.4

@@ -1,4 +1,4 @@
-"""Open-loop consistency: in PWM mode the duty cycle that is asked for is the one that the motor gets."""
+"""Open-loop consistency: in PWM mode a motor gets the commanded duty cycle."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 class OpenLoopConsistency(JointsTest):
-    """Drives all motors with small duty cycles and compares reference, output and what was asked for.
+    """Drives all motors with small duty cycles, and compares reference and output with the command.
 
-    It begins with nothing: on entering PWM mode reference and output are zero. Back in position mode the last reference
-    is still to be read. Joints fall a little meanwhile, and are brought home.
+    On entering PWM mode reference and output have to be zero. Back in position mode the last reference must still be
+    readable. The joints fall a little meanwhile, and are moved home.
     """
 
     aliases = ("OpenloopConsistency", "openLoopConsistency", "openloopConsistency", "openloop-consistency")
@@ -28,8 +28,8 @@ class OpenLoopConsistency(JointsTest):
     safety = Safety.EFFORT
     limits = Limits(speed=5.0, current=None, contact=None)  # light joints fall fast
 
-    level = Parameter(float, "the duty cycle, both ways", unit="%", default=1.0, low=0.1, high=5.0)
-    tolerance = Parameter(float, "how near reference and output are to it", unit="%", default=0.05, low=0.0)
+    level = Parameter(float, "the duty cycle, in both directions", unit="%", default=1.0, low=0.1, high=5.0)
+    tolerance = Parameter(float, "tolerance of reference and output", unit="%", default=0.05, low=0.0)
     settling = Parameter(float, "time for a command to take effect", unit="s", default=0.05, low=0.01)
 
     def setup(self) -> None:
@@ -39,15 +39,15 @@ class OpenLoopConsistency(JointsTest):
         self.bring_home()
 
     def _with_those_that_share_motors(self, joints: list[int]) -> list[int]:
-        """Motors that are coupled are driven together: the controller of one joint would drive the motor of another."""
+        """Add all coupled joints: the controller of one joint would drive the motor of another."""
         part = self.robot_part
         chosen = set[int]().union(*map(Transmission.read(part.board).coupled, joints))
         if added := sorted(chosen - {*joints}):
-            self.report(f"driven, too, for they share motors: {', '.join(part.names[joint] for joint in added)}")
+            self.report(f"driven, too, as they share motors: {', '.join(part.names[joint] for joint in added)}")
         return sorted(chosen)
 
     def run(self) -> None:
-        """Enter PWM mode, drive up and down, and leave it. A joint that has to be stopped is left out from there on."""
+        """Enter PWM mode, drive up and down, and leave it. A joint that the guard stops is excluded from then on."""
         part, board = self.robot_part, self.robot_part.board
         self.retry_without_stopped(lambda: part.set_mode(ControlMode.PWM, self.chosen, timeout=_CHANGES))
         self._await(0.0, _PACE)
@@ -62,18 +62,18 @@ class OpenLoopConsistency(JointsTest):
         self.bring_home(self.chosen)
 
     def _await(self, duty: float, usual: float) -> None:
-        """Give the boards, and the states that tell of them, the time to arrive at what all joints are to get."""
+        """Wait for the boards to apply a duty cycle, and for their states to show it."""
         part = self.robot_part
         self.retry_without_stopped(lambda: part.wait_to_arrive(lambda: self._follows(duty), usual, pace=_PACE))
 
     def _follows(self, duty: float) -> bool:
-        """Whether all joints get it."""
+        """Whether references and outputs of all joints are at ``duty``."""
         board = self.robot_part.board
         outputs = (board.reference_duty_cycles(self.chosen), board.duty_cycles(self.chosen))
         return bool((np.abs(np.array(outputs) - duty) <= self.tolerance).all())
 
     def _look(self, when: str, duty: float) -> None:
-        """Mode, reference and output, with the joints as they are now."""
+        """Judge mode, reference and output of the joints."""
         board = self.robot_part.board
         modes = board.control_modes(self.chosen)
         references, outputs = board.reference_duty_cycles(self.chosen), board.duty_cycles(self.chosen)
@@ -93,7 +93,7 @@ class OpenLoopConsistency(JointsTest):
                 self.measure(what, value, "%", low=duty - self.tolerance, high=duty + self.tolerance, hint=hint)
 
 
-#: What a board is given to change a mode, s: those that obey at once wait without power for the one that does not.
+#: Time for a board to change a mode, s: joints that change at once wait without power for those that do not.
 _CHANGES = 0.3
-#: Seconds between two looks.
+#: Period of the checks, s.
 _PACE = 0.01

@@ -1,4 +1,4 @@
-"""Consistency of encoders: what the motors' encoders say agrees with the joints' through gearboxes and couplings."""
+"""Consistency of encoders: motor and joint encoders agree through gearboxes and couplings."""
 
 from __future__ import annotations
 
@@ -23,25 +23,26 @@ if TYPE_CHECKING:
     from rtf.robot_testing import Trace
     from rtf.robot_testing.routines import Routine
 
-#: A joint has swung when its encoder has seen so much of it, deg.
+#: Least way of a joint's encoder that counts as a swing, deg.
 _SWUNG = 1.0
-#: Speed beyond which a joint surely moves in one direction, as a share of its greatest in the swing.
+#: Share of the greatest speed above which a joint certainly moves in one direction.
 _SURELY = 0.3
-#: Torques, as shares of the greatest duty cycle, that surely push in one direction; and the fewest states of each side.
+#: Share of the greatest duty cycle above which a motor certainly pushes in one direction; and the fewest states of
+#: each.
 _PUSHING, _FEWEST = 0.1, 10
-#: Gear ratios that were met with in the wrong place: an extra stage of 75/50.
+#: Ratios of known mistakes: an extra stage of 75/50.
 _KNOWN_RATIOS = (1.5,)
-#: By how much numbers of a matrix that went through texts may differ, and ratios be off a known one.
+#: Tolerances of matrix elements that were converted to text, and of a ratio that matches a known mistake.
 _SAME, _CLOSE = 1e-3, 0.01
-#: What is left, as a share of the half swing, from which on the estimates of ratios are in doubt themselves.
+#: Residual, as a share of the half swing, from which on the estimated ratios are uncertain.
 _DOUBTFUL = 0.02
-#: A delay shows best where a joint is fast, beyond this share of its greatest speed: there it has passed all play. Its
-#: speed is taken over so many states to both sides, so that the ticks of encoders are no part of it.
+#: A delay is estimated where a joint is faster than this share of its greatest speed: there it has passed all play. Its
+#: speed is the slope over so many states to either side, to smooth the resolution of encoders.
 _FAST, _ASIDE = 0.5, 5
 
 
 class _Data(NamedTuple):
-    """States of swings, one after the other: times (s), a row a state, a column an axis (deg, deg/s, %)."""
+    """The states of swings, one after the other: times (s), and arrays (states, axes) in deg, deg/s and %."""
 
     time: FloatArray
     joints: FloatArray
@@ -52,18 +53,18 @@ class _Data(NamedTuple):
 
 
 class _Swing(NamedTuple):
-    """How the swings of a joint went, and the states meanwhile."""
+    """The outcome of a joint's swings, with the recorded states."""
 
     outcome: Outcome
     trace: Trace
 
 
 class OpticalEncodersConsistency(JointsTest):
-    """Swings joints one by one, and compares every state of joints and motors.
+    """Swings joints one by one, and compares joint and motor encoders in every state.
 
-    The row of each motor in gearboxes and couplings is estimated from all swings of its board by least squares: so a
-    wrong ratio, a wrong sign and a wrong coupling show apart. What is left is noise and play. Joints that cannot meet
-    each other, such as an arm and its hand, swing at the same time, but no two of a board.
+    The row of each motor in gearboxes and couplings is estimated by least squares from all swings of its board, which
+    separates a wrong ratio, a wrong sign and a wrong coupling. The residual is noise and play. Joints that cannot
+    collide, such as an arm and its hand, swing at the same time, but never two of one board.
     """
 
     aliases = (
@@ -79,27 +80,27 @@ class OpticalEncodersConsistency(JointsTest):
 
     high = Parameter(list[float], "upper ends of the swings; none: derived", unit="deg", default=[], key="max")
     low = Parameter(list[float], "lower ends of the swings; none: derived", unit="deg", default=[], key="min")
-    swing = Parameter(list[float], "width of the swings that are derived", unit="deg", default=[20.0], low=2.0)
+    swing = Parameter(list[float], "width of the derived swings", unit="deg", default=[20.0], low=2.0)
     speed = Parameter(list[float], "speed of all moves", unit="deg/s", default=[20.0], low=0.1)
     cycles = Parameter(int, "half-swings of each joint", default=4, low=2)
-    tolerance = Parameter(float, "how near is at an end of a swing", unit="deg", default=1.0, low=0.001)
-    matrix_size = Parameter(int, "size of the coupling matrix that is expected; 0: that of the board", default=0, low=0)
-    matrix = Parameter(list[float], "coupling matrix of the joints that is expected, row by row", default=[])
-    # Gearboxes and resolutions are whole numbers of teeth and ticks: what differs at all differs by more.
+    tolerance = Parameter(float, "tolerance of the ends of a swing", unit="deg", default=1.0, low=0.001)
+    matrix_size = Parameter(int, "size of the expected coupling matrix; 0: that of the board", default=0, low=0)
+    matrix = Parameter(list[float], "expected coupling matrix of the joints, row by row", default=[])
+    # Gear ratios and resolutions are quotients of whole numbers: a wrong one differs by more.
     ratio_tolerance = Parameter(float, "error of a ratio", unit="%", default=2.0, low=0.01)
-    velocity_tolerance = Parameter(float, "error of the speeds that are told", unit="%", default=10.0, low=0.1)
-    # Absolute encoders of 12 bits have ticks of 0.09 deg; a tendon gives way by less than a degree.
+    velocity_tolerance = Parameter(float, "error of the measured speeds", unit="%", default=10.0, low=0.1)
+    # Absolute encoders of 12 bits have steps of 0.09 deg; a tendon yields by less than a degree.
     noise = Parameter(float, "greatest rms of the disagreement", unit="deg", default=0.25, low=0.001)
     backlash = Parameter(float, "greatest play", unit="deg", default=1.0, low=0.001)
     delay = Parameter(float, "greatest delay between joint and motor", unit="ms", default=20.0, low=0.1)
-    plot_enabled = Parameter(bool, "taken and not needed: reports have plots", default=False)
-    plot_string_1 = Parameter(str, "taken and not needed", default="", key="plotString1")
-    plot_string_2 = Parameter(str, "taken and not needed", default="", key="plotString2")
-    plot_string_3 = Parameter(str, "taken and not needed", default="", key="plotString3")
-    plot_string_4 = Parameter(str, "taken and not needed", default="", key="plotString4")
+    plot_enabled = Parameter(bool, "accepted and ignored: reports have plots", default=False)
+    plot_string_1 = Parameter(str, "accepted and ignored", default="", key="plotString1")
+    plot_string_2 = Parameter(str, "accepted and ignored", default="", key="plotString2")
+    plot_string_3 = Parameter(str, "accepted and ignored", default="", key="plotString3")
+    plot_string_4 = Parameter(str, "accepted and ignored", default="", key="plotString4")
 
     def parameter_problems(self) -> list[str]:
-        """See the base; and a matrix has to be a square one of the joints."""
+        """Add the error of a matrix whose size does not fit the joints."""
         problems, size = super().parameter_problems(), joint_count(self) or self.matrix_size
         if self.matrix and size:
             problems += self._wrong_matrix(size)
@@ -112,7 +113,7 @@ class OpticalEncodersConsistency(JointsTest):
         return [f"matrix has {len(self.matrix)} numbers; {count} joints need {count * count} ({source})"]
 
     def setup(self) -> None:
-        """See how the part is geared, and where its joints swing."""
+        """Read the transmission of the part, and choose the ends of the swings."""
         super().setup()
         part = self.robot_part
         wrong = self._wrong_matrix(len(self.chosen))
@@ -145,7 +146,7 @@ class OpticalEncodersConsistency(JointsTest):
                 self._judge(joint, *self._swings[joint])
 
     def _routine(self, joint: int) -> Routine[None]:
-        """Swing a joint, when no other of its board moves: what its motors do is to be told apart."""
+        """Swing a joint while no other joint of its board moves, so that the motions of the motors can be separated."""
         part, place = self.robot_part, self.chosen.index(joint)
         block = self.transmission.blocks[joint]
         yield from until(part.clock, lambda: self._moving.isdisjoint(block), math.inf)
@@ -157,28 +158,28 @@ class OpticalEncodersConsistency(JointsTest):
         self.progress(0.9 * len(self._swings) / len(self.chosen), part.names[joint])
 
     def _of_board(self, joint: int) -> _Data:
-        """The states of all swings of the board of a joint."""
+        """Return the states of all swings of a joint's board."""
         block = self.transmission.blocks[joint]
         return _joined([self._swings[one].trace for one in self.chosen if one in block])
 
     def _compare_with_expected(self) -> None:
-        """The matrix of the parameters against that of the board, joint by joint."""
+        """Warn about elements of the board's coupling matrix that differ from the expected one."""
         if not self.matrix:
             return
         count = len(self.chosen)
-        told = self.transmission.coupling[np.ix_(self.chosen, self.chosen)]
-        wrong = np.argwhere(np.abs(told - np.reshape(self.matrix, (count, count))) > _SAME)
+        found = self.transmission.coupling[np.ix_(self.chosen, self.chosen)]
+        wrong = np.argwhere(np.abs(found - np.reshape(self.matrix, (count, count))) > _SAME)
         for row, column in wrong.tolist():
             self.warn(
                 f"{self.robot_part.names[self.chosen[row]]}: the board's coupling with "
-                f"{self.robot_part.names[self.chosen[column]]} is {told[row, column]:g}, not "
+                f"{self.robot_part.names[self.chosen[column]]} is {found[row, column]:g}, not "
                 f"{self.matrix[row * count + column]:g}"
             )
 
     def _judge(self, joint: int, outcome: Outcome, trace: Trace) -> None:
         name = self.robot_part.names[joint]
         if doubt := self.swinger.in_doubt(joint):
-            self.inconclusive(f"{name} {doubt}: nothing can be said of it")
+            self.inconclusive(f"{name} {doubt}: it cannot be judged")
         if outcome.excuse:
             self.inconclusive(f"{name} {outcome.complaint}; but {outcome.excuse}")
         if outcome.complaint:
@@ -190,7 +191,7 @@ class OpticalEncodersConsistency(JointsTest):
         if missing := self._missing(joint, data):
             self.assert_error_if_false(
                 outcome.complaint,
-                f"{name}: {missing} of {len(data.time)} states have no numbers for it; {likely_causes('frozen')}",
+                f"{name}: {missing} of {len(data.time)} states have no finite values of it; {likely_causes('frozen')}",
             )
             return
         travel = float(np.ptp(own.joints[:, joint]))
@@ -201,14 +202,14 @@ class OpticalEncodersConsistency(JointsTest):
             f"{likely_causes('frozen')}",
         )
         if travel < _SWUNG:
-            self.assert_error_if_false(outcome.complaint, f"{name}: {travel:.2f} deg of motion say nothing")
+            self.assert_error_if_false(outcome.complaint, f"{name}: {travel:.2f} deg of motion are too little to judge")
             return
         self.assert_true(
-            turned >= 0.1 * travel or not self.transmission.coupling[joint, joint],  # then others turn it
+            turned >= 0.1 * travel or not self.transmission.coupling[joint, joint],  # else other motors turn it
             f"{name} moves by {travel:.1f} deg, its motor's encoder does not; {likely_causes('frozen')}",
         )
         ratios, left = self._estimate(joint, data)
-        # What does not fit a line at all says less of its slope: a share of the half swing.
+        # A residual that is a large share of the half swing makes the slope less certain.
         doubt = float(left.std()) / (travel / 2)
         self._judge_ratios(joint, ratios, self.ratio_tolerance / 100.0 + (doubt if doubt > _DOUBTFUL else 0.0))
         if self._judge_residual(joint, data, left):
@@ -216,13 +217,13 @@ class OpticalEncodersConsistency(JointsTest):
         self._keep(joint, own)
 
     def _missing(self, joint: int, data: _Data) -> int:
-        """How many states lack a number that a joint is judged by: of its own, or of a joint that turns its motor."""
+        """Return the number of states without a finite value of the joint, or of a joint that turns its motor."""
         turning = [*{joint, *np.flatnonzero(self.transmission.coupling[joint])}]
         own = np.column_stack([column[:, joint] for column in data[2:-1]])
         return int((~np.isfinite(np.column_stack([own, data.joints[:, turning]])).all(axis=1)).sum())
 
     def _estimate(self, joint: int, data: _Data) -> tuple[dict[int, float], FloatArray]:
-        """How far the motor turns with each joint of its board, in units of its gear; and what is left (deg)."""
+        """Return the ratios of the motor to each joint of its board, by its own ratio, and the residual (deg)."""
         factor = float(self.transmission.factors[joint])
         moved = [j for j in self.transmission.blocks[joint] if np.ptp(data.joints[:, j]) >= _SWUNG]
         expected = self.transmission.gearbox[joint] * self.transmission.coupling[joint]
@@ -234,7 +235,7 @@ class OpticalEncodersConsistency(JointsTest):
         return dict(zip(moved, (estimate[:-1] / factor).tolist(), strict=True)), left
 
     def _judge_ratios(self, joint: int, ratios: dict[int, float], limit: float) -> None:
-        """The motor's row of the couplings against what is configured."""
+        """Judge the motor's row of the couplings against the configuration."""
         names, own = self.robot_part.names, self.transmission.coupling[joint]
         factor = float(self.transmission.factors[joint])
         expected = self.transmission.gearbox[joint] * own / factor
@@ -247,12 +248,12 @@ class OpticalEncodersConsistency(JointsTest):
             worst = max(errors, key=lambda other: abs(errors[other]))
             hint = (
                 f"{names[joint]}: its motor turns {ratios[worst]:.3f} times with {names[worst]}, in units of its "
-                f"own gear, and not {expected[worst]:.3f} times; {likely_causes('ratio')}"
+                f"own ratio, not {expected[worst]:.3f} times; {likely_causes('ratio')}"
             )
             self.measure("greatest error of a coupling", errors[worst], low=-limit, high=limit, hint=hint)
 
     def _judge_residual(self, joint: int, data: _Data, left: FloatArray) -> bool:
-        """Play and noise; whether both are in order, so that finer things can be seen."""
+        """Judge play and noise; return whether both are small enough to judge speeds and delays."""
         name = self.robot_part.names[joint]
         speeds, duties = data.joint_speeds[:, joint], data.duties[:, joint]
         play = max(_two_sided(left, speeds, _SURELY), _two_sided(left, duties, _PUSHING))
@@ -262,16 +263,16 @@ class OpticalEncodersConsistency(JointsTest):
         worst = float(np.abs(left).max())
         self.measure("largest disagreement", worst, "deg")
         if play > self.backlash:
-            return False  # play is no noise: it shows in the rms, too, and has been judged
+            return False  # play also shows in the rms, and has been judged
         high = self.noise + play / 2
         hint = f"{name}: joint and motor disagree by {rms:.2f} deg rms; {likely_causes('noise', 'drift')}"
         self.measure("rms of the disagreement", rms, "deg", high=high, hint=hint)
         return rms <= high
 
     def _judge_speeds(self, joint: int, own: _Data) -> None:
-        """Speeds that are told against what the positions say by their stamps; and joint against motor in time.
+        """Judge the measured speeds against the derivatives of the positions, and the delay between joint and motor.
 
-        The motor of that number is looked at where it moves the joint.
+        The motor of the joint's number is judged only if it moves the joint.
         """
         self._judge_speed(joint, "joint", own.time, own.joints[:, joint], own.joint_speeds[:, joint])
         if not self.transmission.coupling[joint, joint]:
@@ -279,8 +280,8 @@ class OpticalEncodersConsistency(JointsTest):
         self._judge_speed(joint, "motor", own.time, own.motors[:, joint], own.motor_speeds[:, joint])
         apart = self._delay(joint, own) * 1e3
         hint = (
-            f"{self.robot_part.names[joint]}: the motor's encoder shows {abs(apart):.0f} ms "
-            f"{'after' if apart > 0 else 'before'} the joint's what it should at once; "
+            f"{self.robot_part.names[joint]}: the motor encoder is {abs(apart):.0f} ms "
+            f"{'behind' if apart > 0 else 'ahead of'} the joint encoder; "
             f"{likely_causes('jitter', 'backlash')}"
         )
         self.measure("delay of the motor after the joint", apart, "ms", low=-self.delay, high=self.delay, hint=hint)
@@ -289,15 +290,15 @@ class OpticalEncodersConsistency(JointsTest):
         name, limit = self.robot_part.names[joint], self.velocity_tolerance / 100.0
         agreement = fit_line(speeds[1:-1], _derived(time, positions)).slope
         hint = (
-            f"{name}: the {what} turns {agreement:.2f} times as fast as the speed that is told, by its positions; "
+            f"{name}: by its positions the {what} is {agreement:.2f} times as fast as its measured speed; "
             f"{likely_causes('ratio', 'frozen')}"
         )
         self.measure(f"speed of the {what}, derived by told", agreement, low=1 - limit, high=1 + limit, hint=hint)
 
     def _delay(self, joint: int, own: _Data) -> float:
-        """By how many seconds the motor's encoder is behind the joint's; negative when it is the other way round.
+        """Return the delay (s) of the motor encoder behind the joint encoder; negative if it is ahead.
 
-        A delay puts the two apart in proportion to the speed, play by the same at all speeds, to either side.
+        The difference caused by a delay is proportional to the speed; that of play is constant for each direction.
         """
         motor = own.motors[:, joint]
         speeds = _derived(own.time, motor, _ASIDE)
@@ -322,21 +323,21 @@ class OpticalEncodersConsistency(JointsTest):
 
 
 def _joined(traces: list[Trace]) -> _Data:
-    """The states of traces, one after the other, of those that have any."""
+    """Concatenate the states of traces; empty traces are left out."""
     traces = [trace for trace in traces if len(trace)]
     names = ("time", "positions", "motor_positions", "velocities", "motor_velocities", "duty_cycles")
     return _Data(*(np.concatenate([getattr(trace, name) for trace in traces]) for name in names))
 
 
 def _derived(time: FloatArray, positions: FloatArray, aside: int = 1) -> FloatArray:
-    """Speeds from positions so many states to both sides; as many less at each end."""
+    """Return speeds from the positions ``aside`` states to either side; the result is shorter by that at each end."""
     gaps = time[2 * aside :] - time[: -2 * aside]
     speeds: FloatArray = (positions[2 * aside :] - positions[: -2 * aside]) / np.where(gaps > 0, gaps, np.inf)
     return speeds
 
 
 def _two_sided(left: FloatArray, signal: FloatArray, share: float) -> float:
-    """What is left where a signal is surely positive, less that where it is surely negative; 0 when it is never so."""
+    """Return the difference of the mean residuals for clearly positive and clearly negative signal; 0 without both."""
     level = share * float(np.abs(signal).max(initial=0.0))
     above, below = left[signal > level], left[signal < -level]
     return abs(float(above.mean() - below.mean())) if min(above.size, below.size) >= _FEWEST else 0.0

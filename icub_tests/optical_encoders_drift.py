@@ -1,4 +1,4 @@
-"""Drift of encoders: after many swings a motor's encoder shows at home what it showed there at the beginning."""
+"""Drift of encoders: after many swings motor and joint encoders agree at home as they did at the beginning."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.testing.series import Series
 
-#: How long joints settle at home before they are measured, and how long they are, s.
+#: Time for joints to settle at home, and time of measurement, s.
 _SETTLING, _MEASURING = 0.5, 0.2
-#: The least share of a swing that the motor has to turn the joint, by its encoder's account.
+#: The least share of a swing that the motor encoder has to show.
 _LEAST_TURN = 0.5
-#: The least turn of a motor that is looked at, in deg of the joint: motors of several joints may hardly turn.
+#: The least expected turn of a motor to judge it, in deg of the joint: motors of several joints may hardly turn.
 _TELLING = 1.0
-#: Of the joints whose swings are derived every other one swings less, lest the motors of couplings stand still.
+#: Factor of the derived width of every other joint, so that the motors of couplings do not stand still.
 _LESS = 0.6
-#: Jumps are told apart from the spread of their neighbours by so many times that spread (of the median).
+#: A jump is a step that is greater than so many times the median step.
 _OUTSTANDING = 8.0
-#: Visits of home that a trend needs to be judged.
+#: Visits of home that are needed to judge a trend.
 _FEWEST = 6
 _HUNDRED = 100.0
 
 
 @dataclass
 class _Visits:
-    """What joint and motor encoders showed at home, a row a visit: half-swings so far, deg of joints, deg of rotors."""
+    """The encoders at home, a row for each visit: half-swings so far, joint and rotor positions (deg)."""
 
     swings: list[float] = field(default_factory=list)
     joints: list[FloatArray] = field(default_factory=list)
@@ -46,11 +46,11 @@ class _Visits:
 
 
 class OpticalEncodersDrift(JointsTest):
-    """Swings joints to and fro many times, and measures at home, at rest, how far motor and joint encoders are apart.
+    """Swings joints many times, and measures the difference of motor and joint encoders at rest at home.
 
-    The joints swing together. Every so many half-swings they come home; the first and the last time, too. Where the
-    joints stop exactly is no matter, for both encoders are compared there. They always come from their lower ends, so
-    that play is none either.
+    The joints swing together, and visit home after every few half-swings, at the beginning and at the end. The exact
+    position there does not matter, as both encoders are compared. The joints always come from their lower ends, so that
+    play does not matter either.
     """
 
     aliases = ("opticalEncodersDrift", "OpticalEncodersDrift", "motorEncodersDrift", "opticalEncoders-drift")
@@ -59,17 +59,17 @@ class OpticalEncodersDrift(JointsTest):
 
     high = Parameter(list[float], "upper ends of the swings; none: derived", unit="deg", default=[], key="max")
     low = Parameter(list[float], "lower ends of the swings; none: derived", unit="deg", default=[], key="min")
-    swing = Parameter(list[float], "width of the swings that are derived", unit="deg", default=[10.0], low=1.0)
+    swing = Parameter(list[float], "width of the derived swings", unit="deg", default=[10.0], low=1.0)
     speed = Parameter(list[float], "speed of all moves", unit="deg/s", default=[20.0], low=0.1)
     cycles = Parameter(int, "half-swings", default=60, low=2)
     every = Parameter(int, "half-swings between two visits of home", default=6, low=1)
-    tolerance = Parameter(float, "how near is at an end of a swing", unit="deg", default=1.0, low=0.001)
-    # Absolute encoders of 12 bits have ticks of 0.09 deg: two of them.
+    tolerance = Parameter(float, "tolerance of the ends of a swing", unit="deg", default=1.0, low=0.001)
+    # Two steps of absolute encoders of 12 bits, 0.09 deg each.
     drift = Parameter(float, "greatest drift, of the joint", unit="deg", default=0.2, low=0.001)
-    plot_enabled = Parameter(bool, "taken and not needed: reports have plots", default=False)
+    plot_enabled = Parameter(bool, "accepted and ignored: reports have plots", default=False)
 
     def setup(self) -> None:
-        """See how the part is geared, where its joints swing, and bring them home."""
+        """Read the transmission of the part, choose the ends of the swings, and hold the joints."""
         super().setup()
         part = self.robot_part
         try:
@@ -89,7 +89,7 @@ class OpticalEncodersDrift(JointsTest):
         self.swinger.give_up(exclude_joints_out_of_limits(part))
 
     def run(self) -> None:
-        """Swing, and judge joint by joint what was seen at home."""
+        """Swing, and judge joint by joint the measurements at home."""
         visits = _Visits()
         self._half_swings(2)
         self._visit(visits, 0)
@@ -106,7 +106,7 @@ class OpticalEncodersDrift(JointsTest):
         return self.series("drift at home", half_swings="count", **dict.fromkeys(names, "deg"))
 
     def _swing(self, visits: _Visits, series: Series) -> FloatArray:
-        """Swing until the end, or a clear failure; returns the shares of the swings that the motors have turned."""
+        """Swing until the end, or a clear failure; return the shares of the swings that the motor encoders showed."""
         turned = np.full(len(self.chosen), np.nan)
         done = 0
         while done < self.cycles:
@@ -116,21 +116,21 @@ class OpticalEncodersDrift(JointsTest):
             self._visit(visits, done)
             apart = self._apart(visits)
             series.append(done, *apart)
-            largest = float(np.fmax.reduce(np.abs(apart)))  # of those that show numbers
+            largest = float(np.fmax.reduce(np.abs(apart)))  # of the finite values
             self.progress(done / self.cycles, f"largest drift {largest:.3f} deg")
             if self._hopeless(largest):
-                self.report(f"it has become clear after {done} half-swings, and ends here")
+                self.report(f"the test ends after {done} half-swings: its failure is certain")
                 break
         return turned
 
     def _hopeless(self, largest: float) -> bool:
-        """Whether a joint has failed so clearly that more swings say nothing more."""
+        """Whether the failure of the test is certain, so that more swings cannot change it."""
         return largest > _CLEARLY * self.drift or len(self.complaints) == len(self.chosen)
 
     def _half_swings(self, count: int) -> FloatArray:
-        """Some half-swings, of which the last ends low.
+        """Make half-swings, the last one to the lower ends.
 
-        Returns the greatest shares of them that the motors turned their joints, NaN without any.
+        Return the greatest shares of them that the motor encoders showed; NaN for motors that should not turn.
         """
         factors = np.abs(self.transmission.factors)[self.chosen]
         shares = np.full(len(self.chosen), np.nan)
@@ -143,7 +143,7 @@ class OpticalEncodersDrift(JointsTest):
         return shares
 
     def _expected_and_found(self) -> FloatArray:
-        """Where the rotors should be by the joints' account, and where they are (deg); a row each."""
+        """Return the rotor positions expected by the joint encoders, and the measured ones (deg), a row each."""
         joints, motors = self.robot_part.board.encoders_together()
         return np.array([self.transmission.rotors(joints), motors])[:, self.chosen]
 
@@ -159,28 +159,28 @@ class OpticalEncodersDrift(JointsTest):
         self.complaints.update(outcomes)
 
     def _visit(self, visits: _Visits, done: int) -> None:
-        """Go home, and measure at rest there: the mean of some states."""
+        """Go home, and measure the mean positions there at rest."""
         part = self.robot_part
         self._go([part.home[joint] for joint in self.chosen])
         part.wait(_SETTLING, pace=_SETTLING)
         with part.recorded() as trace:
             part.wait_to_arrive(lambda: len(trace) > 0, _MEASURING, pace=_MEASURING)
-        self.assert_error_if_false(len(trace), f"{part.name} publishes no states: nothing can be measured")
+        self.assert_error_if_false(len(trace), f"{part.name} publishes no states: nothing to measure")
         visits.swings.append(done)
         visits.joints.append(trace.positions.mean(axis=0))
         visits.motors.append(trace.motor_positions.mean(axis=0))
 
     def _apart(self, visits: _Visits) -> FloatArray:
-        """The drift so far of the chosen joints (deg)."""
+        """Return the drift of the chosen joints so far (deg)."""
         now, first = (self.transmission.disagreement(visits.joints[index], visits.motors[index]) for index in (-1, 0))
         apart: FloatArray = (now - first)[self.chosen]
         return apart
 
     def _judge(self, joint: int, swings: FloatArray, apart: FloatArray, share: float) -> None:
-        """Judge by how far both encoders were apart (deg) after so many half-swings."""
+        """Judge a joint by the differences of its encoders (deg) after each number of half-swings."""
         name = self.robot_part.names[joint]
         if doubt := self.swinger.in_doubt(joint):
-            self.inconclusive(f"{name} {doubt}: nothing can be said of it")
+            self.inconclusive(f"{name} {doubt}: it cannot be judged")
         complaint = self.complaints.get(joint)
         if complaint is not None:
             self.assert_fail(f"{name} {complaint.complaint}; {likely_causes(*complaint.findings)}")
@@ -188,16 +188,16 @@ class OpticalEncodersDrift(JointsTest):
         self.assert_error_if_true(
             missing,
             f"{name}: at {missing} of {apart.size} visits of home its encoders, or those of joints that its motor "
-            f"turns, show no numbers; {likely_causes('frozen')}",
+            f"turns, have no finite values; {likely_causes('frozen')}",
         )
         drift = apart - apart[0]
-        self.assert_error_if_true(np.isnan(share), f"{name}: no half-swing turns its motor, so it says nothing")
-        hint = f"{name} swings, its motor's encoder does not; {likely_causes('frozen')}"
+        self.assert_error_if_true(np.isnan(share), f"{name}: no half-swing turns its motor, so it cannot be judged")
+        hint = f"{name} swings, but its motor encoder does not; {likely_causes('frozen')}"
         self.measure("turn of the motor by the joint's", share, low=_LEAST_TURN, hint=hint)
         last, jump = float(drift[-1]), _greatest_jump(drift)
-        how = f"in one jump, at half-swing {swings[jump]:.0f}" if jump else "little by little"
+        how = f"in one jump, at half-swing {swings[jump]:.0f}" if jump else "gradually"
         hint = (
-            f"{name}: motor and joint encoder are {last:+.3f} deg further apart than in the beginning "
+            f"{name}: motor and joint encoder differ by {last:+.3f} deg more than at the beginning "
             f"({last * self.transmission.factors[joint]:+.1f} deg of the rotor), {how}; {likely_causes('drift')}"
         )
         self.measure("drift at the end", last, "deg", low=-self.drift, high=self.drift, hint=hint)
@@ -206,25 +206,25 @@ class OpticalEncodersDrift(JointsTest):
         self.record("drift", half_swings=(swings, "count"), drift=(drift, "deg"))
 
     def _judge_trend(self, name: str, swings: FloatArray, drift: FloatArray) -> None:
-        """Judge whether the line through the drift surely leads beyond what is allowed."""
+        """Judge the lower confidence bound of the linear trend of the drift."""
         line = fit_line(swings, drift)
         self.measure("trend in 100 half-swings", _HUNDRED * line.slope, "deg")
         self.measure("interval of the trend (99 %)", _HUNDRED * line.slope_interval, "deg")
         swung = max(self.cycles, _HUNDRED)
         surely = max(0.0, abs(line.slope) - line.slope_interval) * swung
         hint = (
-            f"{name} drifts by {surely:.3f} deg or more in {swung:.0f} half-swings, with a confidence of 99 %; "
+            f"{name} drifts by at least {surely:.3f} deg in {swung:.0f} half-swings, with a confidence of 99 %; "
             f"{likely_causes('drift')}"
         )
         self.measure("drift by the trend, at least", surely, "deg", high=self.drift, hint=hint)
 
 
-#: So many times the allowed drift is beyond doubt.
+#: Multiple of the allowed drift at which the test ends early.
 _CLEARLY = 5.0
 
 
 def _greatest_jump(drift: FloatArray) -> int:
-    """The visit by which most of the drift came at once; 0 when it came little by little."""
+    """Return the visit at which most of the drift appeared at once; 0 for a gradual drift."""
     steps = np.abs(np.diff(drift))
     most = int(steps.argmax())
     others = float(np.median(steps))

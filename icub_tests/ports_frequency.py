@@ -1,4 +1,4 @@
-"""Ports frequency: streams come at their rate, and all of it."""
+"""Ports frequency: streams arrive at their rates, without losses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rtf.testing import Parameter
 if TYPE_CHECKING:
     from rtf.bottle import Value
 
-#: What the robot's own streams end with.
+#: Endings of the robot's own streams.
 _ENDINGS = ("/state:o", "/stateExt:o", "/analog:o", "/measures:o", "/inertial")
 _OPTIONAL = "optional"
 
@@ -24,10 +24,10 @@ class _Expected(NamedTuple):
 
 
 class PortsFrequency(RateTest):
-    """Listens to many ports at the same time; rate, jitter, gaps, losses and duplicates of each are judged.
+    """Records many ports at the same time, and judges rate, jitter, gaps, losses and duplicates of each.
 
-    Without any named it is all of the robot's states and sensors that the name server knows. Rates are by the stamps of
-    the sender, so a simulated robot may be as fast or as slow as it likes.
+    By default these are all states and sensors of the robot that are registered at the name server. Rates are by the
+    stamps of the sender, so the real-time factor of a simulation does not matter.
     """
 
     aliases = ("PortFrequencyTest", "portsFrequency", "ports-frequency", "PortFrequency")
@@ -35,16 +35,16 @@ class PortsFrequency(RateTest):
 
     port = Parameter(str, "one port; none: those of ports", default="", aliases=("portname",))
     ports = Parameter(
-        Bottle, "the ports: (name rate tolerance) in Hz, and optional for one that need not be there", default=Bottle(),
+        Bottle, "the ports: (name rate tolerance) in Hz, with the word optional if it may be missing", default=Bottle(),
         key="PORTS", aliases=("ports",),
     )  # fmt: skip
     time = Parameter(float, "how long each is judged", unit="s", default=2.0, low=0.1)
-    frequency = Parameter(float, "the rate of ports of which nothing else is said", unit="Hz", default=100.0, low=0.01)
+    frequency = Parameter(float, "the default rate of a port", unit="Hz", default=100.0, low=0.01)
     # As in the parameter files of the iCub.
-    tolerance = Parameter(float, "how far off a rate may be, likewise", unit="Hz", default=5.0, low=0.0)
+    tolerance = Parameter(float, "the default tolerance of a rate", unit="Hz", default=5.0, low=0.0)
 
     def parameter_problems(self) -> list[str]:
-        """See the base; a section [PORTS] names ports, each on a line that can be understood."""
+        """Add the errors of a section [PORTS] that is empty, or has a wrong line."""
         problems = [problem for line in self.lines(self.ports) for problem in _wrong_line(line)]
         source = self.parameter_source("PORTS")
         if not len(self.ports) and source != "default":
@@ -52,12 +52,13 @@ class PortsFrequency(RateTest):
         return [*(f"{problem} ({source})" for problem in problems), *super().parameter_problems()]
 
     def setup(self) -> None:
-        """Find out which ports, and connect to all of them."""
+        """Choose the ports."""
         super().setup()
         self.expected = self._expected()
         self.assert_error_if_false(
             self.expected,
-            f"the name server knows no stream of /{self.robot_name}; name them in [PORTS], or is its robot not there?",
+            f"no stream of /{self.robot_name} is registered at the name server; start the robot, or name the ports in "
+            "[PORTS]",
         )
 
     def _expected(self) -> list[_Expected]:
@@ -71,7 +72,7 @@ class PortsFrequency(RateTest):
         return [_Expected(name, self.frequency, self.tolerance, optional=False) for name in self.known_ports(*_ENDINGS)]
 
     def run(self) -> None:
-        """Listen to all, and judge each."""
+        """Record all ports, and judge each."""
         there = [one for one in self.expected if self.open_stream(one.name, optional=one.optional)]
         if there:
             self.listen(self.time)
@@ -83,12 +84,12 @@ class PortsFrequency(RateTest):
 
 
 def _wrong_line(parts: list[Value]) -> list[str]:
-    """What is wrong with a line of [PORTS]."""
+    """Return the errors of a line of [PORTS]."""
     numbers = [float(part) for part in parts[1:3] if isinstance(part, int | float)]
     if not parts or not isinstance(parts[0], str) or len(numbers) != 2 or parts[3:] not in ([], [_OPTIONAL]):  # noqa: PLR2004
-        hint = f"a line is a port, its rate and the tolerance in Hz, and perhaps {_OPTIONAL}, such as: "
+        hint = f"a line has a port, its rate and tolerance in Hz, and optionally the word {_OPTIONAL}, such as: "
         return [f"[PORTS] {Bottle(parts).to_text()}: {hint}/icub/head/state:o 100 5"]
     rate, tolerance = numbers
     if not rate > 0 or not tolerance >= 0:
-        return [f"[PORTS] {parts[0]}: {rate:g} Hz with a tolerance of {tolerance:g} Hz is no rate"]
+        return [f"[PORTS] {parts[0]}: {rate:g} Hz with a tolerance of {tolerance:g} Hz is not a valid rate"]
     return []

@@ -62,7 +62,7 @@ def test_the_duty_cycles_grow_in_steps_from_what_holds_the_joint(outcome):
     [
         ("motor-encoder", "l_shoulder_roll", "encoder counts the wrong way"),
         ("joint-encoder", "l_elbow", "l_elbow is not driven: it was excluded and left idle"),
-        ("gear", "l_elbow", "the joint turns the other way"),
+        ("gear", "l_elbow", "the joint turns against its motor"),
         ("motor", "l_elbow", "the motor's wires"),
         ("dead", "l_elbow", "does not move with up to 15 %"),
     ],

@@ -139,7 +139,7 @@ def test_each_motor_moves_alone_then_all_then_as_a_group(outcome, measured):
 def test_another_number_of_axes_is_a_failure_and_a_missing_target_an_error(outcome):
     """The one says something of the robot, the other of the parameters."""
     assert outcome.verdict("other-axes") is Verdict.FAILED
-    assert "3 axes, 4 are expected" in outcome.detail("other-axes")
+    assert "3 axes, not 4" in outcome.detail("other-axes")
     assert outcome.verdict("one-target-too-few") is Verdict.ERROR
     assert "target has 2 values" in outcome.detail("one-target-too-few")
 

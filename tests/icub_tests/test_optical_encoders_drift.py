@@ -59,7 +59,7 @@ def test_lost_ticks_are_a_trend(outcome, measured):
     (trend,) = measured(outcome, "lost-ticks", "trend in 100 half-swings", "torso_yaw")
     (interval,) = measured(outcome, "lost-ticks", "interval of the trend (99 %)", "torso_yaw")
     assert abs(trend.value) > 5 * interval.value
-    assert "little by little" in said(outcome, "lost-ticks")
+    assert "gradually" in said(outcome, "lost-ticks")
 
 
 def test_a_jump_is_told_from_a_trend(outcome, measured):
@@ -81,7 +81,7 @@ def test_a_joint_encoder_that_runs_away_ends_it_early(outcome):
 def test_a_frozen_motor_encoder_does_not_pass_for_one_without_drift(outcome):
     """It shows at home what it showed before, and in between, too."""
     assert outcome.verdict("frozen") is Verdict.FAILED
-    assert "torso_pitch swings, its motor's encoder does not" in said(outcome, "frozen")
+    assert "torso_pitch swings, but its motor encoder does not" in said(outcome, "frozen")
 
 
 def test_play_is_no_drift(outcome):

@@ -89,7 +89,7 @@ def test_a_delay_is_no_play(delay):
     kept = consistency(swung(8.0, 0.3, delay))
     assert kept.values["delay of the motor after the joint"] == pytest.approx(1e3 * delay, abs=3.0)
     (failure,) = kept.failures
-    assert f"{'after' if delay > 0 else 'before'} the joint's what it should at once; likely: " in failure
+    assert f"ms {'behind' if delay > 0 else 'ahead of'} the joint encoder; likely: " in failure
 
 
 def test_a_speed_that_is_wrong_has_likely_causes():
@@ -97,7 +97,7 @@ def test_a_speed_that_is_wrong_has_likely_causes():
     trace = swung()
     trace.velocities = trace.velocities / 2
     (failure,) = consistency(trace).failures
-    assert "elbow: the joint turns 2.00 times as fast as the speed that is told, by its positions; likely: " in failure
+    assert "elbow: by its positions the joint is 2.00 times as fast as its measured speed; likely: " in failure
 
 
 @pytest.mark.parametrize("what", ["positions", "motor_positions", "velocities"])
@@ -105,7 +105,7 @@ def test_states_without_numbers_end_their_joint(what):
     """They are counted, and no line is drawn through what is left."""
     trace = swung()
     getattr(trace, what)[[50, 70]] = math.nan
-    with pytest.raises(TestProblem, match=r"elbow: 2 of \d+ states have no numbers for it; likely: "):
+    with pytest.raises(TestProblem, match=r"elbow: 2 of \d+ states have no finite values of it; likely: "):
         consistency(trace)
 
 
