@@ -1,4 +1,4 @@
-"""Position control accuracy: how joints answer to a step of their direct position reference."""
+"""Position control accuracy: the step responses of joints in direct position mode."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 class PositionControlAccuracy(StepTest):
     """Steps each joint in direct position mode, several times; judges rise, overshoot, settling, error and spread.
 
-    Before its step a joint is told for a while to be where it is, which is rest enough. The controller is the robot's,
-    or has gains of the test's own: then they are put back afterwards.
+    Before a step the joint is commanded to its current position for a while. The controller has the robot's gains, or
+    those of the parameters; the robot's are restored afterwards.
     """
 
     aliases = ("positionControl-accuracy", "positionControlAccuracy", "PositionControl-accuracy")
@@ -35,22 +35,22 @@ class PositionControlAccuracy(StepTest):
     step_duration = Parameter(
         float, "when a cycle ends, counted from the beginning of the rest before the step", unit="s", default=2.0
     )
-    # Gains go to the board as they are given: in what its firmware and its configuration reckon in.
+    # Gains are sent to the board unchanged, in the units of its firmware and its configuration.
     kp = Parameter(list[float], "proportional gain, in the board's units; none: the robot's", default=[], key="Kp")
     ki = Parameter(list[float], "integral gain, in the board's units; none: the robot's", default=[], key="Ki")
     kd = Parameter(list[float], "derivative gain, in the board's units; none: the robot's", default=[], key="Kd")
 
     repeatability = Parameter(
-        float, "deviation of the steps from each other, at most; more where friction hides more", unit="deg",
+        float, "deviation of the steps from each other, at most; more if friction explains it", unit="deg",
         default=0.2, low=0.0,
     )  # fmt: skip
     friction = Parameter(
-        float, "of the greatest output of a joint's controller, that friction may hide from it", unit="%", default=2.5,
+        float, "friction of a joint, as a share of the greatest output of its controller", unit="%", default=2.5,
         low=0.0, high=100.0,
     )  # fmt: skip
 
     def setup(self) -> None:
-        """See the base; with gains of its own, give them to the controllers."""
+        """Open the part, and set the gains of the parameters."""
         super().setup()
         names = self.robot_part.names
         fixed = [names[joint] for joint in self.chosen if not self.room(joint) > 0]
@@ -60,11 +60,11 @@ class PositionControlAccuracy(StepTest):
         self.hidden = {joint: self._hidden(board.pid(PidType.POSITION, joint)) for joint in self.chosen}
 
     def _hidden(self, pid: Pid) -> float:
-        """How far apart (deg, standard deviation) a controller may leave a joint that friction holds.
+        """Return the standard deviation (deg) of the rest positions that friction allows a controller.
 
-        Until its integral has gathered, a joint may rest wherever the proportional part is less than the friction: for
-        all that is known anywhere in an interval, whose deviation is half its width by the root of three. Weak
-        controllers, as of fingers, leave more. It is no excuse for a quarter of the step.
+        Until its integral has grown, a joint rests anywhere in the interval in which the proportional part is less than
+        the friction; the deviation of a uniform distribution is half its width by the root of three. Weak controllers,
+        such as those of fingers, have wider intervals. At most a quarter of the step is allowed.
         """
         reach = self.friction / 100.0 * abs(pid.max_output) / abs(pid.kp) if pid.kp else math.inf
         return min(reach / math.sqrt(3.0), self.step / 4)
@@ -94,8 +94,8 @@ class PositionControlAccuracy(StepTest):
         )
         return home, home + sign * self.room(joint)
 
-    def drive(self, joint: int, reference: float) -> None:
-        self.robot_part.board.set_positions(reference, joint)
+    def drive(self, joint: int, command: float) -> None:
+        self.robot_part.board.set_positions(command, joint)
 
     def measured(self, trace: Trace, joint: int) -> FloatArray:
         return trace.positions[:, joint]

@@ -1,4 +1,4 @@
-"""Position control accuracy with an external controller: the test closes the loop itself, around the duty cycle."""
+"""Position control accuracy with an external controller: the test closes the loop itself, by duty cycle."""
 
 from __future__ import annotations
 
@@ -27,36 +27,35 @@ if TYPE_CHECKING:
     from rtf.robot_testing.routines import Routine
     from rtf.robot_testing.step_test import Cycle
 
-#: How much slower than the board's loop the loop over the network is to be: it hears and tells every 10 ms. Slower
-#: still it would be too weak for the friction of some joints.
+#: Ratio of the bandwidth of the board's loop to that of the loop over the network, whose period is 10 ms. A slower loop
+#: would be too weak for the friction of some joints.
 _SLOWER = 4.0
 #: The integral, as a share of the proportional gain (1/s).
 _INTEGRAL = 3.0
-#: The share of the step that the derivative is of. With all of it a healthy joint flies past its target by 30 %, and by
-#: 40 to 70 where states or commands come 10 ms late; with this share by 30 at most, late or not.
+#: Share of the setpoint in the derivative. With all of it a healthy joint overshoots by 30 %, and by 40 to 70 % if
+#: states or commands come 10 ms late; with this share by 30 % at most in either case.
 _KICK = 0.4
-#: What a step has to ask for, so that it does more than overcome friction, %.
+#: Least duty cycle that a step has to cause, so that it does more than overcome friction, %.
 _STICTION = 3.0
-#: How far a joint may be from where it started before the test lets go of it, beyond the step, deg.
+#: Distance beyond the step at which the test aborts a joint, deg.
 _RUNAWAY = 10.0
-#: The share of states whose age is judged: a single hiccup of a machine makes no loop unstable.
+#: Quantile of the ages of states that is judged: a single delay does not make a loop unstable.
 _JUDGED = 0.9
-#: Gains that are more are none of per cent of duty cycle: Kp (%/deg), Ki (%/(deg s)), Kd (% s/deg). On the simulated
-#: robot the stiffest joint has 7, 20 and 1.
+#: Greater gains cannot be in per cent of duty cycle: Kp (%/deg), Ki (%/(deg s)), Kd (% s/deg). On the simulated robot
+#: the stiffest joint has 7, 20 and 1.
 _MOST_GAINS = (20.0, 100.0, 5.0)
-#: The greatest duty cycles where nobody says them, of real parts and of simulated ones, %.
+#: Default limits of the duty cycle, of real parts and of simulated ones, %.
 _MOST, _MOST_SIMULATED = 25.0, 100.0
 
 
 class PositionControlAccuracyExternalPid(CoupledStepTest):
-    """Steps each joint whose motor the test drives itself, with a PID controller computed here; judges the answer.
+    """Steps each joint with a PID controller of the test's own, which drives the motor by duty cycle.
 
-    Without gains it takes those of the board, made slower; a real board reckons in units of its own, and there Kp has
-    to be given. The controller starts with the duty cycle that has held the joint, so that nothing falls when it takes
-    over. It goes by the stamps of the states; how old these are when it acts upon them, and whether they come in their
-    order, is judged. Joints that a board takes along into PWM mode, as they share motors, are held by such controllers
-    where they are. Where this machine is so busy that the loop does not keep its period, what is out of bounds is
-    inconclusive.
+    The default gains are those of the board, for a slower loop; a real board has units of its own, so Kp has to be
+    given there. The controller starts with the duty cycle that has held the joint (bumpless transfer). It uses the
+    stamps of the states; the ages of the states and their order are judged, too. Joints that a board puts into PWM mode
+    together with the tested one, as they share motors, are held by such controllers. If this machine is too busy to
+    keep the period of the loop, values out of bounds are inconclusive.
     """
 
     aliases = (
@@ -81,10 +80,10 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         float, "greatest output; 0: 25 for a real part, 100 for a simulated one", unit="%", default=0.0, low=0.0,
         high=100.0, key="MaxValue",
     )  # fmt: skip
-    pid_vup = Parameter(float, "added where the joint is to go up, against stiction", unit="%", default=1.5)
-    pid_vdown = Parameter(float, "added where it is to go down", unit="%", default=-1.5)
+    pid_vup = Parameter(float, "stiction compensation for motion upwards", unit="%", default=1.5)
+    pid_vdown = Parameter(float, "the same for motion downwards", unit="%", default=-1.5)
     delay = Parameter(float, "until a tenth is reached, at most", unit="s", default=0.2, low=0.001)
-    # Friction may hold a joint just short of nine tenths until the integral has gathered.
+    # Friction may hold a joint just short of nine tenths until the integral has grown.
     rise_time = Parameter(float, "from a tenth to nine tenths, at most", unit="s", default=1.0, low=0.001)
     overshoot = Parameter(float, "beyond the target, at most", unit="%", default=40.0, low=0.0)
     band = Parameter(
@@ -99,18 +98,18 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         float, "deviation of the steps from each other, at most", unit="deg", default=0.8, low=0.0
     )
     state_age = Parameter(
-        float, "age of nine of ten states that it acts upon, at most, where the clocks are the same", unit="ms",
-        default=35.0, low=0.0, key="stateAge",
+        float, "greatest age of nine of ten states that the controller uses, if robot and test share a clock",
+        unit="ms", default=35.0, low=0.0, key="stateAge",
     )  # fmt: skip
     overtaken = Parameter(
-        float, "states that come behind later ones, at most, in per cent of all", unit="%", default=1.0, low=0.0
+        float, "greatest share of states that arrive after later ones", unit="%", default=1.0, low=0.0
     )
 
     def setup(self) -> None:
-        """See the base; and make a controller for each joint."""
+        """Open the part, and create a controller for each joint."""
         super().setup()
         part, gears = self.robot_part, self.transmission
-        # What a per cent of the motor's duty cycle is worth at its joint: its way round, and the coupling.
+        # The effect of the motor's duty cycle on its joint: its sign, and the coupling.
         diagonal = np.diagonal(gears.coupling)
         self.effects = effects = np.sign(gears.gearbox) * np.where(diagonal, diagonal, 1.0)
         gains = [self._gains(part, joint, float(effects[joint])) for joint in self.chosen]
@@ -122,7 +121,7 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
             self._require_plausible(part.names[joint], one)
         self.ways = np.sign(effects)
         self.pids = {joint: self._controller(one) for joint, one in zip(self.chosen, gains, strict=True)}
-        #: Of each joint, those that hold the joints that share motors with it: as stiffly as it.
+        #: By joint: the controllers that hold the joints coupled with it, with equal stiffness.
         self.holders = {
             joint: {
                 other: self._controller([gain * effects[joint] / effects[other] for gain in one])
@@ -132,8 +131,8 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
             for joint, one in zip(self.chosen, gains, strict=True)
         }
         self.homes = {joint: start for joint, (start, _) in self.starts.items()}
-        #: What the motor of each joint was told in its cycle, %, and when that was, s.
-        self.told: dict[int, list[tuple[float, float]]] = {joint: [] for joint in self.chosen}
+        #: By joint: the commands of its cycle, as pairs of time (s) and duty cycle (%).
+        self.sent: dict[int, list[tuple[float, float]]] = {joint: [] for joint in self.chosen}
 
     def _controller(self, gains: Sequence[float]) -> DiscretePid:
         return DiscretePid(*gains, limit=self.most, kick=_KICK)
@@ -146,12 +145,11 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         ]
         self.assert_error_if_true(
             wrong,
-            f"{name}: {'; '.join(wrong)}: these are no gains in per cent of duty cycle and deg, as they have to be; "
-            "give Kp, Ki and Kd",
+            f"{name}: {'; '.join(wrong)}: gains have to be in per cent of duty cycle and deg; give Kp, Ki and Kd",
         )
 
     def _gains(self, part: Part, joint: int, effect: float) -> tuple[float, float, float]:
-        """Those that nobody has given: the board's, made slower; of a real one no more than the integral."""
+        """Return the default gains: the board's for a slower loop; of a real board only Ki, in proportion to Kp."""
         if not self._knows_units:
             kp = self.per_joint("Kp", self.kp, self.chosen)[self.chosen.index(joint)]
             return kp, _INTEGRAL * kp, 0.0
@@ -160,14 +158,14 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         return kp, _INTEGRAL * kp, pid.kd / _SLOWER / effect
 
     def choose(self, part: Part) -> list[int]:
-        """See the base; of all, those whose gains let a step overcome friction."""
+        """Return the chosen joints; by default those whose gains are high enough for a step to overcome friction."""
         chosen = super().choose(part)
         self._knows_units = is_simulated(self.network, self.robot_name, self.part)
         self.most = self.max_value or (_MOST_SIMULATED if self._knows_units else _MOST)
         if not self.kp and not self._knows_units:
             self.skip(
-                f"{part.name} is no simulated part: nobody knows in which units its board has its gains; give Kp, in % "
-                "of duty cycle a deg"
+                f"{part.name} is not simulated, and the units of its board's gains are unknown; give Kp, in % of duty "
+                "cycle a deg"
             )
         if self.joints or self.kp:
             return chosen
@@ -177,7 +175,7 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
             self.skip(f"the gains of {part.name} are too small for a step of {self.step:g} deg; give Kp")
         if len(strong) < len(chosen):
             left = ", ".join(part.names[joint] for joint in chosen if joint not in strong)
-            self.report(f"not stepped: {left}; {self.step:g} deg ask for less than {_STICTION:g} % there: give Kp")
+            self.report(f"not stepped: {left}; a step of {self.step:g} deg gives less than {_STICTION:g} %: give Kp")
         return strong
 
     def room(self, joint: int) -> float:
@@ -192,7 +190,7 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
             least <= self.most,
             f"{part.names[joint]} is held by {least:.1f} % of duty cycle, MaxValue allows {self.most:g} %",
         )
-        self.told[joint] = []
+        self.sent[joint] = []
         entered = yield from self.entering(joint, ControlMode.PWM, held, duties)
         self.pids[joint].start(held)
         for other, holder in self.holders[joint].items():
@@ -203,8 +201,8 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         )
         return home, home + sign * self.room(joint)
 
-    def drive(self, joint: int, reference: float) -> None:
-        """See the base; a joint that goes far beyond its step is let go of."""
+    def drive(self, joint: int, command: float) -> None:
+        """Send the output of the controller; abort a joint that moves far beyond its step."""
         part = self.robot_part
         stamp, state = part.history.newest
         position = float(state.values(Field.JOINT_POSITIONS)[joint])
@@ -213,14 +211,14 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
                 f"{part.names[joint]} is at {position:.1f} deg, more than {_RUNAWAY:g} deg beyond a step of "
                 f"{self.step:g} deg from {self.homes[joint]:.1f} deg"
             )
-        duty = self.pids[joint].output(reference, position, stamp)
-        duty += (self.pid_vup if reference > position else self.pid_vdown) * float(self.ways[joint])
+        duty = self.pids[joint].output(command, position, stamp)
+        duty += (self.pid_vup if command > position else self.pid_vdown) * float(self.ways[joint])
         duty, *others = self._shared(joint, duty, stamp, state.values(Field.JOINT_POSITIONS))
-        self.told[joint].append((self.now(), duty))
+        self.sent[joint].append((self.now(), duty))
         self.give(joint, duty, others)
 
     def _shared(self, joint: int, duty: float, stamp: float, positions: FloatArray) -> list[float]:
-        """The duty cycles of a motor and of those that went along: all of them do what is to be done at each joint."""
+        """Return the duty cycles of a motor and of the coupled ones that have the wanted effect on each joint."""
         along = self.along[joint]
         stood, holders, group = self.stood[joint], self.holders[joint], [joint, *along]
         wanted = [duty, *(holders[one].output(stood[one], positions[one], stamp) for one in along)]
@@ -237,21 +235,21 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
             self.robot_part.board.set_reference_duty_cycles(efforts[0], joints[0])
 
     def late_commands(self, joint: int, trace: Trace) -> str:
-        """See the base; by the duty cycles in the states, where they have the same clock."""
+        """See StepTest: by the duty cycles in the states, if these have the clock of the test."""
         if isinstance(self.clock, SystemClock):
             return ""
-        return command_delay(self.told[joint], trace.local_time, trace.duty_cycles[:, joint], self.sample_time)
+        return command_delay(self.sent[joint], trace.local_time, trace.duty_cycles[:, joint], self.sample_time)
 
     def measured(self, trace: Trace, joint: int) -> FloatArray:
         return trace.positions[:, joint]
 
     def values(self, joint: int, cycles: list[Cycle]) -> list[CheckedValue]:
-        """See the base; and how the states came that the controller went by."""
+        """See StepTest: add the order and the ages of the states that the controller used."""
         values = super().values(joint, cycles)
         states = sum(one.time.size for one in cycles)
         behind = 100.0 * sum(one.overtaken for one in cycles) / states
         values.append(CheckedValue("states that came behind later ones", behind, "%", self.overtaken, "jitter"))
-        # A robot's stamps are by another machine's clock: the difference of the two looks like age.
+        # The stamps of a real robot are by another clock, whose offset looks like age.
         if not isinstance(self.clock, SystemClock):
             age = 1e3 * float(np.quantile(np.concatenate([one.ages for one in cycles]), _JUDGED))
             values.append(CheckedValue("age of nine of ten states", age, "ms", self.state_age, "lag"))

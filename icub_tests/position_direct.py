@@ -1,4 +1,4 @@
-"""Position direct: joints follow a sine that is streamed to them, whichever way it is told."""
+"""Position direct: joints follow a streamed sine, in each form of the command."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
 
-#: By the value of cmdMode how the positions are told.
+#: Forms of the command by the value of cmdMode.
 _FORMS = {0: "single", 1: "all", 2: "group"}
-#: Every so many commands the board is asked what it was told.
+#: The references are read back from the board after every so many commands.
 _LOOKS = 3
-#: What a command may differ from the one before, deg: beyond, joints are thrown.
+#: Greatest step between two commands, deg: larger ones are dangerous.
 _LARGEST_STEP = 2.0
-#: To find whether commands get lost: how many, how far apart (deg), and how long each is given to arrive (s).
+#: Probes for lost commands: their number, their size (deg), and the time for each to arrive (s).
 _PROBES, _PROBE, _PROBE_TIME = 12, 0.2, 0.05
-#: How much of the sine's amplitude and shape may be missing in what was sent and what the board took.
+#: Tolerance of the sine that was sent, as a share of its amplitude.
 _STIMULUS = 0.05
 
 
 class _Run(NamedTuple):
-    """What was sent (a row a command) and what the board said of it: times in s from the start, positions in deg."""
+    """The commands sent and the references read back, a row each: times in s from the start, positions in deg."""
 
     sent_at: FloatArray
     sent: FloatArray
@@ -46,11 +46,11 @@ class _Run(NamedTuple):
 
 
 class PositionDirect(RobotTest):
-    """All chosen joints follow a sine about where they are; it begins and ends gently.
+    """All chosen joints follow a sine about their positions; it fades in and out.
 
-    It is told one joint at a time, to the whole part, and to the group of the joints, one after the other. Before
-    each, single small steps show whether the board takes every command. Where this machine is so busy that it does not
-    tell positions in time, what is out of bounds is inconclusive.
+    It is commanded in three forms, one after the other: joint by joint, to the whole part, and to the group of joints.
+    Before each, small single steps show whether the board takes every command. If this machine is too busy to send the
+    commands in time, values out of bounds are inconclusive.
     """
 
     aliases = ("positionDirect", "Position Direct")
@@ -63,12 +63,10 @@ class PositionDirect(RobotTest):
     frequency = Parameter(float, "of the sine", unit="Hz", default=0.5, low=0.01, high=5.0)
     amplitude = Parameter(float, "of the sine; less where the limits are near", unit="deg", default=3.0, low=0.1)
     cycles = Parameter(
-        float, "whole swings, besides one to begin and one to end; less than one is one", unit="count", default=1.0,
-        low=0.001,
+        float, "full periods, besides one that fades in and one that fades out; at least one", unit="count",
+        default=1.0, low=0.001,
     )  # fmt: skip
-    tolerance = Parameter(
-        float, "greatest distance of a joint from what it was told", unit="deg", default=1.5, low=0.001
-    )
+    tolerance = Parameter(float, "greatest tracking error", unit="deg", default=1.5, low=0.001)
     sample_time = Parameter(
         float, "time between two commands", unit="s", default=0.02, low=0.001, high=0.1, key="sampleTime"
     )
@@ -76,16 +74,16 @@ class PositionDirect(RobotTest):
         list[int], "0: joint by joint, 1: the whole part, 2: the group", default=[0, 1, 2], choices=(0, 1, 2),
         key="cmdMode",
     )  # fmt: skip
-    delay = Parameter(float, "by which joints may follow", unit="s", default=0.1, low=0.0)
+    delay = Parameter(float, "greatest delay of the joints", unit="s", default=0.1, low=0.0)
     shape = Parameter(
-        float, "what differs from a sine, root mean square", unit="deg", default=0.2, low=0.0, key="shapeError"
+        float, "greatest deviation from a sine, root mean square", unit="deg", default=0.2, low=0.0, key="shapeError"
     )
     ripple = Parameter(
         float, "the same of the speed, as a share of the greatest", unit="%", default=25.0, low=0.0, key="speedRipple"
     )
 
     def setup(self) -> None:
-        """Open the part, and find a sine for each joint that keeps within its limits and its speed."""
+        """Open the part, and choose a sine for each joint within its limits and its greatest speed."""
         super().setup()
         self.robot_part = part = self.open_part(self.part)
         self.chosen = self.select(part, self.joints)
@@ -95,15 +93,15 @@ class PositionDirect(RobotTest):
             starting_point(part, joint, where, amplitude, both_sides=True)[0]
             for joint, where, amplitude in zip(self.chosen, middle, amplitudes, strict=True)
         ])  # fmt: skip
-        cycles = max(1.0, self.cycles)  # less of it does not show that it is a sine
+        cycles = max(1.0, self.cycles)  # less than a period does not show a sine
         self.sine = RampedSine(np.array(amplitudes), self.frequency, cycles)
-        self._refuse_what_is_too_fast(part)
+        self._refuse_fast_sines(part)
 
-    def _refuse_what_is_too_fast(self, part: Part) -> None:
+    def _refuse_fast_sines(self, part: Part) -> None:
         speed = self.sine.greatest_speed
         self.assert_error_if_true(
             float(speed.max()) * self.sample_time >= _LARGEST_STEP,
-            f"a sine of {self.amplitude:g} deg at {self.frequency:g} Hz, told every {self.sample_time:g} s, steps by "
+            f"a sine of {self.amplitude:g} deg at {self.frequency:g} Hz, sent every {self.sample_time:g} s, steps by "
             f"{speed.max() * self.sample_time:.1f} deg; less than {_LARGEST_STEP:g} deg is safe",
         )
         fast = [part.names[j] for j, most in zip(self.chosen, speed, strict=True) if most > part.fastest[j]]
@@ -114,7 +112,7 @@ class PositionDirect(RobotTest):
     def run(self) -> None:
         """Test the forms in turn."""
         part = self.robot_part
-        self._leave_out_what_does_not_come(part)
+        self._exclude_late_joints(part)
         for place, form in enumerate(self.forms):
             name = _FORMS[form]
             self.progress(place / len(self.forms), name)
@@ -135,8 +133,8 @@ class PositionDirect(RobotTest):
         bring(self, part, self.chosen, self.middle)
         part.report_clock_offset(self.report)
 
-    def _leave_out_what_does_not_come(self, part: Part) -> None:
-        """A joint that does not even come to the middle of its sine fails; the others are tested all the same."""
+    def _exclude_late_joints(self, part: Part) -> None:
+        """Fail and exclude joints that do not reach the middle of their sine."""
         late = late_joints(part, self.chosen, self.middle)
         for joint, text in late.items():
             with self.subresult(part.names[joint]):
@@ -146,10 +144,10 @@ class PositionDirect(RobotTest):
         self.middle = self.middle[left]
         self.sine = RampedSine(self.sine.amplitudes[left], self.sine.frequency, self.sine.cycles)
         if not self.chosen:
-            self.assert_fail(f"no joint of {part.name} could be brought to where its sine begins")
+            self.assert_fail(f"no joint of {part.name} reached the start of its sine")
 
     def _enter(self, part: Part) -> None:
-        """All joints of the part, so that a command to the whole part holds those that are not chosen."""
+        """Put all joints into direct position mode, so that a command to the whole part holds those not chosen."""
         part.set_mode(ControlMode.POSITION_DIRECT)
         self.held = part.board.encoders()
         wrong = [
@@ -171,7 +169,7 @@ class PositionDirect(RobotTest):
             part.board.set_positions(positions, self.chosen)
 
     def _probe(self, part: Part, form: int) -> FloatArray:
-        """Send small steps; how many of them each joint's board has not taken."""
+        """Send small steps; return how many of them the board has not taken, for each joint."""
         lost = np.zeros(len(self.chosen))
         for probe in range(_PROBES):
             wanted = self.middle + (_PROBE if probe % 2 else -_PROBE)
@@ -185,7 +183,7 @@ class PositionDirect(RobotTest):
         return lost
 
     def _missing(self, part: Part, wanted: FloatArray) -> NDArray[np.bool_]:
-        """Which joints' boards were told something else."""
+        """Return which joints have another reference at the board."""
         missing: NDArray[np.bool_] = np.abs(part.board.reference_positions(self.chosen) - wanted) > _PROBE / 4
         return missing
 
@@ -206,7 +204,7 @@ class PositionDirect(RobotTest):
     # Judging -----------------------------------------------------------------------------------------------------
 
     def _judge_stimulus(self, form: str, run: _Run) -> None:
-        """A test that sends something else proves nothing: what was sent has to be the sine."""
+        """End with an error if the test itself did not send the sine."""
         first, last = self.sine.plateau
         whole = (run.sent_at >= first) & (run.sent_at <= last)
         for column, joint in enumerate(self.chosen):
@@ -214,19 +212,19 @@ class PositionDirect(RobotTest):
             wanted = float(self.sine.amplitudes[column])
             self.assert_error_if_false(
                 abs(fit.amplitude - wanted) <= _STIMULUS * wanted and fit.rms <= _STIMULUS * wanted,
-                f"{form}: what was sent to {self.robot_part.names[joint]} is no sine of {wanted:g} deg: its amplitude "
-                f"is {fit.amplitude:.3g} deg, and {fit.rms:.3g} deg are something else",
+                f"{form}: the commands to {self.robot_part.names[joint]} are not a sine of {wanted:g} deg: their "
+                f"amplitude is {fit.amplitude:.3g} deg, the residual {fit.rms:.3g} deg",
             )
 
     def _judge_lost(self, name: str, lost: float) -> None:
         hint = (
-            f"{name} has not taken {lost:.0f} of {_PROBES} commands, which came {_PROBE_TIME:g} s apart; "
+            f"{name} has not taken {lost:.0f} of {_PROBES} commands, sent every {_PROBE_TIME:g} s; "
             f"{likely_causes('lost commands')}"
         )
         self.measure("commands lost", lost, "", high=0.0, hint=hint)
 
     def _judge(self, name: str, joint: int, column: int, run: _Run) -> None:
-        """Errors over all of it; delay and shape where the sine is whole."""
+        """Judge the tracking error over the whole run, delay and shape at full amplitude."""
         time = run.trace.local_time - run.begin
         position, speed = run.trace.positions[:, joint], run.trace.velocities[:, joint]
         during = (time >= 0) & (time <= self.sine.duration)
@@ -262,24 +260,24 @@ class PositionDirect(RobotTest):
 
     def _gain(self, name: str, what: str, gain: float, finding: str) -> CheckedValue:
         low, high = 1 - _GAIN, 1 + _GAIN
-        hint = f"{name}: {what} is {gain:.3g}, it is to be {low:g} to {high:g}; {likely_causes(finding)}"
+        hint = f"{name}: {what} is {gain:.3g}, not {low:g} to {high:g}; {likely_causes(finding)}"
         return CheckedValue(what, gain, "", high, finding, low, hint)
 
     def _taken(self, name: str, column: int, run: _Run) -> tuple[CheckedValue, CheckedValue]:
-        """What the board says that it was told is the sine, too."""
+        """Return the checks of the references that were read back: they have to be the sine, too."""
         first, last = self.sine.plateau
         whole = (run.looked_at >= first) & (run.looked_at <= last)
         amplitude = float(self.sine.amplitudes[column])
         fit = fit_sine(run.looked_at[whole], run.taken[whole, column], self.frequency)
         lost = "lost commands"
-        hint = f"{name}: the board was told something else than was sent; {likely_causes(lost)}"
+        hint = f"{name}: the references at the board are not the commands sent; {likely_causes(lost)}"
         return (
             self._gain(name, "amplitude of the references at the board", fit.amplitude / amplitude, lost),
             CheckedValue("shape error of the references at the board", fit.rms, "deg", self.shape, lost, hint=hint),
         )
 
 
-#: Samples to compare signals with, s; states that a swing needs.
+#: Time grid on which signals are compared, s; least number of states in a period.
 _GRID, _FEWEST_A_SWING = 0.002, 20
-#: By how much an amplitude may differ from 1: twice what those of the simulated torso do, 0.1 at 1 Hz.
+#: Tolerance of an amplitude ratio: twice the error of the simulated torso, 0.1 at 1 Hz.
 _GAIN = 0.2

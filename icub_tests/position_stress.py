@@ -1,4 +1,4 @@
-"""Position stress: joints are moved to and fro at random moments, and have to stay in position mode all the while."""
+"""Position stress: joints get new targets at random times, and have to stay in position mode."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 class PositionStress(JointsTest):
-    """Each joint is told to go up, down and back, often before it has arrived; it must neither fault nor go idle.
+    """Commands each joint up, down and back, often before it has arrived; it must neither fault nor go idle.
 
-    Where a joint is given the time it has to arrive, too. The moments are random, and the same for the same seed. Meant
-    to be repeated; ``cycles`` repeats it within a test.
+    At the end the joint has to arrive, too. The times of the commands are random, and equal for equal seeds. Meant to
+    be repeated; ``cycles`` repeats it within a test.
     """
 
     plugin_name = "position-stress"
@@ -36,12 +36,12 @@ class PositionStress(JointsTest):
     low = Parameter(list[float], "lower ends of the moves; none: near home", unit="deg", default=[], key="min")
     high = Parameter(list[float], "upper ends of the moves; none: near home", unit="deg", default=[], key="max")
     speed = Parameter(list[float], "reference speeds", unit="deg/s", default=[40.0], low=0.1)
-    distance = Parameter(float, "ends that are not given are so far from home", unit="deg", default=10.0, low=1.0)
+    distance = Parameter(float, "distance of the default ends from home", unit="deg", default=10.0, low=1.0)
     shortest = Parameter(float, "the shortest wait between commands", unit="s", default=0.2, low=0.01)
     longest = Parameter(float, "the longest wait between commands", unit="s", default=0.6, low=0.01)
-    cycles = Parameter(int, "how often each joint goes up and down", default=2, low=1)
-    tolerance = Parameter(float, "how near each joint comes back in the end", unit="deg", default=1.0, low=0.01)
-    seed = Parameter(int, "where the random waits begin", default=0, low=0)
+    cycles = Parameter(int, "moves of each joint up and down", default=2, low=1)
+    tolerance = Parameter(float, "tolerance of the home position at the end", unit="deg", default=1.0, low=0.01)
+    seed = Parameter(int, "seed of the random waits", default=0, low=0)
 
     def setup(self) -> None:
         """Open the part, bring it home, and set speeds."""
@@ -61,14 +61,14 @@ class PositionStress(JointsTest):
         return np.clip(ends, self.robot_part.low, self.robot_part.high)
 
     def run(self) -> None:
-        """Joint by joint, so that none meets another; an arm and its hand at the same time."""
+        """Test joint by joint, so that none collides with another; an arm and its hand at the same time."""
         self._done = 0
         run_queues(self.robot_part, one_at_a_time(self.robot_part.names, self.chosen), self._routine, pace=PACE)
 
     def _routine(self, joint: int) -> Routine[None]:
         part = self.robot_part
         home = float(part.home[joint])
-        chance = random.Random(self.seed + joint)  # noqa: S311 - moments, not secrets
+        chance = random.Random(self.seed + joint)  # noqa: S311 - times, not secrets
         lost: list[str] = []
         told: list[tuple[float, float]] = []
         stopped: GuardError | None = None
@@ -103,7 +103,7 @@ class PositionStress(JointsTest):
         self.measure("greatest current", float(np.abs(currents).max()), "A")
         self._judge_modes(joint, trace.control_modes)
         reach = float(positions.max() - positions.min())
-        # In the shortest wait a joint at its speed comes so far; half of it is what a board may need to begin.
+        # The way at full speed in the shortest wait; half of that time is for the board to begin.
         least = 0.5 * min(self.shortest * self.speeds[joint], float(self.top[joint] - self.bottom[joint]))
         hint = f"{name} moves by {reach:.2f} deg only; {likely_causes('does not move')}"
         self.measure("range", reach, "deg", low=least, hint=hint)
@@ -112,17 +112,17 @@ class PositionStress(JointsTest):
         self.measure("away from where it began", away, "deg", -self.tolerance, self.tolerance, hint=hint)
 
     def _go(self, joint: int, end: float, wait: float) -> Routine[list[str]]:
-        """One command; the board has to say that it is the target, whatever becomes of it. What is wrong with that."""
+        """Send one target and wait; return the error if the board does not report that target."""
         part = self.robot_part
         part.board.position_move([end], [joint])
         yield from pause(part.clock, wait)
-        told = float(part.board.target_positions(joint)[0])
-        if abs(told - end) <= _SAME:
+        found = float(part.board.target_positions(joint)[0])
+        if abs(found - end) <= _SAME:
             return []
-        return [f"{part.names[joint]}: the target is {told:.2f} deg, not {end:.2f}; {likely_causes('does not start')}"]
+        return [f"{part.names[joint]}: the target is {found:.2f} deg, not {end:.2f}; {likely_causes('does not start')}"]
 
     def _judge_modes(self, joint: int, modes: np.ndarray[tuple[int, ...], np.dtype[np.int32]]) -> None:
-        """All axes of the part have to be in position mode all the time, but those that had to be left idle."""
+        """Check that all axes of the part but the excluded ones were in position mode all the time."""
         part = self.robot_part
         for other in part.held():
             name = part.names[other]
@@ -134,5 +134,5 @@ class PositionStress(JointsTest):
                 self.check(False, f"{name} went into {word} while {part.names[joint]} moved{why}")
 
 
-#: How near a target is that is read back, deg.
+#: Tolerance of a target that is read back, deg.
 _SAME = 0.01

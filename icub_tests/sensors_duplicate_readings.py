@@ -1,4 +1,4 @@
-"""Sensors, duplicate readings: each message of a sensor tells something new."""
+"""Sensors, duplicate readings: each message of a sensor has a new measurement."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
 
 _ENDINGS = ("/analog:o", "/measures:o", "/inertial")
-#: Sensors that show the same for seconds, as what they measure does not change, and their resolution is coarse.
+#: Sensors whose values may be constant for seconds, as the measured quantity is and their resolution is coarse.
 _AT_REST = tuple(
     f" {category.name.lower()}"
     for category in (SensorCategory.ORIENTATION, SensorCategory.TEMPERATURE, SensorCategory.MAGNETOMETER)
@@ -34,10 +34,10 @@ class _Tolerated(NamedTuple):
 
 
 class SensorsDuplicateReadings(StreamTest):
-    """Listens to sensors; what comes twice, by its number or by its values, is counted, and channels that never change.
+    """Records sensors, and counts repeated messages, repeated values, and channels that never change.
 
-    A sensor that repeats every value equally often is slower than what publishes it; one that does so now and then
-    has readings that get lost.
+    A sensor that repeats every value equally often is slower than its publisher; one that repeats values now and then
+    loses readings.
     """
 
     aliases = ("SensorsDuplicateRd", "sensorsDuplicateReadings", "sensors-duplicate-readings")
@@ -45,21 +45,22 @@ class SensorsDuplicateReadings(StreamTest):
 
     port = Parameter(str, "one port; none: those of ports", default="", aliases=("portname",))
     ports = Parameter(
-        Bottle, "the ports: (name duplicates), where so many duplicates are tolerated", default=Bottle(),
+        Bottle, "the ports: (name duplicates), with the number of tolerated duplicates", default=Bottle(),
         key="PORTS", aliases=("ports",),
     )  # fmt: skip
     # As in the parameter files of the iCub.
-    tolerated = Parameter(int, "how many duplicates are tolerated where nothing else is said", default=0, low=0)
-    time = Parameter(float, "how long it listens", unit="s", default=2.0, low=0.1)
-    # As the original has it, which compares by 1e-12: what is less is the rounding of a number of 16 digits.
-    same = Parameter(float, "values are the same that differ by so small a share of them", default=1e-12, low=0.0)
+    tolerated = Parameter(int, "default number of tolerated duplicates", default=0, low=0)
+    time = Parameter(float, "how long the ports are recorded", unit="s", default=2.0, low=0.1)
+    # As in the original: smaller differences are rounding errors of numbers with 16 digits.
+    same = Parameter(float, "greatest relative difference of equal values", default=1e-12, low=0.0)
 
     def setup(self) -> None:
-        """Find out which ports."""
+        """Choose the ports."""
         super().setup()
         self.expected = self._expected()
         self.assert_error_if_false(
-            self.expected, f"the name server knows no sensor of /{self.robot_name}; name their ports in [PORTS]"
+            self.expected,
+            f"no sensor of /{self.robot_name} is registered at the name server; name their ports in [PORTS]",
         )
 
     def _expected(self) -> list[_Tolerated]:
@@ -70,16 +71,16 @@ class SensorsDuplicateReadings(StreamTest):
         return [_Tolerated(name, self.tolerated) for name in self.known_ports(*_ENDINGS)]
 
     def _line(self, parts: list[Value]) -> _Tolerated:
-        # Older files have a third number, the rate, which is not this test's business.
+        # Older files have a third number, the rate, which this test ignores.
         if isinstance(parts[0], str) and len(parts) > 1 and isinstance(parts[1], int) and parts[1] >= 0:
             return _Tolerated(parts[0], parts[1])
         return self.assert_error(
-            f"[PORTS] {Bottle(parts).to_text()}: a line is a port and how many duplicates are tolerated, such as: "
+            f"[PORTS] {Bottle(parts).to_text()}: a line has a port and the number of tolerated duplicates, such as: "
             "/icub/left_arm/analog:o 0"
         )
 
     def run(self) -> None:
-        """Listen to all, and judge each."""
+        """Record all ports, and judge each."""
         there = [one for one in self.expected if self.open_stream(one.name, keep=True)]
         if there:
             self.listen(self.time, arrivals=False)
@@ -93,7 +94,7 @@ class SensorsDuplicateReadings(StreamTest):
         twice = f"{stream.duplicates} messages came again, with the same number"
         self._measure("messages that came twice", stream.duplicates, "count", one.duplicates, twice)
         values = readings_of(one.name, [message.data for message in stream.messages], self.network.dialect)
-        self.assert_true(values.shape[1] > 0, "the messages tell of no measurement")
+        self.assert_true(values.shape[1] > 0, "the messages have no measurement")
         self._judge_values(one, values, stream.times)
 
     def _judge_values(self, one: _Tolerated, values: FloatArray, times: FloatArray) -> None:
@@ -104,13 +105,13 @@ class SensorsDuplicateReadings(StreamTest):
         runs, total, most = _runs(repeats), int(repeats.sum()), one.duplicates
         if total > most and values.any() and np.array_equal(values, np.rint(values)):
             self.inconclusive(
-                f"{total} of {len(values)} values are those before: whole numbers are at rest; move what is sensed, or "
-                "tolerate them in [PORTS]"
+                f"{total} of {len(values)} values are repeated: whole numbers may be constant; move the robot, or "
+                "tolerate duplicates in [PORTS]"
             )
         why = _pattern(runs)
         self._measure("share of repeated values", 100.0 * total / len(repeats), "%", 100.0 * most / len(repeats), why)
         self._measure("longest run of one value", max(runs), "count", most + 1, why)
-        # So long it may take when all that is tolerated comes at once.
+        # The longest time if all tolerated duplicates come in a row.
         longest = 1e3 * float(np.diff(times).max()) * (most + 1)
         without = 1e3 * float(np.diff(times[fresh], append=times[-1]).max())
         self._measure("longest time without a new value", without, "ms", longest, why)
@@ -118,7 +119,7 @@ class SensorsDuplicateReadings(StreamTest):
         self._judge_channels(one.name, values)
 
     def _record_ages(self, fresh: NDArray[np.bool_], times: FloatArray) -> None:
-        """How old each value is when it comes: 0 for a new one, a saw for a sensor that is slower than its port."""
+        """Record the age of each value: 0 for a new one, a sawtooth for a sensor that is slower than its port."""
         last = np.maximum.accumulate(np.where(fresh, np.arange(len(fresh)), 0))
         self.record("age of the values", time=(times - times[0], "s"), age=(1e3 * (times - times[last]), "ms"))
 
@@ -128,9 +129,9 @@ class SensorsDuplicateReadings(StreamTest):
     def _judge_channels(self, port: str, values: FloatArray) -> None:
         names = channels_of(self.network, port, values.shape[1])
         nothing = [name for name, fine in zip(names, np.isfinite(values).all(axis=0), strict=True) if not fine]
-        self.assert_fail_if_true(nothing, f"{', '.join(nothing)} of {port} tells of values that are no numbers")
+        self.assert_fail_if_true(nothing, f"{', '.join(nothing)} of {port} sends values that are not finite")
         still = np.ptp(values, axis=0) == 0.0
-        absent = still & (values[0] == 0.0) & (not still.all())  # servers show zeros for what a unit has not got
+        absent = still & (values[0] == 0.0) & (not still.all())  # servers send zeros for sensors that a unit lacks
         sensors = [name.rpartition(" ")[0] for name in names]
         living = {sensor for sensor, dead in zip(sensors, still, strict=True) if not dead}
         odd, stuck = [], []
@@ -138,7 +139,7 @@ class SensorsDuplicateReadings(StreamTest):
             if dead:
                 (odd if gone or sensor in living or sensor.endswith(_AT_REST) else stuck).append(name)
         if odd:
-            self.warn(f"always the same: {', '.join(odd)}; a coarse resolution at rest, or what the unit has not got")
+            self.warn(f"constant: {', '.join(odd)}; a coarse resolution at rest, or a sensor that the unit lacks")
         self.check_fail_if_true(
             stuck,
             f"{', '.join(stuck)} of {port} never changed in {len(values)} messages; {likely_causes('sensor frozen')}",
@@ -146,7 +147,7 @@ class SensorsDuplicateReadings(StreamTest):
 
 
 def _runs(repeats: NDArray[np.bool_]) -> list[int]:
-    """How often each value came, one after the other; the first and the last, which are cut off, only if alone."""
+    """Return the lengths of the runs of equal values; the first and the last run, which are cut off, only if alone."""
     ends = np.flatnonzero(~repeats)
     if ends.size < 2:  # noqa: PLR2004 - between two ends is the first whole run
         return [len(repeats) + 1 - ends.size]
@@ -157,5 +158,5 @@ def _pattern(runs: list[int]) -> str:
     if len(runs) == 1:
         return "the value never changed"
     if min(runs) == max(runs) > 1:
-        return f"each value comes {runs[0]} times: the sensor is {runs[0]} times slower than what publishes it"
+        return f"each value comes {runs[0]} times: the sensor is {runs[0]} times slower than its publisher"
     return f"values come 1 to {max(runs)} times, irregularly: readings of the sensor get lost"

@@ -1,4 +1,4 @@
-"""Skin wrapper: the server of an analog sensor opens its ports, refuses names that are taken, and gives all back."""
+"""Skin wrapper: the server of an analog sensor opens its ports, refuses names in use, and closes all ports."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 _RPC = "/rpc:i"
 _PARTS = ("left_hand", "left_forearm", "left_arm")
-#: The share of the messages that has to come: a loaded machine is slow, and next to nothing is what would be wrong. And
-#: how many may come beyond what was due since the wrapper was opened: the one at its beginning, and one on the edge.
+#: Least share of the messages that has to arrive: a loaded machine is slow, a wrong server sends next to nothing. And
+#: the number of messages beyond the expected one: the first one, and one on the edge.
 _LEAST, _BESIDE = 0.2, 2
 
 
@@ -34,16 +34,16 @@ class SkinWrapperTest(TestCase):
     aliases = ("skinWrapperTest", "skin-wrapper", "skinWrapper")
     tags = ("devices",)
 
-    prefix = Parameter(str, "what the names of its ports begin with", default="/testSkinWrapper")
+    prefix = Parameter(str, "the prefix of its port names", default="/testSkinWrapper")
     taxels = Parameter(int, "channels of the skin", default=10, low=len(_PARTS), high=1000)
-    period = Parameter(float, "how often it publishes", unit="ms", default=20.0, low=1.0)
-    time = Parameter(float, "how long it is listened to", unit="s", default=0.5, low=0.1)
+    period = Parameter(float, "the period of its messages", unit="ms", default=20.0, low=1.0)
+    time = Parameter(float, "how long it is recorded", unit="s", default=0.5, low=0.1)
 
     def setup(self) -> None:
-        """Find the name server, and begin with names that nobody has."""
+        """Find the name server, and check that the names are free."""
         self.network, self.clock = default_network(), SystemClock()
         for name in (self._name("one"), self._name("parts")):
-            self.assert_error_if_true(self._there(name), f"{name} is there already; give another prefix")
+            self.assert_error_if_true(self._there(name), f"{name} is in use; give another prefix")
 
     def _name(self, which: str) -> str:
         return f"{self.prefix}/{which}/skin"
@@ -69,19 +69,19 @@ class SkinWrapperTest(TestCase):
             wrapper = self._open(configuration)
             try:
                 for port in ports:
-                    self.check_fail_if_false(self._there(port), f"{port} is not there though the wrapper is open")
+                    self.check_fail_if_false(self._there(port), f"{port} does not exist though the wrapper is open")
                 self._listen(ports[:-1], opened)
                 self._check_refused(configuration, ports[0], "while another wrapper has it")
             finally:
                 wrapper.close()
             for port in ports:
-                self.check_fail_if_true(self._there(port), f"{port} is still there though the wrapper is closed")
+                self.check_fail_if_true(self._there(port), f"{port} still exists though the wrapper is closed")
                 known = self.network.names.query(port)
-                self.check_fail_if_true(known, f"the name server still knows {port}, at {known}")
+                self.check_fail_if_true(known, f"{port} is still registered at the name server, at {known}")
         for port in (ports[0], ports[-1]):
             with self.subresult(f"{subject}, {port} taken"), Port(port, network=self.network):
-                self._check_refused(configuration, port, "though somebody else has it")
-                self.check(self._there(port), f"{port} is still that of who had it")
+                self._check_refused(configuration, port, "though it is in use")
+                self.check(self._there(port), f"{port} still belongs to its first owner")
 
     def _open(self, configuration: Mapping[str, object]) -> AnalogDevice:
         skin = FakeAnalogSensor("skin", network=self.network)
@@ -105,10 +105,9 @@ class SkinWrapperTest(TestCase):
             self.check(condition=False, text=f"a wrapper took {port} {when}")
 
     def _listen(self, ports: list[str], opened: float) -> None:
-        """Each port publishes, and nothing beyond what was due since ``opened``.
+        """Check that each port publishes, and not more than expected since ``opened``.
 
-        Not only while it is listened to: what comes while the connections of the other ports are being made counts,
-        and on a loaded machine that takes its time.
+        Messages also arrive while the connections of the other ports are made, which takes time on a loaded machine.
         """
         with Listener(self.network, self.clock) as listener:
             recorders = [listener.add(port) for port in ports]
@@ -119,7 +118,7 @@ class SkinWrapperTest(TestCase):
             came = len(recorder.messages)
             cause = likely_causes("slow" if came < wanted else "duplicate")
             hint = (
-                f"{port} sends {came} messages to who listens for {self.time:g} s, {passed:.2f} s after the wrapper is "
-                f"opened, and one is due every {self.period:g} ms; {cause}"
+                f"{port} sends {came} messages in {self.time:g} s, {passed:.2f} s after the wrapper was opened, with a "
+                f"period of {self.period:g} ms; {cause}"
             )
             self.measure(f"messages of {port}", came, "count", _LEAST * wanted, most + _BESIDE, hint=hint)

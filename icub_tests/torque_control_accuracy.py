@@ -94,8 +94,8 @@ class TorqueControlAccuracy(CoupledStepTest):
         )
         return held, held + sign * step
 
-    def drive(self, joint: int, reference: float) -> None:
-        self.give(joint, reference)
+    def drive(self, joint: int, command: float) -> None:
+        self.give(joint, command)
 
     def command(self, joints: list[int], efforts: list[float]) -> None:
         if len(joints) > 1:

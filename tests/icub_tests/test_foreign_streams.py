@@ -204,7 +204,7 @@ def test_what_is_coarse_is_not_frozen(outcome):
         port("dead"): Verdict.FAILED,
     }
     warned = [one.detail for one in outcome.of(Message, test="s/again", severity=Severity.WARNING)]
-    assert any("always the same: channel 0, channel 1;" in text for text in warned)
+    assert any("constant: channel 0, channel 1;" in text for text in warned)
 
 
 def test_what_is_wrong_is_said_in_terms_of_the_sensor(outcome):

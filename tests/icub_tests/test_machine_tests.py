@@ -204,7 +204,7 @@ def test_a_skin_that_sends_too_little_fails(outcome):
     """By its port, how much came and how much was due, with likely causes."""
     assert outcome.verdict("slow-skin") is Verdict.FAILED
     said = [one.detail for one in outcome.of(Message, test="s/slow-skin") if one.detail.startswith("messages of")]
-    assert "/slow/one/skin sends 0 messages to who listens for 0.1 s, " in said[0]
+    assert "/slow/one/skin sends 0 messages in 0.1 s, " in said[0]
 
 
 def test_a_skin_that_sends_too_much_fails(outcome):
@@ -215,4 +215,4 @@ def test_a_skin_that_sends_too_much_fails(outcome):
     }
     assert failed == {"one port", "several ports"}
     said = [one.detail for one in outcome.of(Message, test="s/hasty-skin") if one.detail.startswith("messages of")]
-    assert "one is due every 20 ms; likely: a sensor slower than what publishes it" in said[0]
+    assert "with a period of 20 ms; likely: a sensor slower than its publisher" in said[0]

@@ -85,7 +85,7 @@ def test_a_sensor_that_tells_of_nothing_fails():
     test._judge_channels("/bot/analog:o", values)
     values[10, 1] = math.nan
     values[:, 2] = math.inf
-    with pytest.raises(TestFailure, match=r"^channel 1, channel 2 of /bot/analog:o tells of values that are"):
+    with pytest.raises(TestFailure, match=r"^channel 1, channel 2 of /bot/analog:o sends values that are"):
         test._judge_channels("/bot/analog:o", values)
 
 
