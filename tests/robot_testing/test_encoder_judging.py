@@ -122,7 +122,7 @@ def test_a_sure_trend_fails_by_its_measurement():
     apart = np.linspace(5.0, 5.19, 11)
     (failure,) = drift(apart).failures
     assert failure.startswith("drift by the trend, at least is 0.31")
-    assert "elbow drifts by 0.317 deg or more in 100 half-swings, with a confidence of 99 %; likely: " in failure
+    assert "elbow drifts by at least 0.317 deg in 100 half-swings, with a confidence of 99 %; likely: " in failure
 
 
 def test_a_trend_of_a_few_visits_is_as_sure_as_it_says():
@@ -164,6 +164,6 @@ def stiction(*values):
 def test_the_stiction_of_a_few_times_is_told_by_its_spread():
     """An interval of two values would be a hundred times what they differ by."""
     (failure,) = stiction(11.5, 12.5)
-    assert "elbow takes 12.0 % (11.5 to 12.5 in 2 times) of duty cycle more than what gravity needs" in failure
+    assert "elbow needs 12.0 % (11.5 to 12.5 in 2 times) of duty cycle beyond the load of gravity" in failure
     (failure,) = stiction(12.0)
     assert "elbow takes 12.0 % of duty cycle more" in failure
