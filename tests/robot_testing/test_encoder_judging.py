@@ -166,4 +166,4 @@ def test_the_stiction_of_a_few_times_is_told_by_its_spread():
     (failure,) = stiction(11.5, 12.5)
     assert "elbow needs 12.0 % (11.5 to 12.5 in 2 times) of duty cycle beyond the load of gravity" in failure
     (failure,) = stiction(12.0)
-    assert "elbow takes 12.0 % of duty cycle more" in failure
+    assert "elbow needs 12.0 % of duty cycle beyond" in failure
