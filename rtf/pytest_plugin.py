@@ -41,6 +41,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options and their ini values."""
     group = parser.getgroup("rtf", "robot testing (rtf)")
     group.addoption("--rtf", action="store_true", help="collect suite files in folders, too, not only where named")
+    group.addoption(
+        "--rtf-lenient", action="store_true", help="an unknown element or attribute of a suite is a warning"
+    )
+    parser.addini("rtf_lenient", "read suites as --rtf-lenient does", type="bool", default=False)
     parser.addini("rtf_suites", "collect suite files in folders, as --rtf does", type="bool", default=False)
     for name, metavar, text in _SINGLE:
         group.addoption(f"--rtf-{name}", metavar=metavar, help=text)

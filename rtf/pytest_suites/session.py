@@ -38,7 +38,7 @@ class SuiteSession:
     def __init__(self, config: pytest.Config) -> None:
         self._config = config
         self._settings = Settings.of(config)
-        self._planner = Planner()
+        self._planner = Planner(self._settings.overrides)
         self._ids = SuiteIds()
         self._diagnostics: list[Diagnosed] = []
         self._reporters: list[Reporter] = []
@@ -68,7 +68,7 @@ class SuiteSession:
 
     def load(self, path: Path) -> tuple[PlannedSuite | None, Loaded]:
         """Read a suite file. There is no suite when something is wrong with it."""
-        loaded = load_files([(path, True)], self._settings.variables)
+        loaded = load_files([(path, True)], self._settings.variables, lenient=self._settings.lenient)
         if loaded.has_errors or not loaded.suites:
             return None, loaded
         self._diagnostics += loaded.diagnostics

@@ -35,6 +35,7 @@ class Settings:
     variables: dict[str, str]
     features: frozenset[str]
     reports: tuple[tuple[str, str], ...]
+    lenient: bool
 
     @classmethod
     def of(cls, config: pytest.Config) -> Settings:
@@ -58,6 +59,7 @@ def _read(config: pytest.Config) -> Settings:
         variables=dict(values.several("define", _key_value)),
         features=frozenset(values.several("feature", str)),
         reports=tuple(values.several("report", _report)),
+        lenient=config.getoption("rtf_lenient") or config.getini("rtf_lenient"),
     )
     if any(name == LIVE_PAGE for name, _ in settings.reports) and config.getoption("dist", "no") != "no":
         raise pytest.UsageError(

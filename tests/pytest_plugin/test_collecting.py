@@ -113,6 +113,39 @@ def test_doubts_about_a_file_are_warnings(lab):
     assert "SuiteFileWarning: s.xml:2:" in finished.out
 
 
+def test_leniently_a_file_of_its_own_words_is_run(lab):
+    """What no suite knows is a warning then."""
+    suite = lab.suite('<test name="a" retrys="2"> Fine </test>')
+    assert lab.run(suite, "--collect-only").exit_code == pytest.ExitCode.INTERRUPTED
+    for lenient in (["--rtf-lenient"], ["-o", "rtf_lenient=true"]):
+        finished = lab.run(suite, *lenient)
+        assert finished.exit_code == 0, finished.out
+        assert "did you mean 'retries'?" in finished.out
+
+
+NOD = """
+from rtf.testing import Matrix, Parameter, TestCase
+class Nod(TestCase):
+    speed = Parameter(int, "speed", default=0)
+    part = Parameter(str, "part", default="")
+    matrix = Matrix(speed=(10, 20), part=("head", "torso"))
+    def run(self): pass
+class Shake(Nod): matrix = None
+class Turn(Nod): matrix = None
+"""
+
+
+def test_matrices_and_classes_are_items_with_the_ids_of_pytest(lab):
+    """As parametrized functions are; they can be selected by ``-k``, and ``--rtf-set`` varies nothing any more."""
+    lab.write(nod__py=NOD)
+    suite = lab.suite('<test class="Nod"> nod.py </test><test name="both"> nod.py </test>')
+    listed = lab.run(suite, "--collect-only", "-q").out.split("\n\n")[0].splitlines()
+    parts = [f"{speed}-{part}" for speed in (10, 20) for part in ("head", "torso")]
+    assert listed == [f"s.xml::{name}" for name in (*(f"nod.Nod[{part}]" for part in parts), "both.Shake", "both.Turn")]
+    assert lab.run(suite, "-k", "nod.Nod[10-head]").last_line.startswith("1 passed")
+    assert "s.xml::nod.Nod[head]" in lab.run(suite, "--collect-only", "-q", "--rtf-set", "speed=5").out
+
+
 HOSTILE = ("twice", "twice", "a::b", "x[1]", "line&#10;end", "()", "&lt;script&gt;", "ärm ∞", "a and b", "../up")
 
 
