@@ -46,6 +46,7 @@ _STATUS = {
     Verdict.NOT_RUN: "pending",
     Verdict.EXPECTED_FAILURE: "other",
 }
+_KILLED = "not run: the runner was killed"
 _STATUSES = ("passed", "failed", "skipped", "pending", "other")
 
 
@@ -68,7 +69,11 @@ class CtrfReporter(FileReporter):
 
     def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:
         suite = results.suite_of(result.id)
-        return b",\n" + to_json(self._test(result, suite.name if suite is not None else "", attempts))
+        name = suite.name if suite is not None else ""
+        if result.verdict is None and not attempts:
+            record = {"name": result.name or "(unnamed)", "status": "pending", "rawStatus": "not run", "duration": 0}
+            return b",\n" + to_json({**record, "suite": [name], "message": _KILLED})
+        return b",\n" + to_json(self._test(result, name, attempts))
 
     def document(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
         statuses: Counter[str] = Counter()
@@ -140,7 +145,7 @@ class CtrfReporter(FileReporter):
         if planned.type:
             record["type"] = planned.type
         if result.verdict is None:
-            record["message"] = "not run: the runner was killed"
+            record["message"] = _KILLED
         elif ended is not None and (ended.detail or verdict is not Verdict.PASSED):
             record["message"] = ended.detail or ended.reason or verdict
         earlier = attempts[:-1]

@@ -28,6 +28,11 @@ if TYPE_CHECKING:
     from rtf.testing.report.problems import Problem
     from rtf.testing.results import RunResult, SuiteResult, TestResult
 
+#: What is said of a test that has not begun. There may be thousands of them, and they are made while the run goes on.
+_NOT_RUN = element(
+    "error", "not run: the runner was killed", ("type", "not run"), ("message", "not run: the runner was killed")
+)
+
 FAMILIES = ("strict", "rich")
 
 
@@ -102,7 +107,10 @@ class JUnitReporter(FileReporter):
         super().handle(event, results)
 
     def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:
-        return self._cases.case(result, attempts, self._identity(result.id, results)).encode()
+        identity = self._identity(result.id, results)
+        if result.verdict is None and not attempts:
+            return f"<testcase{attributes([*identity, ('time', '0.000')])}>\n{_NOT_RUN}</testcase>\n".encode()
+        return self._cases.case(result, attempts, identity).encode()
 
     def _identity(self, test: str, results: RunResult) -> list[tuple[str, object]]:
         result, suite = results.tests.get(test), results.suite_of(test)
