@@ -1,9 +1,8 @@
-"""What tests stand on where nobody names a fixture, on the command line or in a suite: those that they ask for.
+"""The fixtures of tests for which neither the command line nor the suite names any: those that the tests ask for.
 
-A test that may move something may leave something behind that has to be put right by somebody who outlives it. Unless
-its source says plainly that it does not, it is loaded and asked for its
-:meth:`~rtf.testing.case.TestCase.implied_fixtures` in a child process, which then ends. One that gives no answer is not
-run.
+A test that may move a robot may leave it in a state that only a fixture, which outlives the test, can put right. So
+each test whose description does not exclude that it moves is loaded in an isolated child and asked for its
+:meth:`~rtf.testing.case.TestCase.implied_fixtures`. A test that gives no answer is not run.
 """
 
 from __future__ import annotations
@@ -29,18 +28,18 @@ if TYPE_CHECKING:
 _Wanted = tuple[str, tuple[tuple[str, str], ...]]
 
 
-class Stands(NamedTuple):
-    """A suite whose tests stand on what they ask for, and what is to be said about it."""
+class Completed(NamedTuple):
+    """A suite with the fixtures that its tests ask for, and the problems that were found."""
 
     suite: TestSuite
     diagnostics: tuple[Diagnosed, ...]
 
 
-def with_fixtures(planned: PlannedSuite, overrides: Sequence[tuple[str, str]]) -> Stands:
-    """A suite without fixtures with those that its tests ask for; the others stand on none."""
+def with_fixtures(planned: PlannedSuite, overrides: Sequence[tuple[str, str]]) -> Completed:
+    """Add to a suite without fixtures those that its tests ask for; a test that asks for none has none."""
     asking = [test for test in planned.tests if test.plugin is not None and test.spec.may_move]
     if not asking:
-        return Stands(planned.suite, ())
+        return Completed(planned.suite, ())
     trials = _trials(asking, overrides)
     entries: dict[_Wanted, FixtureEntry] = {}
     diagnostics, tests = [], []
@@ -54,14 +53,14 @@ def with_fixtures(planned: PlannedSuite, overrides: Sequence[tuple[str, str]]) -
         asked = () if trial is None else trial.fixtures
         tests.append(replace(test, fixtures=tuple(_entry(wanted, entries).name for wanted in asked)))
     suite = replace(planned.suite, tests=tuple(tests), fixtures=tuple(entries.values()))
-    return Stands(suite, tuple(diagnostics))
+    return Completed(suite, tuple(diagnostics))
 
 
 def _entry(wanted: _Wanted, entries: dict[_Wanted, FixtureEntry]) -> FixtureEntry:
-    """The fixture of the suite for what is wanted: one for all tests that want the same."""
+    """The fixture of the suite for one request; equal requests share it."""
     if wanted not in entries:
         name, parameters = wanted
-        shipped = shipped_folder("fixture") / f"{name}.py"  # whatever else is called so where the tests are
+        shipped = shipped_folder("fixture") / f"{name}.py"  # and no file of that name beside the tests
         count = sum(plugin == name for plugin, _ in entries)
         entries[wanted] = FixtureEntry(
             name=name if not count else f"{name}~{count + 1}",

@@ -1,4 +1,4 @@
-"""Which suites must not run at the same time: those that stand on the same thing, such as a robot."""
+"""Which suites must not run at the same time: those that use the same thing, such as a robot."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _SIMULATOR = "simulator"
 
 
 class Use(NamedTuple):
-    """What a fixture stands for: its plug-in, by file and class, or what it occupies; and its ``param``.
+    """What a fixture provides: its plug-in, by file and class, or what it occupies; and its ``param``.
 
-    Two of one ``thing`` are two only where each has a ``param``, and another one. Any other difference, be it their
-    names, ``<parameter>`` or what they depend on, may well be one robot that is written in two ways.
+    Two uses of one ``thing`` are independent only where each has a ``param``, and not the same. With any other
+    difference (names, ``<parameter>``, dependencies) they may be one robot that is written in two ways.
     """
 
     thing: str
@@ -33,17 +33,17 @@ class Use(NamedTuple):
 
 
 def uses(planned: PlannedSuite) -> list[Use]:
-    """What the fixtures of a suite stand for. What a plug-in occupies is there once.
+    """Return what the fixtures of a suite provide. What a plug-in occupies is there once.
 
-    A test that is not plainly harmless, and stands on no simulator, moves a robot that somebody else has started.
+    A test that may move something and has no simulator among its fixtures moves a robot that was there before the run.
     """
     found = [_use(entry, plugin) for entry, plugin in planned.fixtures]
-    if Use(ROBOT, "") not in found and _moves_what_is_there(planned):
+    if Use(ROBOT, "") not in found and _moves_real_robot(planned):
         found.append(Use(ROBOT, ""))
     return found
 
 
-def _moves_what_is_there(planned: PlannedSuite) -> bool:
+def _moves_real_robot(planned: PlannedSuite) -> bool:
     simulators = {entry.name for entry, plugin in planned.fixtures if _is_simulator(plugin)}
     return any(
         test.plugin is not None
