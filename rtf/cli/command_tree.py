@@ -86,7 +86,7 @@ _BESIDE_RUNNING = (
     Command("where", "[FILE]", "where a parameter file is found; alone: the name server", "rtf.cli.commands:where"),
 )
 TESTRUNNER = Command(
-    "testrunner", "[SUITE ...]", "run suites and tests", "rtf.cli.testrunner:run", commands=_BESIDE_RUNNING
+    "testrunner", "[SUITE ...]", "run suites and tests", "rtf.cli.run_command:run", commands=_BESIDE_RUNNING
 )
 
 
@@ -158,17 +158,26 @@ class SurroundingsError(RtfError):
 
 def main(root: Command, arguments: Sequence[str] | None = None) -> int:
     """Run a command of a tree; returns the exit code. Without arguments those of the process, which then ends."""
+    code = _run_guarded(root, sys.argv[1:] if arguments is None else arguments)
+    if arguments is None:  # the exit code is settled, and nothing is left that could be interrupted
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if code == ExitCode.INTERRUPTED:
+            # An interrupt that strikes code made by exec(), as dataclasses are, makes Python die of SIGINT at its end.
+            sys.stderr.flush()
+            os._exit(code)
+    return code
+
+
+def _run_guarded(root: Command, words: Sequence[str]) -> int:
     program = root.name
     try:
         try:
             _check_surroundings()
-            command, names, rest = root.find(sys.argv[1:] if arguments is None else arguments)
+            command, names, rest = root.find(words)
             program = " ".join(names)
             return _run(command, program, rest)
         finally:
             sys.stdout.flush()
-            if arguments is None:  # the exit code is settled, and nothing is left that could be interrupted
-                signal.signal(signal.SIGINT, signal.SIG_IGN)
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 - 1, Python's own exit code, would mean failures
         return int(_tell(program, error))
 
@@ -198,9 +207,9 @@ def _run(command: Command, program: str, words: Sequence[str]) -> int:
     return int(ExitCode.USAGE)
 
 
-def _tell(program: str, error: Exception | KeyboardInterrupt) -> ExitCode:
+def _tell(program: str, error: BaseException) -> ExitCode:
     """Say what ended a command, and which exit code that is."""
-    if isinstance(error, KeyboardInterrupt):
+    if isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt):  # a class was being made
         print(f"{program}: interrupted", file=sys.stderr)
         return ExitCode.INTERRUPTED
     if isinstance(error, RtfError):

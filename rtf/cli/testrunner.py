@@ -1,156 +1,21 @@
-"""``testrunner``: run suites and tests, or one of the commands beside it."""
+"""The entry point of ``testrunner``.
+
+Nothing is imported before :func:`main`, so that an interrupt has its meaning from the first moment on.
+"""
 
 from __future__ import annotations
 
-import os
-import sys
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-from rtf.testing.permission import give_permission
-from rtf.testing.verdict import ExitCode
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Sequence
-
-    from rtf.testing.runner import RunOptions
-
-_WHICH_TESTS = "'testrunner describe' says which tests there are"
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: list[str] | None = None) -> int:
     """Run ``testrunner``, or one of the commands below it; returns the exit code."""
-    from rtf.cli import command_tree
-
+    try:
+        from rtf.cli import command_tree
+    except KeyboardInterrupt:
+        return 2
     return command_tree.main(command_tree.TESTRUNNER, arguments)
 
 
-def run(words: Sequence[str]) -> int:
-    """Run suites and tests; returns the exit code."""
-    from rtf.cli.arguments import build_parser, parse_run
-
-    options = parse_run(words)
-    if not (options.no_config or options.resume):
-        from rtf.cli.project import find_project, show_config
-
-        project = find_project(Path.cwd())
-        if options.show_config:
-            print("\n".join(show_config(project, words)))
-            return int(ExitCode.PASSED)
-        if project is not None:
-            words = project.in_front_of(words)
-            options = parse_run(words)
-    if options.isolation == "none":
-        print("testrunner: isolation 'none': a test that hangs or crashes takes the run with it", file=sys.stderr)
-    give_permission(given=options.allow_motion, wait=options.wait)
-    if options.resume:
-        return _resume(options)
-    if not (options.targets or options.test or options.tests or options.suite or options.suites):
-        if options.list:
-            build_parser().error(f"--list of what? Name suites or tests; {_WHICH_TESTS}")
-        build_parser().print_help()
-        return int(ExitCode.USAGE)
-    return _execute(options, words)
-
-
-def _execute(options: argparse.Namespace, words: Sequence[str]) -> int:
-    launched = None
-    if not (options.list or options.dry_run or options.isolation == "none"):
-        from rtf.testing.isolation.launch import launch
-
-        launched = launch()  # first of all: it gets ready while the suites are read, and ends with us if nothing is run
-    from rtf.cli import running
-
-    planned = running.make_plan(options)
-    if options.list:
-        return int(running.list_plan(planned))
-    if planned.refused:
-        return int(running.refuse(planned))
-    if options.dry_run:
-        from rtf.cli.check_plan import dry_run
-
-        return int(dry_run(planned, options))
-    folder = running.make_run_folder(options, planned)
-    return int(running.execute(planned, running.run_options(options, folder, words), options, launched))
-
-
-#: What a resumed run takes from the new command line, where it is given there.
-_OF_REPORTING = (
-    *("junit", "json", "ctrf", "html", "report", "quiet", "verbose"),
-    *("style", "color", "output", "output_type", "no_output", "compare", "history"),
-    *("web_reporter", "web_port", "web_host", "web_keep", "answer"),
-)
-
-
-def _resume(options: argparse.Namespace) -> int:
-    """Go on with a run: its own command line decides what it consists of; reporting follows the new one."""
-    from dataclasses import replace
-
-    from rtf.cli import running
-    from rtf.cli.arguments import build_parser, parse_run
-    from rtf.robot_testing.ledger import MotionLedger
-    from rtf.testing import journal, replay
-
-    folder = Path(options.resume).resolve()
-    before = replay.RunSoFar(journal.read(folder))
-    started = before.started
-    if started is None:
-        print(f"testrunner: {folder} holds no run that was begun", file=sys.stderr)
-        return int(ExitCode.USAGE)
-    if started.command[:1] == ("pytest",):
-        print(f"testrunner: {folder} was made by pytest, which goes on with it by --last-failed", file=sys.stderr)
-        return int(ExitCode.USAGE)
-    original = parse_run(started.command)
-    _give_secrets_again(original, options)
-    original.device, original.device_file, original.device_ask = [*started.device.items()], None, False
-    original.planned = before.planned if before.plan_is_whole else None  # whatever it was that selected them then
-    for name in _OF_REPORTING:
-        if getattr(options, name) != build_parser().get_default(name):
-            setattr(original, name, getattr(options, name))
-    here = Path.cwd()
-    _absolute_targets(original, here, given=options)
-    os.chdir(started.environment.get("folder", here))
-    planned = running.make_plan(original)
-    if planned.refused:
-        return int(running.refuse(planned))
-    MotionLedger(folder).resumed()
-    run: RunOptions = running.run_options(original, folder, list(started.command))
-    changes = before.changes([one.suite.id for one in planned.suites], running.fingerprints(planned))
-    if changes is not None:
-        planned = replace(planned, diagnostics=(*planned.diagnostics, running.said_of_changes(changes)))
-        before.finished.difference_update(changes.removed, changes.changed)
-    run = replace(run, done=frozenset(before.finished), changes=changes, resumed=True, seed=started.seed)
-    return int(running.execute(planned, run, original))
-
-
-def _give_secrets_again(original: argparse.Namespace, given: argparse.Namespace) -> None:
-    """Fill in the values that are not written down. Raises SuiteError, which names those that are still missing."""
-    from rtf.testing.secret_values import MASK
-    from rtf.testing.suite.model import SuiteError
-
-    values = dict(given.overrides)
-    hidden = [name for name, value in original.overrides if value == MASK]
-    for name in values:
-        if name not in hidden:
-            raise SuiteError(
-                f"--set {name}: a run that is resumed keeps its parameters; only secret ones are given again"
-            )
-    missing = [name for name in hidden if name not in values]
-    if missing:
-        again = " ".join(f"--set {name}=VALUE" for name in missing)
-        raise SuiteError(f"--resume: {', '.join(missing)} is secret and was not written down; give it again: {again}")
-    original.overrides = [(name, values.get(name, value)) for name, value in original.overrides]
-    if MASK in original.param or any(value == MASK for _, value in original.define):
-        raise SuiteError("--resume: a secret value in --param or --define was not written down; start a new run")
-
-
-def _absolute_targets(original: argparse.Namespace, here: Path, *, given: argparse.Namespace) -> None:
-    """Report files named now are relative to where the user is now, not to where the run was begun."""
-    for name in ("junit", "json", "ctrf", "html", "output", "compare", "history"):
-        if getattr(given, name):
-            setattr(original, name, str(here / getattr(given, name)))
-
-
 if __name__ == "__main__":
+    import sys
+
     sys.exit(main())

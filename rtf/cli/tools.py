@@ -1,15 +1,15 @@
-"""``rtf``: the tools of the framework under one name."""
+"""The entry point of ``rtf``.
+
+Nothing is imported before :func:`main`, so that an interrupt has its meaning from the first moment on.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: list[str] | None = None) -> int:
     """Run one of the commands below ``rtf``; returns the exit code."""
-    from rtf.cli import command_tree
-
+    try:
+        from rtf.cli import command_tree
+    except KeyboardInterrupt:
+        return 2
     return command_tree.main(command_tree.RTF, arguments)

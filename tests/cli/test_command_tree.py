@@ -139,6 +139,23 @@ def test_ctrl_c_in_the_last_moment(tmp_path: Path):
     assert done.returncode == ExitCode.PASSED
 
 
+@pytest.mark.parametrize("interrupt", ["raise KeyboardInterrupt", "raise RuntimeError() from KeyboardInterrupt()"])
+def test_ctrl_c_in_generated_code(interrupt: str, tmp_path: Path):
+    """An interrupt that strikes while a class is made ends with 2: Python itself would die of the signal in the end."""
+    program = (
+        "import sys\n"
+        "from rtf.cli.command_tree import Command\n"
+        "from rtf.cli.tools import main\n"
+        f"Command.load = lambda self: lambda words: exec({interrupt!r})\n"
+        "sys.argv = ['rtf', 'version']\n"
+        "sys.exit(main())\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr) == (ExitCode.INTERRUPTED, "rtf version: interrupted\n")
+
+
 @pytest.mark.parametrize(
     "words",
     [
