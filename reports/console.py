@@ -106,7 +106,7 @@ class ConsoleReporter(Reporter):
         self._coloured = report_text.wants_colour(self._out, self.options.colour)
         self._err_coloured = report_text.wants_colour(self._err, self.options.colour)
         moving = report_text.capable_terminal(self._out) and not os.environ.get("CI")
-        if moving and self.options.verbosity >= 0:
+        if moving and self.options.verbosity >= 0 and self.options.extra.get("moving") != "no":
             from rtf.testing.report.live import Region
 
             self._region = Region(self._out, coloured=self._coloured)

@@ -180,6 +180,14 @@ def _how(group: argparse._ArgumentGroup) -> None:
         help="let tests move a real robot (a simulated one needs no permission); the operator is asked before each",
     )
     group.add_argument(
+        "--debug",
+        action="store_true",
+        help="open the debugger at breakpoint() and where a test raises; one test at a time, without limits",
+    )
+    group.add_argument(
+        "--core-dumps", action="store_true", help="keep core dumps of programs that crash with the files of their test"
+    )
+    group.add_argument(
         "--wait",
         metavar="SECONDS",
         nargs="?",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import resource
 import signal
 import sys
@@ -284,14 +285,16 @@ def run_options(options: argparse.Namespace, folder: Path, words: Sequence[str])
     control = Control()
     return RunOptions(
         run_folder=folder,
-        jobs=max(1, options.jobs),
+        jobs=1 if options.debug else max(1, options.jobs),
+        terminal=_terminal() if options.debug else "",
+        core_dumps=options.core_dumps,
         limits=Timeouts(setup=options.setup_timeout, run=options.timeout, teardown=options.teardown_timeout),
         run_timeout=options.run_timeout,
         grace=options.grace or GRACE,
         memory=_memory(options.memory),
         overrides=tuple(options.overrides),
         features=frozenset(options.feature),
-        isolation=Isolation(options.isolation) if options.isolation else None,
+        isolation=Isolation.TEST if options.debug else Isolation(options.isolation) if options.isolation else None,
         repetition=options.repetition,
         retries=options.retries,
         maxfail=options.maxfail or int(options.stepwise),
@@ -304,6 +307,13 @@ def run_options(options: argparse.Namespace, folder: Path, words: Sequence[str])
         ask=make_operator(options.answer, control, page=options.web_reporter),
         control=control,
     )
+
+
+def _terminal() -> str:
+    """The device of the terminal at which tests are debugged."""
+    if not sys.stdin.isatty():
+        raise SuiteError("--debug needs a terminal as its input; start it in one, without a pipe")
+    return os.ttyname(sys.stdin.fileno())
 
 
 def _memory(mebibytes: int | None) -> int:
@@ -375,6 +385,8 @@ def open_reporters(options: argparse.Namespace, folder: Path, control: Control |
     colour = {"auto": None, "always": True, "never": False}[options.color]
     verbosity = -1 if options.quiet else min(2, options.verbose)
     extra = {"junit-family": options.junit_family, "summary": "no" if options.no_summary else "yes"}
+    if getattr(options, "debug", False):
+        extra["moving"] = "no"  # the debugger has the terminal
     for name in ("compare", "history"):
         if getattr(options, name) is not None:
             extra[name] = getattr(options, name)

@@ -96,6 +96,8 @@ class RunOptions:
     plan_ahead: bool = True
     ask: Callable[[Asked, Callable[[str | None, str], None]], None] | None = None
     control: Control | None = None
+    terminal: str = ""
+    core_dumps: bool = False
     facts: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -327,6 +329,8 @@ class Run:
 
     def limits_of(self, planned: PlannedSuite, test: PlannedTest) -> Limits:
         """The limits of a test: its own, its suite's, its author's, the command line's or the defaults."""
+        if self.options.terminal:  # somebody is thinking
+            return Limits(setup=None, run=None, teardown=None, grace=self.options.grace)
         limits = self._limits.get(test.entry.id)
         if limits is None:
             chosen = planned.suite.timeouts_of(test.entry).inherit(Timeouts(run=test.timeout))

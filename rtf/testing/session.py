@@ -102,6 +102,10 @@ class Session:
     #: Says why nothing is to be concluded from an exception, "" where it is an error as ever; for a kind of tests that
     #: knows such exceptions.
     excuse: Callable[[Exception], str] | None = None
+    #: Opens a debugger where an exception was raised, if the test is debugged.
+    examine: Callable[[Exception], None] | None = None
+    #: Whether the core dumps of the programs that the test runs are kept.
+    core_dumps = False
     #: Whether something went wrong in the teardown or a clean-up.
     undoing_failed = False
 

@@ -162,6 +162,8 @@ class SuiteWorker:
             for entry, ref in planned.fixtures
         )
         first, self._suite_deadline = self._dispatcher.enter(suite, self._reactor.wake)
+        if self._run.options.terminal:
+            self._suite_deadline = clock.Deadline()
         if first:
             self._emit(SuiteStarted(suite=suite.id))
         try:
@@ -476,6 +478,8 @@ class SuiteWorker:
             last=last,
             variables=self._supervisor.variables(names),
             values=self._values(names),
+            terminal=options.terminal,
+            core_dumps=options.core_dumps,
         )
 
     def _fixture_job(self, fixture: Fixture) -> Job:

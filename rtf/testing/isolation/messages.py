@@ -115,6 +115,7 @@ class Job(Message, frozen=True, kw_only=True):
     from 1. ``suite_place`` is the suite's file and line, for provenance; ``suite_folder`` its folder. ``memory`` is the
     private memory in bytes a process may use, 0 for no limit. ``last`` says that no other job follows.
     ``variables`` are set in the environment of the process; ``values`` are those of its fixtures, as a JSON text.
+    ``terminal`` is the device at which the test is debugged; ``core_dumps`` says whether those of programs are kept.
     """
 
     plugin: PluginRef
@@ -137,6 +138,8 @@ class Job(Message, frozen=True, kw_only=True):
     last: bool = True
     variables: tuple[tuple[str, str], ...] = ()
     values: str = ""
+    terminal: str = ""
+    core_dumps: bool = False
 
 
 class Answer(Message, frozen=True):

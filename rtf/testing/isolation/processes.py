@@ -200,8 +200,8 @@ def give_memory_back() -> None:
 
 
 def no_core_dumps() -> None:
-    """Do not write core files: a run may contain a hundred crashes."""
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    """Do not write core files: a run may contain a hundred crashes. Programs of tests may where that was asked for."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
 
 
 def prefer_for_oom_kill() -> None:

@@ -185,6 +185,12 @@ def _work(job: Job, channel: Channel) -> None:
     _session = session
     os.environ["RTF_RUN_FOLDER"] = job.run_folder  # for what a test and its fixtures leave for one another
     os.environ.update(job.variables)
+    session.core_dumps = job.core_dumps
+    if job.terminal:
+        from rtf.testing.isolation import debugger
+
+        debugger.take_terminal(job.terminal)
+        session.examine = debugger.examine
     outcome = run_test(job, session)
     _session = None
     channel.send(outcome)
@@ -310,6 +316,8 @@ def _step(session: Session, phase: Phase, function: Callable[[], object], *, ann
     except TestStopped:
         return False
     except Exception as error:  # noqa: BLE001 - it is recorded: this is where exceptions end
+        if session.examine is not None:
+            session.examine(error)
         session.raised(error)
         return False
     except BaseException as error:  # noqa: BLE001 - sys.exit() in a test must not end the process unseen

@@ -25,8 +25,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rtf import clock
 from rtf.testing.events import Attached
 from rtf.testing.isolation import processes
+from rtf.testing.languages import core_dumps
 from rtf.testing.languages.program import LineCutter, run_program
 from rtf.testing.languages.program_reports import Account, TapReport, tell_junit
 from rtf.testing.languages.raw_parameters import RawParameters
@@ -66,7 +68,17 @@ class ExecutableTest(RawParameters):
         junit = self._free_path("junit", ".xml") if self._mode in ("", "junit") else None
         output = _Output(self._session, self._mode)
         words = [str(self._path), *self.words]
-        status, signal_text = run_program(words, self._environ(junit), output.take)
+        if self._session.core_dumps:
+            began = clock.now()
+            status, signal_text = run_program(
+                words,
+                self._environ(junit),
+                output.take,
+                before=_allow_core_dumps,
+                crashed=lambda pid: self._keep_core(pid, began),
+            )
+        else:
+            status, signal_text = run_program(words, self._environ(junit), output.take)
         self._judge(output, junit, status, signal_text)
 
     def teardown(self) -> None:
@@ -83,6 +95,12 @@ class ExecutableTest(RawParameters):
         if not count:
             with contextlib.suppress(OSError):
                 folder.rmdir()
+
+    def _keep_core(self, pid: int, since: float) -> None:
+        """Put the core file where ``teardown`` attaches it."""
+        problem = core_dumps.keep(pid, self.folder, since)
+        if problem:
+            self.warn(problem)
 
     # Behind it -------------------------------------------------------------------------------------------------------
 
@@ -189,3 +207,8 @@ def _files_below(folder: Path) -> Iterator[Path]:
             path = Path(root, name)
             if path.is_file() and not path.is_symlink():
                 yield path
+
+
+def _allow_core_dumps() -> None:
+    processes.die_with_parent()
+    core_dumps.allow()

@@ -51,14 +51,20 @@ class LineCutter:
 
 
 def run_program(
-    words: Sequence[str], environ: Mapping[str, str], take: Callable[[bytes], object]
+    words: Sequence[str],
+    environ: Mapping[str, str],
+    take: Callable[[bytes], object],
+    *,
+    before: Callable[[], None] = processes.die_with_parent,
+    crashed: Callable[[int], object] = lambda _: None,
 ) -> tuple[int | None, str]:
     """Run a program to its end and hand what it writes to ``take``. Returns its exit status, or the signal's name.
 
     Whatever leaves this function by exception, the program has ended before: it gets SIGTERM, and SIGKILL a second
-    later. A grandchild that holds the pipe open is not waited for. Raises TestProblem when it cannot be started.
+    later. ``before`` is called in its process before it is the program, ``crashed`` with its number after a signal
+    ended it. A grandchild that holds the pipe open is not waited for. Raises TestProblem when it cannot be started.
     """
-    program = _start(words, environ)
+    program = _start(words, environ, before)
     try:
         _follow(program, take, clock.Deadline.after(None))
     except BaseException:
@@ -68,10 +74,12 @@ def run_program(
         if program.stdout is not None:
             program.stdout.close()
     status = program.wait()
+    if status < 0:
+        crashed(program.pid)
     return (None, processes.signal_name(-status)) if status < 0 else (status, "")
 
 
-def _start(words: Sequence[str], environ: Mapping[str, str]) -> subprocess.Popen[bytes]:
+def _start(words: Sequence[str], environ: Mapping[str, str], before: Callable[[], None]) -> subprocess.Popen[bytes]:
     try:
         return subprocess.Popen(
             words,
@@ -79,7 +87,7 @@ def _start(words: Sequence[str], environ: Mapping[str, str]) -> subprocess.Popen
             stdout=subprocess.PIPE,
             env=environ,
             bufsize=0,
-            preexec_fn=processes.die_with_parent,  # noqa: PLW1509 - a worker has one thread when it starts the program
+            preexec_fn=before,  # noqa: PLW1509 - a worker has one thread when it starts the program
         )
     except OSError as error:
         raise TestProblem(why_not_started(words[0], error), title="the program cannot be started") from None
