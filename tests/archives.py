@@ -7,6 +7,8 @@ import gzip
 import re
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
 from rtf.page.archive import Extras, write_archive
 from rtf.testing.events import to_line
 from rtf.testing.journal import FILE_NAME
@@ -46,6 +48,5 @@ def numbered(events: Iterable[Event], start: float = 1_750_000_000.0) -> list[Ev
     """Events in order, a tenth of a second apart, as a runner would have written them."""
     made = []
     for seq, event in enumerate(events, 1):
-        object.__setattr__(event, "time", start + seq / 10)
-        made.append(event.with_seq(seq))
+        made.append(replace(event, time=start + seq / 10, seq=seq))
     return made

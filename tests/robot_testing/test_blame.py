@@ -216,7 +216,7 @@ def test_limits_without_a_range_fail_at_their_joint(bench: PartBench, said: list
     """Before anything moves; it is left idle, for nobody can guard it, and the others are tested."""
     test = made("JointLimits")
     bench.part.low[0], bench.part.high[0] = 50.0, -50.0
-    test._give_up_what_has_no_range()
+    test._exclude_joints_without_range()
     assert test.chosen == [1, 2]
     assert failures(said) == {
         "joint0": "joint0: the limits 50 and -50 deg leave no range; "
