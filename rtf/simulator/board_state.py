@@ -13,10 +13,10 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.simulator.axes import AXES, COUPLINGS, PARTS, joint_to_motor, part_slice
-from rtf.simulator.gains import FULL, position_pids
-from rtf.simulator.law import ControlLaw
+from rtf.simulator.controller import JointControllers
 from rtf.simulator.model import TIMESTEP
-from rtf.simulator.references import References
+from rtf.simulator.position_gains import FULL, position_pids
+from rtf.simulator.setpoints import Setpoints
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -125,13 +125,13 @@ class BoardState:
         self.mode[:], self.interaction[:] = ControlMode.POSITION, InteractionMode.STIFF
         self.calibrated = np.ones(count, dtype=bool)
         self.faults: list[tuple[int, str]] = [(0, "")] * count
-        self.references = References(
+        self.setpoints = Setpoints(
             home, self.minimum, self.maximum, TIMESTEP, begin=self.tick, scales=(self.resolution, 1.0 / _DEGREES)
         )
         self.targets, self.direct = home.copy(), home.copy()
         self.velocities, self.torques, self.currents = np.zeros(count), np.zeros(count), np.zeros(count)
         self.duties = np.zeros(count)  # of motors
-        self.law = ControlLaw(self._ctrl)
+        self.controllers = JointControllers(self._ctrl)
         self._ticks = np.rint(home * self.resolution)
         self._measured_speed = self._speed  # rad/s; the physics' own, unless an encoder is broken
         self._driven: FloatArray | None = None  # the torques that the boards wanted, where motors gave others
@@ -178,7 +178,7 @@ class BoardState:
     @property
     def error(self) -> FloatArray:
         """Reference minus position, at the last step (deg)."""
-        return self.law.errors / self.resolution
+        return self.controllers.errors / self.resolution
 
     @property
     def output(self) -> FloatArray:
@@ -262,7 +262,7 @@ class BoardState:
         self._encoder_shift[axes] += values - self.position[axes]
         self._measured_tick = self._snapshot_tick = -1
         self.measure()
-        self.references.hold(axes, values, self.tick)
+        self.setpoints.hold(axes, values, self.tick)
         self.targets[axes] = self.direct[axes] = values
 
     def shift_motor_encoders(self, axes: NDArray[np.intp], values: FloatArray) -> None:

@@ -1,11 +1,11 @@
-"""The motor boards of all parts together: encoders, references, controllers, motors and modes of 53 axes at 1 kHz.
+"""The motor boards of all parts together: encoders, setpoints, controllers, motors and modes of 53 axes at 1 kHz.
 
-Everything has a column an axis, in the order of :data:`rtf.simulator.axes.AXES`, in degrees and per cent of duty cycle.
-How a mode drives the motors is in :mod:`rtf.simulator.law`. Faults are small functions in lists, which are empty in a
-healthy robot.
+All arrays have a column for each axis, in the order of :data:`rtf.simulator.axes.AXES`, in degrees and per cent of duty
+cycle. The control law of the modes is in :mod:`rtf.simulator.controller`. Faults are small functions in lists, which
+are empty in a healthy robot.
 
-Watchdogs: a velocity, torque, current or duty cycle is forgotten ``WATCHDOG`` seconds after it was last asked for, so
-that a joint whose client is gone stops; position moves end by themselves, and direct positions are held.
+Watchdogs: a velocity, torque, current or duty cycle expires ``WATCHDOG`` seconds after its last command, so that a
+joint whose client has died stops; position moves end by themselves, and direct positions are held.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from rtf.robot.control_modes import (
 from rtf.robot.errors import RefusedError
 from rtf.simulator.axes import AXES
 from rtf.simulator.board_state import AMBIENT, BoardState
-from rtf.simulator.gains import FULL
-from rtf.simulator.law import INTEGRATION
+from rtf.simulator.controller import INTEGRATION
 from rtf.simulator.model import TIMESTEP
+from rtf.simulator.position_gains import FULL
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,25 +38,25 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray, Pid
     from rtf.simulator.model import IcubModel
 
-#: Seconds without a new command after which velocities, torques, currents and duty cycles are forgotten.
+#: Seconds without a new command after which velocities, torques, currents and duty cycles expire.
 WATCHDOG = 0.5
 #: Steps between the slow work of the boards: supervision, temperatures.
 SLOW = 10
-#: What a stop slows down with, deg/s².
+#: Deceleration of a stop, deg/s².
 STOPPING = 1000.0
 _OVERLOAD_TICKS = 5  # of the slow work: 50 ms
 _THERMAL_TIME = 600.0  # s
 
 
 class Boards(BoardState):
-    """The boards. One thread at a time works with them: the simulation's loop, or a command between two steps."""
+    """The motor boards. Not thread-safe: used by the simulation's loop, or by a command between two steps."""
 
     def __init__(self, robot: IcubModel, data: Any) -> None:
         super().__init__(robot, data)
         self._prepare()
 
     def _prepare(self) -> None:
-        """Be as the robot is when it has just been started: held at home."""
+        """Start as the robot after power-up: held at home."""
         count = self.count
         self._max_integral = np.zeros(count)  # Nm
         self._limited = False
@@ -66,16 +66,16 @@ class Boards(BoardState):
         self._overload = np.zeros(count)
         self._deadline = np.full(count, np.inf)
         self._forgotten = np.zeros(count, dtype=bool)
-        self._exerted = np.zeros(count)  # the torques that were asked for in the last step
+        self._exerted = np.zeros(count)  # the torques commanded in the last step
         self._planned: list[tuple[int, int, ControlMode]] = []
         for axis in range(count):
             self._configure(axis)
         for axis, torque in enumerate(self.gravity().tolist()):
-            self.law.set_integral(axis, torque)
-        self._ctrl[:] = self.law.integral  # who asks before the first step sees the robot held
+            self.controllers.set_integral(axis, torque)
+        self._ctrl[:] = self.controllers.integral  # so that the robot is held before the first step, too
 
     def reset(self) -> None:
-        """Start anew, with all settings as they were at the beginning; the physics have been put to home."""
+        """Reset all states and settings; the physics have been reset to home."""
         self._set_up_drives()
         self._set_up_controllers()
         self._begin()
@@ -86,11 +86,11 @@ class Boards(BoardState):
     def step(self) -> None:
         """Measure, control, and drive: what happens while the physics stand between their two halves of a step.
 
-        The rest of it is in :class:`ControlLaw`.
+        The rest of it is in :class:`JointControllers`.
         """
         if self._measured_tick != self.tick:
             self.measure()
-        self.law.step(self.tick, self.references, self._ticks, self._measured_speed)
+        self.controllers.step(self.tick, self.setpoints, self._ticks, self._measured_speed)
         if self._special:
             self._correct()
         if self.motor_faults or self.plant_faults or self._driven is not None:
@@ -100,27 +100,27 @@ class Boards(BoardState):
             self._supervise()
 
     def _correct(self) -> None:
-        """What only some modes and settings need."""
-        torque = self.law.torque
+        """Add the parts of the torques that only some modes and settings need."""
+        torque = self.controllers.torque
         if self._compliant is not None:
             axes = self._compliant
             torque[axes] += self.gravity()[axes]
         if self._torquing is not None:
-            # What is measured is what was exerted in the step before.
+            # The measurement shows the torque of the previous step.
             axes = self._torquing
             missing = self._exerted[axes] - self.measured_torques()[axes]
-            self.law.add_to_integral(axes, _TORQUE_INTEGRAL * TIMESTEP * missing)
+            self.controllers.add_to_integral(axes, _TORQUE_INTEGRAL * TIMESTEP * missing)
             self._exerted[axes] = np.where(self._forgotten[axes], 0.0, self.torques[axes])
         if self._stiction:
             up = np.array([pid.stiction_up for pid in self.pids])
             down = np.array([pid.stiction_down for pid in self.pids])
-            errors, controlled = self.law.errors, self.law.kp_kd[0] > 0
+            errors, controlled = self.controllers.errors, self.controllers.kp_kd[0] > 0
             torque += np.where(errors > 0, up, np.where(errors < 0, down, 0.0)) * controlled * self.newton_metres
         if self._limited:
-            self.law.limit_torque()
+            self.controllers.limit_torque()
 
     def _disturb(self) -> None:
-        """What broken motors and mechanics make of the torques."""
+        """Apply the faults of motors and mechanics to the torques."""
         now = self.now
         self._driven = None
         if self.motor_faults:
@@ -135,7 +135,7 @@ class Boards(BoardState):
     # Supervision ------------------------------------------------------------------------------------------------
 
     def _supervise(self) -> None:
-        self.law.clip_integral(self._max_integral)
+        self.controllers.clip_integral(self._max_integral)
         currents = self.motor_currents()
         np.abs(currents, out=currents)
         overload = self._overload
@@ -147,7 +147,7 @@ class Boards(BoardState):
         currents -= self.temperature
         currents *= SLOW * TIMESTEP / _THERMAL_TIME
         self.temperature += currents
-        # To count is quicker than to ask for any.
+        # Counting is faster than any().
         if np.count_nonzero(overload >= _OVERLOAD_TICKS):
             for axis in self._sound(overload >= _OVERLOAD_TICKS):
                 self.fault(axis, OVERCURRENT, f"over-current: more than {self.max_current[axis]:g} A")
@@ -165,29 +165,29 @@ class Boards(BoardState):
                 self._enter(axis, mode)
 
     def _sound(self, chosen: NDArray[np.bool_]) -> list[int]:
-        """Those of the chosen axes that are not in fault already."""
+        """Return the chosen axes that are not in fault yet."""
         found: list[int] = np.flatnonzero(chosen & (self.mode != ControlMode.HARDWARE_FAULT)).tolist()
         return found
 
     def _check_errors(self) -> None:
         limits = self.pid_error_limits
-        beyond = (limits > 0) & (np.abs(self.error) > limits) & (self.law.kp_kd[0] > 0)
+        beyond = (limits > 0) & (np.abs(self.error) > limits) & (self.controllers.kp_kd[0] > 0)
         for axis in np.flatnonzero(beyond).tolist():
             self.fault(axis, ERROR_LIMIT, f"the position is more than {self.pid_error_limits[axis]:g} degrees off")
 
     def _forget(self, axis: int) -> None:
-        """The watchdog: nobody has commanded this axis for a while. What was asked for last can still be read."""
+        """Handle an expired command of an axis. The last command can still be read."""
         self._deadline[axis] = np.inf
         self._forgotten[axis] = True
         if ControlMode(int(self.mode[axis])) in VELOCITY_MODES:
-            self.references.run(np.array([axis]), np.zeros(1), np.array([STOPPING]), self.tick)
+            self.setpoints.run(np.array([axis]), np.zeros(1), np.array([STOPPING]), self.tick)
         self._configure(axis)
         if self.mode[axis] == ControlMode.TORQUE:
-            self.law.set_integral(axis, 0.0)
+            self.controllers.set_integral(axis, 0.0)
         self._refresh_duties()
 
     def fault(self, axis: int, code: int, message: str) -> None:
-        """Let an axis go into hardware fault; only a forced idle leaves it."""
+        """Put an axis into hardware fault; only a forced idle ends it."""
         self.faults[axis] = (code, f"{AXES[axis].name}: {message}")
         self._overload[axis] = 0
         self._enter(axis, ControlMode.HARDWARE_FAULT)
@@ -195,7 +195,7 @@ class Boards(BoardState):
     # Modes -------------------------------------------------------------------------------------------------------
 
     def request_mode(self, axis: int, wanted: int) -> None:
-        """Do what the table of modes says about a request. Raises RefusedError for what nobody may ask for."""
+        """Change the mode by the transition table. Raises RefusedError for a mode that must not be requested."""
         state = ControlMode(int(self.mode[axis]))
         for broken in self.mode_faults:
             forced = broken(axis, state, wanted)
@@ -204,7 +204,7 @@ class Boards(BoardState):
                 return
         result, after = answer(state, wanted)
         if result is Answer.REFUSED:
-            raise RefusedError(f"{AXES[axis].name}: {mode_word(wanted)} is no mode that may be asked for")
+            raise RefusedError(f"{AXES[axis].name}: {mode_word(wanted)} is not a mode that may be requested")
         if result is Answer.TAKEN and after is not state:
             self._enter(axis, after)
 
@@ -221,29 +221,31 @@ class Boards(BoardState):
             self._take_over(axis, held)
 
     def _take_over(self, axis: int, held: float) -> None:
-        """Let another controller begin with the torque that the one before gave, and without a way to catch up."""
+        """Hand over to another controller with the same torque and no position error: bumpless transfer."""
         axes = np.array([axis])
         here = self.position[axes]
-        reference, speed, _ = self.references.at(self.tick, axes)
-        if not self.law.ki[axis]:
+        setpoint, speed, _ = self.setpoints.at(self.tick, axes)
+        if not self.controllers.ki[axis]:
             return
         if not speed[0]:
-            self.references.hold(axes, here, self.tick)
+            self.setpoints.hold(axes, here, self.tick)
             self.direct[axis] = here[0]
-            reference = here
-        gain = float(self.law.kp_kd[0, axis] * self.resolution[axis])
-        self.law.set_integral(axis, held - float(self.law.bias[axis]) - gain * float(reference[0] - here[0]))
+            setpoint = here
+        gain = float(self.controllers.kp_kd[0, axis] * self.resolution[axis])
+        self.controllers.set_integral(
+            axis, held - float(self.controllers.bias[axis]) - gain * float(setpoint[0] - here[0])
+        )
 
     def _enter(self, axis: int, mode: ControlMode) -> None:
         axes = np.array([axis])
         before = ControlMode(int(self.mode[axis]))
         here = self.position[axes]
-        self.references.hold(axes, here, self.tick)
+        self.setpoints.hold(axes, here, self.tick)
         self.targets[axis] = self.direct[axis] = here[0]
         self.velocities[axis] = 0.0
         self._forgotten[axis] = False
         self._deadline[axis] = np.inf
-        # A joint that was held goes on being held: what the controller gave is where the next one starts.
+        # A held joint stays held: the next controller starts with the output of the last one.
         held = 0.0 if before in POWERLESS or mode in _DRIVEN else float(self.output[axis] * self.newton_metres[axis])
         if mode is ControlMode.TORQUE:
             self.torques[axis] = self._exerted[axis] = 0.0 if before in POWERLESS else self.measured_torques()[axis]
@@ -253,7 +255,7 @@ class Boards(BoardState):
             self.duties[axis] = 0.0
         self.mode[axis] = mode
         self._configure(axis)
-        self.law.set_integral(axis, held if self.law.ki[axis] else 0.0)
+        self.controllers.set_integral(axis, held if self.controllers.ki[axis] else 0.0)
         self._refresh_duties()
 
     def calibrate(self, axis: int) -> None:
@@ -269,7 +271,7 @@ class Boards(BoardState):
         self._planned.sort(key=lambda planned: planned[0])
 
     def _configure(self, axis: int) -> None:
-        """Put what the mode of an axis means into the numbers of the law."""
+        """Set the parameters of the controller for the mode of an axis."""
         mode = ControlMode(int(self.mode[axis]))
         pid, torque = self.pids[axis], float(self.newton_metres[axis])
         kp = kd = ki = bias = 0.0  # Nm/deg, Nm s/deg, Nm/deg/s, Nm
@@ -296,8 +298,8 @@ class Boards(BoardState):
         self._note_special_axes()
 
     def _put(self, axis: int, kp: float, kd: float, ki: float, bias: float, limit: float) -> None:
-        """The same in the units of the law."""
-        law, ticks = self.law, float(self.resolution[axis])
+        """Set the parameters of a controller, converted to its units."""
+        law, ticks = self.controllers, float(self.resolution[axis])
         law.kp_kd[:, axis] = kp / ticks, kd * _DEGREES
         law.ki[axis] = ki / ticks * TIMESTEP * INTEGRATION
         law.set_bias(axis, bias)
@@ -306,32 +308,32 @@ class Boards(BoardState):
             law.set_integral(axis, 0.0)
 
     def _note_special_axes(self) -> None:
-        # With damping alone, too: a joint without stiffness floats, it does not fall.
-        compliant = (self.interaction == InteractionMode.COMPLIANT) & (self.law.kp_kd > 0).any(axis=0)
+        # With damping alone, too: gravity is compensated, so a joint without stiffness floats.
+        compliant = (self.interaction == InteractionMode.COMPLIANT) & (self.controllers.kp_kd > 0).any(axis=0)
         torquing = self.mode == ControlMode.TORQUE
         self._compliant = np.flatnonzero(compliant) if compliant.any() else None
         self._torquing = np.flatnonzero(torquing) if torquing.any() else None
         self._stiction = any(pid.stiction_up or pid.stiction_down for pid in self.pids)
-        self._limited = bool((self.law.limit < FULL * self.newton_metres).any())
+        self._limited = bool((self.controllers.limit < FULL * self.newton_metres).any())
         self._special = self._limited or self._stiction or bool(compliant.any() or torquing.any())
 
     def _duty_of_joint(self, axis: int) -> float:
-        """What a joint feels of the motors that are driven directly; coupled ones feel several."""
+        """Set the torques of joints whose motors are driven directly; coupled joints sum those of several motors."""
         driven = self.mode == ControlMode.PWM
         return float(self._drive[axis] @ np.where(driven & ~self._forgotten, self.duties, 0.0))
 
     def _refresh_duties(self) -> None:
-        """A duty cycle, or who is driven so, has changed."""
+        """Update after a change of a duty cycle, or of the set of axes driven by one."""
         driven = self.mode == ControlMode.PWM
         if driven.any():
             torques = (self._drive @ np.where(driven & ~self._forgotten, self.duties, 0.0)) * self.newton_metres
             for axis in np.flatnonzero(driven).tolist():
-                self.law.set_bias(axis, float(torques[axis]))
+                self.controllers.set_bias(axis, float(torques[axis]))
 
     # Commands: axes as arrays of numbers, values of the same length ---------------------------------------------
 
     def accept(self, what: str, axes: list[int], modes: frozenset[ControlMode]) -> list[int]:
-        """Those of the axes that are in one of the modes, places in the list; commands to others are ignored."""
+        """Return the places of the axes that are in one of the modes; commands to the others are ignored."""
         now = self.now
         return [
             place
@@ -345,38 +347,38 @@ class Boards(BoardState):
         return int(self.mode[axis]) in HOLDING_MODES and any(obeys(axis) for obeys in self.obeying_faults)
 
     def move(self, axes: NDArray[np.intp], targets: FloatArray) -> None:
-        """Move along a trajectory; targets are cut off at the limits."""
-        targets = self.references.within_limits(axes, targets)
+        """Move along a trajectory; targets are clipped to the limits."""
+        targets = self.setpoints.within_limits(axes, targets)
         self.targets[axes] = targets
-        self.references.move(axes, targets, self.speeds[axes], self.tick)
+        self.setpoints.move(axes, targets, self.speeds[axes], self.tick)
         self._deadline[axes] = np.inf
 
     def run(self, axes: NDArray[np.intp], velocities: FloatArray, accelerations: FloatArray) -> None:
         """Move at velocities, until the limits or the watchdog."""
         velocities = np.clip(velocities, -self.max_velocity[axes], self.max_velocity[axes])
         self.velocities[axes] = velocities
-        self.references.run(axes, velocities, accelerations, self.tick)
+        self.setpoints.run(axes, velocities, accelerations, self.tick)
         self._watch(axes)
 
     def follow(self, axes: NDArray[np.intp], positions: FloatArray) -> None:
-        """Be at positions at once, within the limits."""
-        positions = self.references.within_limits(axes, positions)
+        """Set direct positions, clipped to the limits."""
+        positions = self.setpoints.within_limits(axes, positions)
         self.direct[axes] = positions
-        self.references.hold(axes, positions, self.tick)
+        self.setpoints.hold(axes, positions, self.tick)
 
     def exert(self, axes: NDArray[np.intp], torques: FloatArray) -> None:
         """Exert torques."""
         most = FULL * self.newton_metres[axes]
         self.torques[axes] = np.clip(torques, -most, most)
         for axis in axes.tolist():
-            self.law.set_bias(axis, float(self.torques[axis]))
+            self.controllers.set_bias(axis, float(self.torques[axis]))
         self._watch(axes)
 
     def drive_currents(self, axes: NDArray[np.intp], currents: FloatArray) -> None:
         """Drive currents."""
         self.currents[axes] = np.clip(currents, -self.peak_current[axes], self.peak_current[axes])
         for axis in axes.tolist():
-            self.law.set_bias(axis, float(self.currents[axis] / self.amperes[axis] * self.newton_metres[axis]))
+            self.controllers.set_bias(axis, float(self.currents[axis] / self.amperes[axis] * self.newton_metres[axis]))
         self._watch(axes)
 
     def drive(self, axes: NDArray[np.intp], duties: FloatArray) -> None:
@@ -388,8 +390,8 @@ class Boards(BoardState):
     def stop(self, axes: NDArray[np.intp]) -> None:
         """Slow down to rest; the targets become where that is."""
         self.velocities[axes] = 0.0
-        self.references.run(axes, np.zeros(len(axes)), np.full(len(axes), STOPPING), self.tick)
-        self.targets[axes] = self.references.at(self.tick + _AT_REST, axes)[0]
+        self.setpoints.run(axes, np.zeros(len(axes)), np.full(len(axes), STOPPING), self.tick)
+        self.targets[axes] = self.setpoints.at(self.tick + _AT_REST, axes)[0]
         self._deadline[axes] = np.inf
 
     def _watch(self, axes: NDArray[np.intp]) -> None:
@@ -399,20 +401,18 @@ class Boards(BoardState):
     # Settings ----------------------------------------------------------------------------------------------------
 
     def set_pid(self, axis: int, pid: Pid) -> None:
-        """New gains, at once."""
+        """Set gains; they apply at once."""
         self.pids[axis] = pid
         self._configure(axis)
 
     def refresh(self, axis: int) -> None:
-        """Some setting of an axis was changed from outside."""
+        """Apply a setting of an axis that was changed from outside."""
         self._configure(axis)
         slack = float(self.limit_slack[axis])
-        self.references.set_limits(
-            axis, float(self.minimum[axis]) - slack, float(self.maximum[axis]) + slack, self.tick
-        )
+        self.setpoints.set_limits(axis, float(self.minimum[axis]) - slack, float(self.maximum[axis]) + slack, self.tick)
 
     def set_max_current(self, axis: int, current: float) -> None:
-        """The current at which an axis goes into fault; it cannot bear none at all."""
+        """Set the current at which an axis goes into fault; at 0 A it does so at once."""
         self.max_current[axis] = current
         if current <= 0.0 and ControlMode(int(self.mode[axis])) is not ControlMode.HARDWARE_FAULT:
             self.fault(axis, OVERCURRENT, f"over-current: more than {current:g} A")
@@ -425,7 +425,7 @@ _TORQUE_TRIM = 50.0  # per cent
 _DEGREES = 180.0 / math.pi
 _CALIBRATION = 500  # steps
 _AT_REST = 100_000  # steps after which what was stopped has come to rest
-#: What the board does by itself, and only from here.
+#: Modes that the board changes by itself, and from which.
 _BEFORE = {
     ControlMode.CALIBRATION_DONE: ControlMode.CALIBRATING,
     ControlMode.POSITION: ControlMode.CALIBRATION_DONE,

@@ -1,4 +1,4 @@
-"""Talking to a simulator that runs: its control port ``/NAME/simulator/rpc:i`` as methods. For tests and fixtures."""
+"""Client of a running simulator: the requests of its control port ``/NAME/simulator/rpc:i`` as methods."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
 
 _OK, _FAIL = Vocab("ok"), Vocab("fail")
-#: The slowest that time may pass, in seconds a second: slower would look like a simulator that hangs.
+#: The least real-time factor: a slower simulator would look as if it hung.
 SLOWEST = 0.1
-#: How a participant is answered that does not wait for a time.
+#: The status of a participant that does not wait for a time.
 WORKS = "works"
-#: How the name of its control port ends, and those of the ports by which a board is told to move.
+#: Suffix of the control port, and suffixes of the ports by which a board gets commands.
 CONTROL = "/simulator/rpc:i"
 BOARD_ENDS = ("rpc:i", "command:i")
 
 
 def control_port(name: str) -> str:
-    """The port at which the simulator of a robot is controlled."""
+    """Return the control port of a robot's simulator."""
     return f"/{name.strip('/')}{CONTROL}"
 
 
 @dataclass(frozen=True, slots=True)
 class FaultStatus:
-    """A fault that was put in: from when (s) until when, and whether it has begun."""
+    """An injected fault: its begin and end (s), and whether it has begun."""
 
     number: int
     kind: str
@@ -49,11 +49,11 @@ class FaultStatus:
 
 @dataclass(frozen=True, slots=True)
 class SimulatorStatus:
-    """What a simulator says of itself.
+    """The status of a simulator.
 
-    ``factor`` is how many times faster than the machine's clock time may pass, and ``achieved`` how many times it did
-    lately; ``participants`` have a name and the time they wait for, None while they work. ``broken`` says what ended
-    the time, and is empty in a healthy simulator.
+    ``factor`` is the greatest real-time factor, and ``achieved`` the recent one. ``participants`` of the lockstep have
+    a name and the time they wait for, None while they work. ``broken`` is the error that has stopped the time; it is
+    empty in a healthy simulator.
     """
 
     name: str
@@ -70,7 +70,7 @@ class SimulatorStatus:
 
     @classmethod
     def of(cls, reply: Bottle) -> Self:
-        """Read it from an answer."""
+        """Decode a reply."""
         return cls(
             name=as_string(reply.find("name")),
             time=as_float(reply.find("time")),
@@ -87,10 +87,10 @@ class SimulatorStatus:
 
 
 class SimulatorControl:
-    """The simulator of a robot. It is connected when it is first asked, and anew after a connection was lost.
+    """Client of a robot's simulator. It connects at the first request, and again after a lost connection.
 
-    All methods raise RefusedError for what the simulator refuses, with its sentence, and MiddlewareError when it does
-    not answer within ``patience`` seconds. One thread at a time.
+    All methods raise RefusedError, with the simulator's message, for a refused request, and MiddlewareError if there is
+    no answer within ``patience`` seconds. Not thread-safe.
     """
 
     def __init__(self, name: str = "icubSim", *, network: Network | None = None, patience: float = 10.0) -> None:
@@ -100,16 +100,16 @@ class SimulatorControl:
         self._client: RpcClient | None = None
 
     def status(self) -> SimulatorStatus:
-        """How it is."""
+        """Return the status."""
         return SimulatorStatus.of(self.ask("status"))
 
     def serves(self, part: str = "") -> tuple[Contact, ...]:
-        """Where its control port really listens and, with a part, the ports by which that is told to move."""
+        """Return the addresses of its control port and, with a part, of the ports by which that part gets commands."""
         reply = self.ask("serves", *([part] if part else []))
         return tuple(Contact(as_string(one.get(0)), as_string(one.get(1)), as_int(one.get(2))) for one in _lists(reply))
 
     def faults(self) -> tuple[str, ...]:
-        """The kinds of faults."""
+        """Return the kinds of faults."""
         return tuple(as_string(kind) for kind in self.ask("faults"))
 
     def inject(
@@ -121,9 +121,9 @@ class SimulatorControl:
         delay: float = 0.0,
         duration: float = math.inf,
     ) -> int:
-        """Put a fault in, ``delay`` seconds from now, for ``duration``; returns its number.
+        """Inject a fault ``delay`` seconds from now for ``duration`` seconds; return its number.
 
-        A fault that ends the program at once leaves no answer: that raises ConnectError.
+        Raises ConnectError for a fault that ends the program at once, as there is no answer.
         """
         words: list[object] = ["inject", kind, *([target] if target else [])]
         words += [Bottle([name, float(value)]) for name, value in (values or {}).items()]
@@ -131,35 +131,35 @@ class SimulatorControl:
         return as_int(self.ask(*words).get(0))
 
     def clear(self, number: int | None = None) -> int:
-        """Take one fault out, or all; returns how many."""
+        """Remove one fault, or all; return how many were removed."""
         return as_int(self.ask("clear", *([] if number is None else [number])).get(0))
 
     def active(self) -> tuple[FaultStatus, ...]:
-        """The faults that were put in and have not ended."""
+        """Return the injected faults that have not ended."""
         return tuple(_fault(one) for one in _lists(self.ask("active")))
 
     def contacts(self) -> tuple[tuple[str, str], ...]:
-        """The pairs of links that touch now."""
+        """Return the pairs of links that are in contact."""
         return tuple(_pair(one) for one in _lists(self.ask("contacts")))
 
     def pause(self) -> float:
-        """Let no time pass, until ``resume``; returns the time."""
+        """Stop the time until ``resume``; return the time."""
         return as_float(self.ask("pause").get(0))
 
     def resume(self) -> float:
-        """Let time pass again; returns it."""
+        """Let time pass again; return the time."""
         return as_float(self.ask("continue").get(0))
 
     def step(self, seconds: float) -> float:
-        """Let so much time pass while it is paused, and wait for that; returns the time."""
+        """Advance the paused time by ``seconds``, and wait for that; return the time."""
         return as_float(self.ask("step", float(seconds), timeout=None).get(0))
 
     def reset(self) -> float:
-        """Put the robot to its home, at rest and healthy; returns the time, which goes on."""
+        """Reset the robot: at home, at rest and healthy. Return the time, which is not reset."""
         return as_float(self.ask("reset").get(0))
 
     def set_factor(self, factor: float) -> None:
-        """Let time pass at most so many times faster than the machine's clock; ``inf``: as fast as it can."""
+        """Set the greatest real-time factor; ``inf``: as fast as possible."""
         self.ask("factor", float(factor))
 
     def quit(self) -> None:
@@ -167,9 +167,12 @@ class SimulatorControl:
         self.ask("quit")
 
     def ask(self, *words: object, timeout: float | None = -1.0) -> Bottle:
-        """Ask in the port's own words; returns what comes after ``[ok]``. ``timeout`` None: wait for ever."""
+        """Send a request in the protocol of the port; return the reply after ``[ok]``.
+
+        ``timeout`` None: wait for ever.
+        """
         if self._client is not None and not self._client.outputs:
-            self.close()  # the other side has hung up meanwhile
+            self.close()  # the simulator has closed the connection
         try:
             if self._client is None:
                 self._client = RpcClient("", self.port, network=self._network)
@@ -185,7 +188,7 @@ class SimulatorControl:
         return reply.tail()
 
     def close(self) -> None:
-        """Hang up. The simulator goes on."""
+        """Close the connection. The simulator goes on."""
         client, self._client = self._client, None
         if client is not None:
             client.close()
@@ -200,7 +203,7 @@ class SimulatorControl:
 
 
 def describe_status(status: SimulatorStatus) -> str:
-    """Write it for people, lines that end."""
+    """Return the status as text, in complete lines."""
     pace = "lockstep" if status.lockstep else f"factor {status.factor:g}"
     lines = [
         f"{status.name} at {status.time:.3f} s, {pace}, {status.achieved:.2f} s pass a second of the machine's clock",

@@ -22,7 +22,7 @@ from rtf.simulator.axes import PARTS, part_slice
 from rtf.simulator.model import Collision, Options, build
 from rtf.simulator.part import SimulatedPart
 from rtf.simulator.simulation import Simulation
-from rtf.simulator.time import CLOCK, SimulationClock, serve_time
+from rtf.simulator.simulation_clock import CLOCK, SimulationClock, serve_time
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
     from rtf.robot.extended_state import ExtendedState
     from rtf.simulator.boards import Boards
-    from rtf.simulator.gate import Gate
+    from rtf.simulator.fair_lock import FairLock
 
 
 class SimulatedRobot(Device):
@@ -124,9 +124,9 @@ class SimulatedBoard(SimulatedPart):
         return self._attached().boards
 
     @property
-    def gate(self) -> Gate:  # type: ignore[override]  # likewise
+    def lock(self) -> FairLock:  # type: ignore[override]  # likewise
         """What commands go through."""
-        return self._attached().gate
+        return self._attached().lock
 
     def _attached(self) -> Simulation:
         if self._simulation is None:
@@ -135,7 +135,7 @@ class SimulatedBoard(SimulatedPart):
 
     def fill_state(self, state: ExtendedState) -> float:
         """See IStateSource: between two steps, for it is asked by a thread of its own."""
-        with self.gate:
+        with self.lock:
             return super().fill_state(state)
 
 

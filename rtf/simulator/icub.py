@@ -15,7 +15,7 @@ from rtf.simulator.outlets import SimulatedOutlets
 from rtf.simulator.part import SimulatedPart
 from rtf.simulator.sensing import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
 from rtf.simulator.simulation import Simulation
-from rtf.simulator.time import CLOCK, serve_time
+from rtf.simulator.simulation_clock import CLOCK, serve_time
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -73,7 +73,7 @@ class SimulatedIcub:
             build(options or Options(cameras=cameras)), seed=seed, factor=None if lockstep else factor
         )
         self.outlets = SimulatedOutlets(self.simulation, network, lockstep=lockstep)
-        self.parts = {part: SimulatedPart(part, self.simulation.boards, self.simulation.gate) for part in parts}
+        self.parts = {part: SimulatedPart(part, self.simulation.boards, self.simulation.lock) for part in parts}
         self.force_torques = {
             _FT_PORTS[sensor.name]: SimulatedForceTorque(sensor, self.simulation)
             for sensor in self.simulation.robot.ft_sensors

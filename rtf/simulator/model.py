@@ -11,7 +11,7 @@ The robot's root is fixed in the air. Its frame, which is the world's, has x bac
 ``data.actuator_force``     torque that the drive gives (Nm)
 
 For most axes that is a joint's own angle; version and vergence of the eyes are tendons, and some fingers have a ratio
-between axis and hinge (:mod:`rtf.simulator.hands`). Whoever goes by the arrays above need not know.
+between axis and hinge (:mod:`rtf.simulator.fingers`). Whoever goes by the arrays above need not know.
 
 Faults of mechanical parts are made at run time in the arrays of the model:
 
@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rtf.simulator import collisions, eyes, hands, scene, sensors
+from rtf.simulator import collisions, eyes, fingers, scene, sensors
 from rtf.simulator.axes import AXES, INDEX, Axis
 from rtf.simulator.engine import mujoco, robot_description, shared_folder
 
@@ -167,7 +167,7 @@ def _set_engine(spec: Any, options: Options) -> None:
 
 def _add_fingers(spec: Any) -> list[Any]:
     capsule = mujoco().mjtGeom.mjGEOM_CAPSULE
-    return [geom for side in "lr" for geom in hands.add_fingers(spec.body(f"{side}_hand"), side, capsule)]
+    return [geom for side in "lr" for geom in fingers.add_fingers(spec.body(f"{side}_hand"), side, capsule)]
 
 
 def _set_joints(spec: Any, options: Options) -> None:
@@ -183,7 +183,7 @@ def _set_joints(spec: Any, options: Options) -> None:
         joint.solref_limit = _LIMIT_SOLREF
         joint.solimp_limit = _LIMIT_SOLIMP
         if joint.name not in eyes.PAN_JOINTS:  # which the tendons limit
-            joint.range = _stops(joint.range, hands.ratio(joint.name))
+            joint.range = _stops(joint.range, fingers.ratio(joint.name))
     for tendon in spec.tendons:
         tendon.range = _stops(tendon.range, 1.0)
         tendon.solref_limit = _LIMIT_SOLREF
@@ -204,7 +204,7 @@ def _share(joint: str) -> tuple[Axis, float, float]:
     """
     if joint in eyes.PAN_JOINTS:
         return AXES[INDEX["eyes_version"]], 0.5, 0.5
-    ratio = hands.ratio(joint)
+    ratio = fingers.ratio(joint)
     return AXES[INDEX[joint]], ratio**2, ratio
 
 
@@ -217,7 +217,7 @@ def _add_actuators(spec: Any) -> None:
             name=axis.name,
             target=axis.name,
             trntype=transmissions.mjTRN_TENDON if tendon else transmissions.mjTRN_JOINT,
-            gear=[hands.ratio(axis.name), 0, 0, 0, 0, 0],
+            gear=[fingers.ratio(axis.name), 0, 0, 0, 0, 0],
             ctrllimited=True,
             ctrlrange=[-axis.max_torque, axis.max_torque],
         )
@@ -266,7 +266,7 @@ def _pose(model: Any, axes: NDArray[np.float64]) -> NDArray[np.float64]:
     qpos = np.zeros(model.nq)
     for axis, angle in zip(AXES, axes, strict=True):
         if axis.name not in eyes.TENDONS:
-            qpos[model.joint(axis.name).qposadr[0]] = angle / hands.ratio(axis.name)
+            qpos[model.joint(axis.name).qposadr[0]] = angle / fingers.ratio(axis.name)
     pans = eyes.pan_angles(axes[INDEX["eyes_version"]], axes[INDEX["eyes_vergence"]])
     for joint, angle in zip(eyes.PAN_JOINTS, pans, strict=True):
         qpos[model.joint(joint).qposadr[0]] = angle

@@ -1,8 +1,8 @@
-"""The ports through which the simulated robot publishes: in step with simulated time, and with the network's faults.
+"""The ports on which the simulated robot publishes, with the faults of the network.
 
-In lockstep a message is on its way when ``write`` returns, and everybody who acknowledges has got it before anybody
-acts upon its moment: ``settle`` waits for that. In real time readers are served in the background, and settled with
-only while somebody takes part in the time.
+In lockstep a message has been sent when ``write`` returns, and ``settle`` waits until all readers that acknowledge have
+received it before the time advances. In real time readers are served in the background; ``settle`` then matters only
+while there are participants in the simulated time.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from rtf.middleware.outputs import Output
     from rtf.simulator.simulation import Simulation
 
-    #: Given the delays (s) with which a message is to be sent, each once, at a time, the delays that come of it.
+    #: Maps the delays (s) of the copies of a message, at a time (s), to new delays: to lose, repeat or delay it.
     Disturbance: TypeAlias = Callable[[list[float], float], list[float]]
 
 
-#: Messages that wake a reader once. It deals with them while the next ones are computed.
+#: Messages that are sent together, which wakes a reader once; it reads them while the next ones are computed.
 _TOGETHER = 8
 
 
 class SimulatedOutlet:
-    """One port. ``disturbances`` lose, repeat and delay its messages; each may be put in and taken out at any step."""
+    """One port. ``disturbances`` lose, repeat and delay its messages; each may be added and removed at any step."""
 
     def __init__(self, port: PipelinedPort | BufferedPort[Any], simulation: Simulation) -> None:
         self.port = port
@@ -62,7 +62,7 @@ class SimulatedOutlet:
             self.port.write(value, envelope=envelope)
 
     def flush(self) -> None:
-        """Send what is kept to be sent together, without waiting for anybody."""
+        """Send the collected messages without waiting for the readers."""
         if isinstance(self.port, PipelinedPort):
             self.port.flush()
 
@@ -76,7 +76,7 @@ class SimulatedOutlet:
 
 
 class SimulatedOutlets:
-    """All ports through which a simulation publishes, by name."""
+    """All ports on which a simulation publishes, by name."""
 
     def __init__(self, simulation: Simulation, network: Network, *, lockstep: bool) -> None:
         self._simulation = simulation
@@ -95,13 +95,13 @@ class SimulatedOutlets:
         return outlet
 
     def settle(self) -> None:
-        """Wait until everybody has got everything."""
+        """Wait until all readers have received all messages."""
         self.flush()  # all readers work at the same time
         for outlet in self.by_name.values():
             if outlet.outputs:
                 outlet.settle()
 
     def flush(self) -> None:
-        """Send all that is kept to be sent together, without waiting for anybody."""
+        """Send the collected messages of all ports without waiting for the readers."""
         for outlet in self.by_name.values():
             outlet.flush()

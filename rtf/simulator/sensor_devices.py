@@ -59,13 +59,13 @@ class _AttachedSensors(Device, IMultipleAnalogSensors, IMeasurementsSource, Gene
 
     def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
         sensors = self._attached()
-        with sensors.simulation.gate:
+        with sensors.simulation.lock:
             return sensors.read_sensor(category, index)
 
     def read_all(self) -> Measurements:
         """See IMeasurementsSource; all of the same step."""
         sensors = self._attached()
-        with sensors.simulation.gate:
+        with sensors.simulation.lock:
             return sensors.read_all()
 
 
@@ -102,10 +102,10 @@ class SimulatedForceTorqueDevice(_AttachedSensors[SimulatedForceTorques], IAnalo
 
     def read(self) -> SensorReading:
         sensor = self._single()
-        with sensor.simulation.gate:
+        with sensor.simulation.lock:
             return sensor.read()
 
     def calibrate(self, channel: int | None = None, value: float | None = None) -> None:
         sensor = self._single()
-        with sensor.simulation.gate:
+        with sensor.simulation.lock:
             sensor.calibrate(channel, value)

@@ -99,9 +99,9 @@ class SimulatorService:
 
     def _status(self, _question: Bottle) -> Bottle:
         simulation, time = self.robot.simulation, self.robot.clock
-        # The clock has a lock of its own, which is never taken while the gate is held: the clock does it the other way.
+        # The clock has a lock of its own, which is never taken while the lock is held: the clock does it the other way.
         participants = [Bottle([one.name, WORKS if one.until is None else one.until]) for one in time.participants]
-        with simulation.gate:
+        with simulation.lock:
             now = simulation.now
         factor = math.inf if simulation.factor is None else simulation.factor
         broken = "" if time.broken is None else f"{type(time.broken).__name__}: {time.broken}"
@@ -136,7 +136,7 @@ class SimulatorService:
 
     def _contacts(self) -> list[Bottle]:
         simulation = self.robot.simulation
-        with simulation.gate:
+        with simulation.lock:
             return [Bottle(pair) for pair in touching(simulation.robot.model, simulation.data)]
 
     def _faults(self) -> list[Bottle]:
@@ -184,7 +184,7 @@ class SimulatorService:
         if not factor >= SLOWEST:
             raise RefusedError(f"factor: it is {SLOWEST:g} or more, not {factor:g}; to stop the time there is pause")
         simulation = self.robot.simulation
-        with simulation.gate:
+        with simulation.lock:
             simulation.pace(None if factor == math.inf else factor)
         return Bottle([_OK])
 

@@ -1,7 +1,7 @@
-"""The simulation: physics and boards, step by step, and what happens at moments between the steps.
+"""The simulation: physics and boards in fixed steps, and a queue of events between the steps.
 
-Time is counted in steps of a millisecond, so that no rounding ever shifts a message. What happens at a moment (messages
-that are published, delayed ones, faults that begin) stands in a queue; between two of them the loop only computes.
+Time is counted in steps of one millisecond, so that rounding never shifts a message. Events (messages to publish,
+delayed messages, faults that begin) are in a queue; between two of them the loop only computes.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 from rtf import clock
 from rtf.simulator.boards import Boards
 from rtf.simulator.engine import mujoco
+from rtf.simulator.fair_lock import FairLock
 from rtf.simulator.friction import DryFriction
-from rtf.simulator.gate import Gate
 from rtf.simulator.model import TIMESTEP
 
 if TYPE_CHECKING:
@@ -34,11 +34,10 @@ _DRAWN = 4096
 
 
 class Simulation:
-    """A robot in its world. ``advance`` lets time pass, in one thread at a time; others command through ``gate``.
+    """A robot in its world. ``advance`` lets time pass, in one thread at a time; other threads command under ``lock``.
 
-    ``factor`` is how many times faster than the machine's clock time may pass at most; None: as fast as it can.
-    ``seed`` is where all that is random begins: two simulations with the same seed that are told the same at the same
-    moments are the same to the last bit.
+    ``factor`` is the greatest real-time factor; None: as fast as possible. ``seed`` is that of all random numbers: two
+    simulations with the same seed and the same commands at the same steps are identical to the last bit.
     """
 
     def __init__(self, robot: IcubModel, *, seed: int = 0, factor: float | None = None) -> None:
@@ -50,7 +49,7 @@ class Simulation:
         self.friction = DryFriction(robot, self.data)
         self.boards = Boards(robot, self.data)
         self.friction.reset()
-        self.gate = Gate()
+        self.lock = FairLock()
         self.on_reset: list[Callable[[], None]] = []
         self.settle: list[Callable[[], None]] = []
         self._noise = np.empty(0)
@@ -60,7 +59,7 @@ class Simulation:
         self._queue: list[tuple[int, int, Callable[[], None], bool]] = []
         self._order = itertools.count()
         self._publishers: dict[int, list[Publisher]] = {}  # by their periods
-        self._halfway = False  # the physics stand between the halves of a step, and nothing has touched them since
+        self._halfway = False  # the physics are between the halves of a step, and unchanged since
         self._paced: tuple[float, float, float] | None = None  # a moment of the machine's clock, the time at it, factor
 
     @property
@@ -69,9 +68,9 @@ class Simulation:
         return self.boards.now
 
     def noise(self, count: int) -> FloatArray:
-        """So many random numbers of the standard normal distribution; a view that is not to be changed.
+        """Return ``count`` standard normal random numbers, as a view that must not be changed.
 
-        They are drawn many at a time, which costs a tenth.
+        They are drawn many at a time, which takes a tenth of the time.
         """
         begin, end = self._noise_used, self._noise_used + count
         if end > len(self._noise):
@@ -81,18 +80,18 @@ class Simulation:
         return self._noise[begin:end]
 
     def at(self, tick: int, happening: Callable[[], None], *, looks: bool = False) -> None:
-        """Let something happen at a step, in the loop, which holds the gate; in the order of asking.
+        """Schedule an event at a step. The loop calls it with the lock held; events of one step in their order.
 
-        ``looks``: it leaves the physics as they are, so that nothing has to be computed again because of it.
+        ``looks``: the event only reads, so that the physics need not be computed again after it.
         """
         heapq.heappush(self._queue, (tick, next(self._order), happening, looks))
 
     def after(self, seconds: float, happening: Callable[[], None], *, looks: bool = False) -> None:
-        """Let something happen so much later, at the next step at the earliest."""
+        """Schedule an event ``seconds`` from now, at the next step at the earliest."""
         self.at(self.boards.tick + max(1, round(seconds / TIMESTEP)), happening, looks=looks)
 
     def publish_regularly(self, publisher: Publisher) -> None:
-        """Have a publisher called at every multiple of its period, from now on."""
+        """Call a publisher at every multiple of its period from now on."""
         period = max(1, round(publisher.period / TIMESTEP))
         publishers = self._publishers.get(period)
         if publishers is not None:
@@ -109,12 +108,12 @@ class Simulation:
         self.at(-(-self.boards.tick // period) * period, happening, looks=True)
 
     def advance(self, until: float) -> float:
-        """Let time pass up to ``until`` seconds; returns the time that it is then.
+        """Advance the time to ``until`` seconds; return the time.
 
-        When it returns everything that was published has been delivered to readers that acknowledge.
+        When it returns all published messages have been delivered to the readers that acknowledge.
         """
         end = math.ceil(round(until / TIMESTEP, 6))
-        self.gate.enter()
+        self.lock.acquire()
         self._halfway = False
         try:
             while self.boards.tick < end:
@@ -125,20 +124,20 @@ class Simulation:
             self._happen()
             self.refresh()
         finally:
-            self.gate.leave()
+            self.lock.release()
         for settle in self.settle:
             settle()
         return self.now
 
     def refresh(self) -> None:
-        """Bring what is measured up to the moment; the state of the physics stays as it is."""
+        """Update the measurements to the current time; the state of the physics does not change."""
         if not self._halfway:
             self._step1(self.robot.model, self.data)
             self._halfway = True
         self.boards.measure()
 
     def _happen(self) -> None:
-        """Let everything happen that is due."""
+        """Run the events that are due."""
         queue, tick = self._queue, self.boards.tick
         if queue and queue[0][0] <= tick:
             self.refresh()
@@ -148,11 +147,11 @@ class Simulation:
                 self._halfway = self._halfway and looks
 
     def _compute(self, end: int) -> None:
-        """Step up to a moment before which nothing happens. Flat: here nearly all the time is spent.
+        """Step until ``end``, before which there is no event. Not split into functions: nearly all time is spent here.
 
-        The sensors are computed in the last step, and in one before somebody is let through the gate.
+        The sensors are computed in the last step, and in a step before the lock is yielded.
         """
-        boards, gate, options = self.boards, self.gate, self.robot.model.opt
+        boards, lock, options = self.boards, self.lock, self.robot.model.opt
         first, second, step, rub = self._step1, self._step2, boards.step, self.friction.step
         model, data = self.robot.model, self.data
         halfway, self._halfway = self._halfway, False
@@ -161,7 +160,7 @@ class Simulation:
         options.disableflags = blind
         try:
             for left in range(end - boards.tick - 1, -1, -1):
-                wanted = gate.wanted
+                wanted = lock.waiting
                 if wanted or not left:
                     options.disableflags = seeing
                 if halfway:
@@ -172,13 +171,13 @@ class Simulation:
                 rub()
                 second(model, data)
                 if wanted:
-                    gate.pass_on()
+                    lock.yield_to_waiting()
                     options.disableflags = blind
         finally:
             options.disableflags = seeing
 
     def _pace(self, factor: float) -> None:
-        """Wait until the machine's clock has come as far; others may command meanwhile."""
+        """Wait for the machine's clock; other threads may command meanwhile."""
         machine, now = clock.monotonic(), self.now
         if self._paced is None or self._paced[2] != factor:
             self._paced = machine, now, factor
@@ -186,23 +185,23 @@ class Simulation:
         if wait < -_LATE:
             self._paced = machine, now, factor  # too late to catch up
         elif wait > 0:
-            self.gate.leave()
+            self.lock.release()
             try:
                 clock.sleep(wait)
             finally:
-                self.gate.enter()
+                self.lock.acquire()
 
     def pace(self, factor: float | None) -> None:
         """From now on let time pass at most so many times as fast as the machine's clock; None: as fast as it can.
 
-        Called with the gate held.
+        Called with the lock held.
         """
         self.factor = factor
         self._paced = None  # what is paced begins anew, or it would catch up with the past
 
     def reset(self) -> None:
         """Put the robot back to its home, at rest and healthy, as if it had just been started; time goes on."""
-        self.gate.enter()
+        self.lock.acquire()
         try:
             self._halfway = False
             for clean in self.on_reset:
@@ -213,4 +212,4 @@ class Simulation:
             self.random = np.random.default_rng(self.seed)
             self._noise = np.empty(0)
         finally:
-            self.gate.leave()
+            self.lock.release()

@@ -1,7 +1,7 @@
 """The cameras of the simulated robot as devices.
 
 A picture can only be made by the thread that has the graphics context, so each camera has one, which works while
-whoever asks waits and holds the gate.
+whoever asks waits and holds the lock.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class SimulatedCamera(Device, IFrameGrabber, IFrameGrabberControls):
 
     def image(self) -> tuple[Image, float]:
         """See IFrameGrabber: the scene as it is now."""
-        with self._simulation.gate:
+        with self._simulation.lock:
             pixels = self._thread.submit(self._camera.render, self._simulation.data).result()
             now = self._simulation.now
         pixels = self._exposed(pixels)

@@ -57,7 +57,14 @@ def record(seed: int) -> tuple[dict[str, str], str, int]:
         digests = {name: ear.digest.hexdigest() for name, ear in ears.items()}
         state = hashlib.sha256()
         data, boards = robot.simulation.data, robot.simulation.boards
-        for array in (data.qpos, data.qvel, data.ctrl, data.sensordata, boards.temperature, boards.law.integral):
+        for array in (
+            data.qpos,
+            data.qvel,
+            data.ctrl,
+            data.sensordata,
+            boards.temperature,
+            boards.controllers.integral,
+        ):
             state.update(np.ascontiguousarray(array).tobytes())
         return digests, state.hexdigest(), sum(ear.heard for ear in ears.values())
 

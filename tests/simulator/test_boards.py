@@ -491,7 +491,7 @@ class TestControllers:
         rig.boards.speeds[INDEX[axis]] = 30.0
         for limit in (AXES[INDEX[axis]].minimum, AXES[INDEX[axis]].maximum):
             rig.say(rig.boards.move, axis, limit)
-            while not rig.boards.references.done(np.array([INDEX[axis]]), rig.boards.tick)[0]:
+            while not rig.boards.setpoints.done(np.array([INDEX[axis]]), rig.boards.tick)[0]:
                 rig.run(0.05)
                 assert abs(rig.boards.output[INDEX[axis]]) <= 30.0 + 1e-9
             rig.run(1.0)

@@ -80,7 +80,7 @@ class Bench:
         own = dataclasses.replace(model(), model=copy.copy(model().model))
         self.simulation = Simulation(own, seed=seed)
         self.boards = self.simulation.boards
-        self.arm = SimulatedPart("left_arm", self.boards, self.simulation.gate)
+        self.arm = SimulatedPart("left_arm", self.boards, self.simulation.lock)
         self.force_torques = {"left_arm": SimulatedForceTorque(own.ft_sensors[0], self.simulation)}
         self.imu = SimulatedImu(self.simulation)
         self.cameras = {"left": SimpleNamespace(faults=[])}
@@ -175,11 +175,11 @@ def health(bench: Bench) -> dict[str, object]:
     boards = bench.boards
     names = [name for name in vars(boards) if name.startswith("configured_") or name.endswith("_faults")]
     names += ["minimum", "maximum", "limit_slack", "pids", "max_current"]
-    found = numbers_of(boards, names) | numbers_of(boards.law, _LAW)
+    found = numbers_of(boards, names) | numbers_of(boards.controllers, _LAW)
     engine = bench.simulation.robot.model
     found["friction"], found["gains"] = engine.dof_frictionloss.tobytes(), engine.actuator_gainprm.tobytes()
     found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
-    found["limits"] = (boards.references.minimum.tobytes(), boards.references.maximum.tobytes())
+    found["limits"] = (boards.setpoints.minimum.tobytes(), boards.setpoints.maximum.tobytes())
     found["told"] = [list(bench.imu.faults), list(bench.force_torques["left_arm"].faults)]
     found["seen"], found["sent"] = list(bench.cameras["left"].faults), list(bench.outlet.disturbances)
     return found
@@ -195,8 +195,8 @@ def state(bench: Bench) -> dict[str, object]:
         **health(bench),
         **physics,
         **numbers_of(bench.boards, vars(bench.boards).keys() - _NOT_STATE),
-        "gathered": bench.boards.law._base.tobytes(),
-        "references": numbers_of(bench.boards.references, vars(bench.boards.references)),
+        "gathered": bench.boards.controllers._base.tobytes(),
+        "references": numbers_of(bench.boards.setpoints, vars(bench.boards.setpoints)),
         "random": str(bench.simulation.random.bit_generator.state),
     }
 

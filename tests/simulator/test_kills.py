@@ -164,19 +164,19 @@ def test_a_client_that_is_killed_leaves_every_joint_safe(server: NameServer, net
         driven = [INDEX[name] for name in ("l_shoulder_yaw", "l_wrist_yaw", "l_hand_finger")]
         prosup, elbow, wrist = (INDEX[name] for name in ("l_wrist_prosup", "l_elbow", "l_wrist_pitch"))
         victim = opened.enter_context(Program(_CLIENT, server)).ready()
-        with robot.simulation.gate:
+        with robot.simulation.lock:
             assert (torque[driven] != 0).all()
             assert boards.velocity[prosup] == pytest.approx(4.0, abs=1.0)
             assert boards.position[elbow] < 70.0
         victim.kill()
         dead = robot.simulation.now
         eventually(lambda: robot.simulation.now > dead + 0.7, "time stands still")
-        with robot.simulation.gate:
+        with robot.simulation.lock:
             assert torque[driven].tolist() == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
             assert boards.velocity[prosup] == pytest.approx(0.0, abs=0.3)
             rested = float(boards.position[prosup])
         eventually(lambda: robot.simulation.now > dead + 2.5, "time stands still")
-        with robot.simulation.gate:
+        with robot.simulation.lock:
             assert boards.position[prosup] == pytest.approx(rested, abs=0.2)
             assert boards.position[elbow] == pytest.approx(75.0, abs=0.2)
             assert boards.position[wrist] == pytest.approx(5.0, abs=0.2)

@@ -168,7 +168,7 @@ def test_contacts_are_named(bench: Bench):
     """Two links that touch are told as a pair, once, in order."""
     assert bench.control.contacts() == ()
     simulation = bench.robot.simulation
-    with simulation.gate:
+    with simulation.lock:
         pose = simulation.robot.home_axes.copy()
         for joint, angle in {"l_shoulder_pitch": 0.0, "l_shoulder_roll": 0.0, "l_elbow": 15.0}.items():
             pose[INDEX[joint]] = np.radians(angle)  # a stretched arm that hangs down, into the hip

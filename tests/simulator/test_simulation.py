@@ -1,4 +1,4 @@
-"""The simulation's loop: what happens when, who gets through the gate, how fast time passes, and beginning anew."""
+"""The simulation's loop: what happens when, who gets through the lock, how fast time passes, and beginning anew."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rtf import clock
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.interfaces import PidType
 from rtf.simulator.axes import INDEX
-from rtf.simulator.gate import Gate
+from rtf.simulator.fair_lock import FairLock
 from rtf.simulator.model import build
 from rtf.simulator.simulation import Simulation
 from waiting import eventually
@@ -119,7 +119,7 @@ class TestHappenings:
         simulation.at(5, explode)
         with pytest.raises(ArithmeticError):
             simulation.advance(0.1)
-        with simulation.gate:
+        with simulation.lock:
             assert simulation.boards.tick == 5
 
     def test_settled_at_the_end_with_the_gate_open(self, simulation: Simulation):
@@ -127,7 +127,7 @@ class TestHappenings:
         free: list[bool] = []
 
         def settle() -> None:
-            other = threading.Thread(target=lambda: free.append(bool(simulation.gate.__enter__())))
+            other = threading.Thread(target=lambda: free.append(bool(simulation.lock.__enter__())))
             other.start()
             other.join(5.0)
 
@@ -141,31 +141,31 @@ class TestGate:
 
     def test_who_finds_it_free_waits_for_nobody(self):
         """Nobody has to be served, also by who has it already and takes it once more."""
-        gate = Gate()
-        with gate, gate:
-            assert gate.wanted == 0
-        gate.enter()
-        gate.pass_on()
-        gate.leave()
+        lock = FairLock()
+        with lock, lock:
+            assert lock.waiting == 0
+        lock.acquire()
+        lock.yield_to_waiting()
+        lock.release()
 
     def test_who_waits_has_it_before_the_loop_goes_on(self):
         """All who wait at the moment when it is passed on, each alone; meanwhile they are counted."""
-        gate, done = Gate(), list[int]()
+        lock, done = FairLock(), list[int]()
 
         def command(number: int) -> None:
-            with gate:
+            with lock:
                 done.append(number)
 
-        gate.enter()
+        lock.acquire()
         others = [threading.Thread(target=command, args=(number,)) for number in range(3)]
         for other in others:
             other.start()
-        eventually(lambda: gate.wanted == len(others), "a command does not wait")
+        eventually(lambda: lock.waiting == len(others), "a command does not wait")
         assert done == []
-        gate.pass_on()
+        lock.yield_to_waiting()
         assert sorted(done) == [0, 1, 2]
-        assert gate.wanted == 0
-        gate.leave()
+        assert lock.waiting == 0
+        lock.release()
         for other in others:
             other.join(5.0)
 
@@ -179,7 +179,7 @@ class TestGate:
         def command(own: list[float]) -> None:
             for _ in range(100):
                 begin = clock.monotonic()
-                with simulation.gate:
+                with simulation.lock:
                     simulation.boards.speeds[0] += 1.0
                 own.append(clock.monotonic() - begin)
 
@@ -206,7 +206,7 @@ class TestGate:
 
         def command() -> None:
             while not ended.is_set():
-                with simulation.gate:
+                with simulation.lock:
                     pass
 
         others = [threading.Thread(target=command) for _ in range(4)]
@@ -241,7 +241,7 @@ class TestGate:
         loop = threading.Thread(target=looked_at.advance, args=(0.2,))
         loop.start()
         while loop.is_alive():
-            with looked_at.gate:
+            with looked_at.lock:
                 seen[looked_at.boards.tick] = forces(looked_at)
         seen.pop(0, None)  # before the first step
         assert len(seen) > 2
@@ -250,14 +250,14 @@ class TestGate:
 
     def test_it_may_be_entered_twice_by_one_thread(self):
         """The loop that takes a picture holds it already."""
-        gate = Gate()
-        gate.enter()
-        with gate, gate:
+        lock = FairLock()
+        lock.acquire()
+        with lock, lock:
             pass
-        gate.leave()
-        assert not gate.wanted
+        lock.release()
+        assert not lock.waiting
         seen: list[bool] = []
-        other = threading.Thread(target=lambda: seen.append(bool(gate.__enter__())))
+        other = threading.Thread(target=lambda: seen.append(bool(lock.__enter__())))
         other.start()
         other.join(5.0)
         assert seen == [True]
@@ -333,13 +333,13 @@ class TestPace:
         assert (simulation.now - start) / (clock.monotonic() - begin) < 5.0 * 1.06
 
     def test_commands_get_in_while_it_waits(self):
-        """At a pace the loop mostly sleeps, and does not keep the gate meanwhile."""
+        """At a pace the loop mostly sleeps, and does not keep the lock meanwhile."""
         simulation = Simulation(build(), factor=0.5)
         runner = threading.Thread(target=simulation.advance, args=(0.2,))
         runner.start()
         eventually(lambda: simulation.now > 0.0, "time does not begin")
         begin = clock.monotonic()
-        with simulation.gate:
+        with simulation.lock:
             took = clock.monotonic() - begin
         runner.join(10.0)
         assert took < 0.1

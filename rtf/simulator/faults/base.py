@@ -56,7 +56,7 @@ class Parameter:
 
 
 class Fault(ABC):
-    """One fault of a robot. ``begin`` and ``end`` are called by the simulation's loop, or through its gate.
+    """One fault of a robot. ``begin`` and ``end`` are called by the simulation's loop, or through its lock.
 
     Its parameters are attributes of the same names. Raises RefusedError for a target that the robot has not got, for a
     parameter that the kind does not have, and for one that is out of range.

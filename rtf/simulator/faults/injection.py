@@ -45,7 +45,7 @@ class FaultInjector:
     @property
     def active(self) -> tuple[ActiveFault, ...]:
         """What was put in and has not ended."""
-        with self._simulation.gate:
+        with self._simulation.lock:
             return tuple(self._faults.values())
 
     def inject(
@@ -61,7 +61,7 @@ class FaultInjector:
         if not (delay >= 0 and math.isfinite(delay) and duration > 0):
             raise RefusedError(f"{kind}: it begins after 0 s or more, and lasts longer than 0 s")
         fault = find_kind(kind)(self._robot, target, values)
-        with self._simulation.gate:
+        with self._simulation.lock:
             if len(self._faults) >= MOST_FAULTS:
                 raise RefusedError(f"{kind}: there are {MOST_FAULTS} faults already; clear some")
             number = next(self._numbers)
@@ -77,7 +77,7 @@ class FaultInjector:
 
     def clear(self, number: int | None = None) -> int:
         """Take one fault out, or all; returns how many. Raises RefusedError for a number that is not there."""
-        with self._simulation.gate:
+        with self._simulation.lock:
             if number is not None and number not in self._faults:
                 raise RefusedError(f"there is no fault number {number}; there are {sorted(self._faults)}")
             numbers = sorted(self._faults, reverse=True) if number is None else [number]

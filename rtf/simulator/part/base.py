@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from rtf.robot.control_modes import ControlMode
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
     from rtf.simulator.boards import Boards
-    from rtf.simulator.gate import Gate
+    from rtf.simulator.fair_lock import FairLock
 
 
 class PartBase(Device):
-    """Some neighbouring axes of the boards. Reading is free; commands go through the gate, between two steps."""
+    """Some neighbouring axes of the boards. Reading is free; commands go through the lock, between two steps."""
 
-    def __init__(self, part: str, boards: Boards, gate: Gate) -> None:
+    def __init__(self, part: str, boards: Boards, lock: FairLock) -> None:
         super().__init__(part)
         self.part = part
         self.boards = boards
-        self.gate = gate
+        self.lock = lock
         self.own = part_slice(part)
         self.size = len(PARTS[part])
 
@@ -63,7 +63,7 @@ class PartBase(Device):
     def _write(self, values: Values, joints: AxisSelection, into: FloatArray, what: str = "joint") -> None:
         """Put values in for the chosen ones."""
         axes = self._places(joints, what)
-        with self.gate:
+        with self.lock:
             into[axes] = values_for(len(axes), values)
 
     def _command(
@@ -77,7 +77,7 @@ class PartBase(Device):
         """Give a command to those of the chosen axes that are in a mode which takes it."""
         axes = self._places(joints)
         given = values_for(len(axes), values)
-        with self.gate:
+        with self.lock:
             taken = self.boards.accept(what, axes.tolist(), modes)
             if taken:
                 execute(axes[taken], given[taken])

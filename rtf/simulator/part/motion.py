@@ -19,8 +19,8 @@ from rtf.robot.interfaces import (
     MotorTorqueParameters,
     values_for,
 )
-from rtf.simulator.gains import FULL
 from rtf.simulator.part.base import PartBase
+from rtf.simulator.position_gains import FULL
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
@@ -58,11 +58,11 @@ class PartMotion(
             distances,
             joints,
             TRAJECTORY_MODES,
-            lambda axes, by: boards.move(axes, boards.references.at(boards.tick, axes)[0] + by),
+            lambda axes, by: boards.move(axes, boards.setpoints.at(boards.tick, axes)[0] + by),
         )
 
     def motion_done(self, joints: AxisSelection = None) -> bool:
-        done, now = self.boards.references.done, self.boards.tick
+        done, now = self.boards.setpoints.done, self.boards.tick
         if type(joints) is int:  # as it is asked again and again
             return bool(done(self._axis(joints), now))
         return bool(done(self._places(joints), now).all())
@@ -76,7 +76,7 @@ class PartMotion(
         given = values_for(len(axes), speeds)
         if (given < 0).any():
             raise RefusedError(f"{self.part}: a speed is not negative: {given.tolist()}")
-        with self.gate:
+        with self.lock:
             self.boards.speeds[axes] = np.minimum(given, self.boards.max_velocity[axes])
 
     def reference_speeds(self, joints: AxisSelection = None) -> FloatArray:
@@ -87,7 +87,7 @@ class PartMotion(
         given = values_for(len(axes), accelerations)
         if (given < 0).any():
             raise RefusedError(f"{self.part}: an acceleration is not negative: {given.tolist()}")
-        with self.gate:
+        with self.lock:
             self.boards.accelerations[axes] = given
 
     def reference_accelerations(self, joints: AxisSelection = None) -> FloatArray:
@@ -95,7 +95,7 @@ class PartMotion(
 
     def stop(self, joints: AxisSelection = None) -> None:
         axes = self._places(joints)
-        with self.gate:
+        with self.lock:
             taken = self.boards.accept("stop", axes.tolist(), _MOVING)
             if taken:
                 self.boards.stop(axes[taken])
@@ -147,7 +147,7 @@ class PartMotion(
 
     def set_motor_torque_parameters(self, joint: int, parameters: MotorTorqueParameters) -> None:
         """See ITorqueControl; they are kept, the simulated motor stays as it is."""
-        with self.gate:
+        with self.lock:
             self.boards.torque_parameters[self._axis(joint)] = parameters
 
     # IImpedanceControl
@@ -164,7 +164,7 @@ class PartMotion(
                 f"{self.part} joint {joint}: stiffness {stiffness:g} Nm/deg and damping {damping:g} Nm s/deg are not "
                 f"within {least_k:g} to {most_k:g} and {least_d:g} to {most_d:g}"
             )
-        with self.gate:
+        with self.lock:
             self.boards.stiffness[axis], self.boards.damping[axis] = stiffness, damping
             self.boards.refresh(axis)
 
@@ -173,7 +173,7 @@ class PartMotion(
 
     def set_impedance_offset(self, joint: int, offset: float) -> None:
         axis = self._axis(joint)
-        with self.gate:
+        with self.lock:
             self.boards.impedance_offset[axis] = offset
             self.boards.refresh(axis)
 

@@ -40,7 +40,7 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
     def set_encoders(self, values: Values, joints: AxisSelection = None) -> None:
         axes = self._places(joints)
         given = values_for(len(axes), values)
-        with self.gate:
+        with self.lock:
             self.boards.shift_encoders(axes, given)
 
     def reset_encoders(self, joints: AxisSelection = None) -> None:
@@ -63,7 +63,7 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
     def set_motor_encoders(self, values: Values, motors: AxisSelection = None) -> None:
         axes = self._places(motors, "motor")
         given = values_for(len(axes), values)
-        with self.gate:
+        with self.lock:
             self.boards.shift_motor_encoders(axes, given)
 
     def reset_motor_encoders(self, motors: AxisSelection = None) -> None:
@@ -101,12 +101,12 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
     def enable_amplifier(self, joint: int) -> None:
         """See IAmplifierControl: an idle joint gets into position mode."""
         axis = self._axis(joint)
-        with self.gate:
+        with self.lock:
             if self.boards.mode[axis] == ControlMode.IDLE:
                 self.boards.request_mode(axis, ControlMode.POSITION)
 
     def disable_amplifier(self, joint: int) -> None:
-        with self.gate:
+        with self.lock:
             self.boards.request_mode(self._axis(joint), ControlMode.IDLE)
 
     def amplifier_status(self, joints: AxisSelection = None) -> tuple[int, ...]:
@@ -121,7 +121,7 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
         return float(self.boards.max_current[self._axis(joint)])
 
     def set_max_current(self, joint: int, current: float) -> None:
-        with self.gate:
+        with self.lock:
             self.boards.set_max_current(self._axis(joint), float(values_for(1, current)[0]))
 
     def nominal_current(self, motor: int) -> float:
@@ -148,7 +148,7 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
                 f"{self.part} motor {motor}: a duty cycle limit is from 0 to 100 per cent, not {limit:g}"
             )
         axis = self._axis(motor, "motor")
-        with self.gate:
+        with self.lock:
             self.boards.duty_limit[axis] = limit
             self.boards.refresh(axis)
 

@@ -81,7 +81,7 @@ class PartSettings(
         axes = self._places(joints).tolist()
         wanted = modes_for(len(axes), modes)
         refused: list[RefusedError] = []
-        with self.gate:
+        with self.lock:
             for axis, mode in zip(axes, wanted, strict=True):
                 try:
                     request(axis, int(mode))
@@ -114,7 +114,7 @@ class PartSettings(
         values_for(2, (low, high))
         if not low < high:
             raise RefusedError(f"{self.part} joint {joint}: the limits {low:g} and {high:g} leave nothing between them")
-        with self.gate:
+        with self.lock:
             lows[axis], highs[axis] = low, high
             self.boards.refresh(axis)
 
@@ -130,7 +130,7 @@ class PartSettings(
     def set_pid(self, kind: PidType, joint: int, pid: Pid) -> None:
         axis = self._axis(joint)
         values_for(len(pid), pid)
-        with self.gate:
+        with self.lock:
             if kind is PidType.POSITION:
                 self.boards.set_pid(axis, pid)
             else:
@@ -139,7 +139,7 @@ class PartSettings(
     def pid_references(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
         axes = self._places(joints)
         if kind is PidType.POSITION:
-            return self.boards.references.at(self.boards.tick, axes)[0]
+            return self.boards.setpoints.at(self.boards.tick, axes)[0]
         return {PidType.VELOCITY: self.boards.velocities, PidType.TORQUE: self.boards.torques}.get(
             kind, self.boards.currents
         )[axes]
@@ -178,7 +178,7 @@ class PartSettings(
             return
         axes = self._places(joints).tolist()
         given = values_for(len(axes), values).tolist()
-        with self.gate:
+        with self.lock:
             for axis, value in zip(axes, given, strict=True):
                 self.boards.other_error_limits[kind, axis] = value
 
@@ -188,8 +188,8 @@ class PartSettings(
     def reset_pid(self, kind: PidType, joint: int) -> None:
         axis = self._axis(joint)
         if kind is PidType.POSITION:
-            with self.gate:
-                self.boards.law.set_integral(axis, 0.0)
+            with self.lock:
+                self.boards.controllers.set_integral(axis, 0.0)
 
     def enable_pid(self, kind: PidType, joint: int) -> None:
         self._switch(kind, joint, on=True)
@@ -199,7 +199,7 @@ class PartSettings(
 
     def _switch(self, kind: PidType, joint: int, *, on: bool) -> None:
         axis = self._axis(joint)
-        with self.gate:
+        with self.lock:
             if kind is PidType.POSITION:
                 self.boards.pid_enabled[axis] = on
                 self.boards.refresh(axis)
@@ -245,11 +245,11 @@ class PartSettings(
     def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
         self.set_calibration_parameters(joint, parameters)
         axis = self._axis(joint)
-        with self.gate:
+        with self.lock:
             self.boards.calibrate(axis)
 
     def set_calibration_parameters(self, joint: int, parameters: CalibrationParameters) -> None:
-        with self.gate:
+        with self.lock:
             self.boards.calibration[self._axis(joint)] = parameters
 
     def calibration_done(self, joint: int) -> bool:

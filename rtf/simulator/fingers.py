@@ -1,9 +1,9 @@
-"""The fingers, which the robot's published description lacks: nine axes a hand, one hinge each, nominal dynamics.
+"""The fingers, which the published description lacks: nine axes for each hand, one hinge each, nominal dynamics.
 
-On the robot one motor bends several joints of a finger: a distal axis of 180 degrees two of 90, the little fingers'
-axis of 270 degrees three, and the axis that spreads the fingers by 20 degrees counts 60. Here there is one hinge for
-them, which turns by ``axis / ratio``; the actuator's gear is the ratio, so that its length is the axis' angle and its
-force the torque at the axis.
+On the robot one motor bends several joints of a finger: a distal axis of 180 degrees bends two by 90, the little
+fingers' axis of 270 degrees bends three, and the axis that spreads the fingers by 20 degrees has a range of 60. Here
+each axis has one hinge, which turns by ``axis / ratio``; the gear of the actuator is the ratio, so that its length is
+the angle of the axis and its force the torque at the axis.
 
 Frame of the hand: the fingers point along x on the left and along -x on the right, the thumb's side is z, the back of
 the hand y.
@@ -22,7 +22,7 @@ _Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class _Segment:
-    """A rigid piece with its hinge: all for the left hand, in which fingers point along x."""
+    """A rigid segment with its hinge, for the left hand, whose fingers point along x."""
 
     name: str  # of the axis, without the side
     parent: str  # likewise, or nothing for the palm
@@ -48,17 +48,17 @@ _SEGMENTS = (
     _Segment("pinky", "hand_finger", (0.012, 0.0, -0.004), _BEND, (0.050, 0.0, -0.008), 0.008, 0.020),
 )
 
-#: How far an axis turns for one turn of its hinge; 1 where it is not named.
+#: Ratios of axis to hinge; 1 for all others.
 _RATIOS = {"hand_finger": 3.0, "thumb_distal": 2.0, "index_distal": 2.0, "middle_distal": 2.0, "pinky": 3.0}
 
 
 def ratio(axis: str) -> float:
-    """How far the axis turns for one turn of its hinge: 1 for all axes but some of the hands."""
+    """Return the ratio of an axis to its hinge: 1 for all axes but some of the hands."""
     return _RATIOS.get(axis[2:], 1.0)
 
 
 def add_fingers(hand: Any, side: str, geom_type: Any) -> list[Any]:
-    """Put the fingers into the body of a hand, side ``l`` or ``r``; give the new geoms, one a segment."""
+    """Add the fingers to the body of a hand, side ``l`` or ``r``; return the new geoms, one for each segment."""
     mirror = 1.0 if side == "l" else -1.0
     bodies = {"": hand}
     geoms = []
@@ -82,5 +82,5 @@ def _place(vector: _Vector, mirror: float) -> list[float]:
 
 
 def _turn(axis: _Vector, mirror: float) -> list[float]:
-    """Mirror an axis of rotation, in the plane that x is normal to: what turns about x keeps its sense."""
+    """Mirror an axis of rotation at the plane normal to x: a rotation about x keeps its sense."""
     return [axis[0], mirror * axis[1], mirror * axis[2]]

@@ -1,8 +1,8 @@
-"""Gains of the boards' position controllers: what makes every axis as quick as every other.
+"""Gains of the boards' position controllers: the same bandwidth for every axis.
 
-A second-order loop of angular frequency ``w`` and critical damping around an inertia ``I`` needs ``kp = I w²`` and
-``kd = 2 I w``; the integral takes away what gravity and friction leave, at half a hertz. Gains are given in the boards'
-units, per cent of duty cycle per degree.
+A critically damped second-order loop of angular frequency ``w`` around an inertia ``I`` needs ``kp = I w²`` and
+``kd = 2 I w``; the integral removes the error that gravity and friction cause, at half a hertz. Gains are in the units
+of the boards, per cent of duty cycle per degree.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.simulator.axes import Axis
 
-#: Of the position loop (Hz): at 1 kHz it is stable far beyond, and a minimum-jerk move is followed within 0.2 degrees.
+#: Bandwidth of the position loop (Hz): far below the stability limit at 1 kHz; it follows a minimum-jerk move within
+#: 0.2 degrees.
 BANDWIDTH = 10.0
 _INTEGRAL = 0.5
 #: Per cent of duty cycle.
@@ -28,7 +29,7 @@ FULL = 100.0
 
 
 def position_pids(axes: Sequence[Axis], inertia: FloatArray) -> list[Pid]:
-    """The gains of each axis for the inertia that it shows (kg m²)."""
+    """Return the gains of each axis for its effective inertia (kg m²)."""
     w = 2 * math.pi * BANDWIDTH
     percent_a_degree = math.radians(1.0) * FULL / np.array([axis.max_torque for axis in axes])
     kp = inertia * w * w * percent_a_degree

@@ -1,4 +1,4 @@
-"""The time of a simulation: served to other processes, and as the clock of this one."""
+"""The clock of a simulation: served to other processes, and as the clock of this process."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ if TYPE_CHECKING:
     from rtf.simulator.simulation import Simulation
 
 CLOCK = "/clock"
-#: While nobody takes part time goes on in steps of so many seconds.
+#: Step of the time while there is no participant, s.
 _IDLE = 0.01
 _CLOCK_PERIOD, _QUIET_CLOCK_PERIOD = 0.001, 0.01
-#: Seconds of the machine's clock after which who sleeps looks whether the time still passes.
+#: A sleeper checks so often whether the simulated time still passes, s of the machine's clock.
 _LOOK = 0.5
 
 
 def serve_time(simulation: Simulation, name: str, *, network: Network, lockstep: bool) -> LockstepServer:
-    """Let time pass from now on, and tell it to who listens; every millisecond while somebody does.
+    """Let the simulated time pass from now on, and publish it; every millisecond while there are readers.
 
-    ``lockstep``: only while those who take part wait for it.
+    ``lockstep``: time passes only while all participants wait for it.
     """
     server = LockstepServer(
         name, simulation.advance, network=network, idle=None if lockstep else _IDLE, reset=simulation.reset
@@ -40,9 +40,10 @@ def serve_time(simulation: Simulation, name: str, *, network: Network, lockstep:
 
 
 class SimulationClock(clock.Clock):
-    """The time of a simulation that runs in this process. Who sleeps does not take part in lockstep.
+    """The clock of a simulation in this process. A sleeper is no participant in lockstep.
 
-    When that time has ended, or was closed, it goes on as the machine's does, so that nobody hangs.
+    When the simulated time has ended, or the clock was closed, it goes on with the machine's clock, so that no sleeper
+    hangs.
     """
 
     def __init__(self, simulation: Simulation, server: LockstepServer) -> None:
@@ -61,7 +62,7 @@ class SimulationClock(clock.Clock):
         until = self.now() + seconds
         passed = threading.Event()
         if self._end() is None:
-            with self._simulation.gate:
+            with self._simulation.lock:
                 self._simulation.after(seconds, passed.set, looks=True)
         while not passed.wait(_LOOK):
             if self._end() is not None:
@@ -72,7 +73,7 @@ class SimulationClock(clock.Clock):
         self._end(closed=True)
 
     def _end(self, *, closed: bool = False) -> tuple[float, float] | None:
-        """When the time ended; None while it passes."""
+        """Return when the time ended, by both clocks; None while it passes."""
         with self._lock:
             if self._ended_at is None and (closed or self._server.broken is not None):
                 self._ended_at = clock.monotonic(), self._simulation.now

@@ -1,10 +1,10 @@
-"""What the controllers of the boards follow: trajectories of all axes, computed a block of milliseconds ahead.
+"""Setpoint trajectories of all axes, computed a block of milliseconds ahead.
 
-The reference of an axis is a polynomial of the fifth degree in time, and behind its end a straight line. A minimum-jerk
-move is the polynomial that begins with the position, speed and acceleration of the reference now and ends at rest;
+The setpoint of an axis is a polynomial of the fifth degree in time, and after its end a straight line. A minimum-jerk
+move is the polynomial that begins with the current position, speed and acceleration of the setpoint and ends at rest;
 from rest that is the well-known ``10 s³ - 15 s⁴ + 6 s⁵`` (Flash and Hogan 1985). It begins with no more acceleration
-than it has on its way from rest. A change of speed is a parabola, and goes on as a line. Blocks cost one evaluation of
-all axes for many steps, so a step only looks up a row.
+than it has on its way from rest. A change of speed is a parabola, and goes on as a line. A block costs one evaluation
+of all axes for many steps, so a step only looks up a row.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ _DEGREE = 5
 _GREATEST = 10 / np.sqrt(3)
 
 
-class References:
-    """The references of some axes (deg, deg/s), at steps of ``step`` seconds. Times are numbers of steps.
+class Setpoints:
+    """The setpoints of some axes (deg, deg/s), at steps of ``step`` seconds. Times are numbers of steps.
 
-    ``positions`` and ``velocities`` hold the rows of the steps from ``begin`` on, multiplied by ``scales``: what a
-    degree and a degree a second are to whoever looks them up. One thread at a time uses it.
+    ``positions`` and ``velocities`` hold the rows of the steps from ``begin`` on, multiplied by ``scales``, which
+    convert deg and deg/s to the units of the controllers. Not thread-safe.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class References:
         self._coefficients[0] = positions
         self._from = np.zeros(count)  # the step at which the polynomial begins
         self._duration = np.zeros(count)  # s
-        self._line = np.zeros(count)  # deg/s behind its end
+        self._line = np.zeros(count)  # deg/s after its end
         self.begin = begin
         self._positions = np.empty((BLOCK, count))
         self._velocities = np.empty((BLOCK, count))
@@ -69,7 +69,7 @@ class References:
         np.multiply(velocities, self._speed_scale, out=self._velocities)
 
     def at(self, now: int, axes: NDArray[np.intp]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position, velocity and acceleration of axes at a step."""
+        """Return position, velocity and acceleration of axes at a step."""
         positions, velocities, accelerations = self._evaluate(now, 1, axes)
         return positions[0], velocities[0], accelerations[0]
 
@@ -87,7 +87,7 @@ class References:
         line = self._line[axes]
         position += line * (since - t)
         velocity = np.where(moving, velocity, line)
-        # Nothing leads beyond a limit: the axis stays there. One that begins outside may come back, but not go on.
+        # A setpoint stops at a limit. One that begins outside of the limits may only move inwards.
         bounded = np.clip(position, np.minimum(self.minimum[axes], c[0]), np.maximum(self.maximum[axes], c[0]))
         within = bounded == position
         return bounded, velocity * within, acceleration * (moving & within)
@@ -98,7 +98,7 @@ class References:
         self._line[axes] = line
 
     def _refresh(self, axes: NDArray[np.intp], now: int) -> None:
-        """Compute what is left of the block anew for axes that were given another reference."""
+        """Recompute the rest of the block for axes with a new trajectory."""
         row = max(0, now - self.begin)
         if row < BLOCK:
             positions, velocities, _ = self._evaluate(self.begin + row, BLOCK - row, axes)
@@ -106,7 +106,7 @@ class References:
             self._velocities[row:, axes] = velocities * self._speed_scale
 
     def hold(self, axes: NDArray[np.intp], positions: FloatArray, now: int) -> None:
-        """Be at these positions from now on, without a way there."""
+        """Set the setpoints to these positions at once, and hold them."""
         self._coefficients[:, axes] = 0.0
         self._coefficients[0, axes] = positions
         self._begin(axes, now, np.zeros(len(axes)), np.zeros(len(axes)))
@@ -115,11 +115,11 @@ class References:
         self._velocities[row:, axes] = 0.0
 
     def move(self, axes: NDArray[np.intp], targets: FloatArray, speeds: FloatArray, now: int) -> None:
-        """Go to these positions, at these speeds on the average, from whatever the references do now."""
+        """Move to these positions with these mean speeds, from the current state of the setpoints."""
         position, velocity, acceleration = self.at(now, axes)
         distance = targets - position
         duration = np.maximum(np.abs(distance) / np.maximum(speeds, _SLOWEST), self._step)
-        # A way of 0.1 deg in 5 ms takes 23 000 deg/s². A move of a second that began with that would go far astray.
+        # A move of 0.1 deg in 5 ms needs 23 000 deg/s². A move of one second that began with that would overshoot far.
         most = _GREATEST * np.abs(distance) / duration**2
         acceleration = np.clip(acceleration, -most, most)
         # The six conditions: position, speed and acceleration at the beginning, and rest at the target.
@@ -133,7 +133,7 @@ class References:
         self._refresh(axes, now)
 
     def run(self, axes: NDArray[np.intp], velocities: FloatArray, accelerations: FloatArray, now: int) -> None:
-        """Change to these velocities with these accelerations, and go on until told otherwise or at a limit."""
+        """Change to these velocities with these accelerations, until the next command or a limit."""
         position, velocity, _ = self.at(now, axes)
         change = velocities - velocity
         duration = np.abs(change) / np.maximum(accelerations, _SLOWEST)
@@ -146,16 +146,16 @@ class References:
         self._refresh(axes, now)
 
     def done(self, axes: NDArray[np.intp] | int, now: int) -> NDArray[np.bool_]:
-        """Which axes have come to the end of their trajectories."""
+        """Return which axes have reached the ends of their trajectories."""
         ended: NDArray[np.bool_] = (now - self._from[axes]) * self._step >= self._duration[axes]
         return ended
 
     def within_limits(self, axes: NDArray[np.intp], positions: FloatArray) -> FloatArray:
-        """Positions, cut off at the limits."""
+        """Return positions clipped to the limits."""
         return np.clip(positions, self.minimum[axes], self.maximum[axes])
 
     def set_limits(self, axis: int, minimum: float, maximum: float, now: int) -> None:
-        """Between what an axis may be. One that is outside now stays where it is."""
+        """Set the limits of an axis. A setpoint that is outside of them now stays where it is."""
         axes = np.array([axis])
         here = self.at(now, axes)[0]
         self.minimum[axis], self.maximum[axis] = minimum, maximum
@@ -165,5 +165,5 @@ class References:
             self.hold(axes, here, now)
 
 
-#: Nothing is slower (deg/s, deg/s²): a move at speed 0 would never end.
+#: Least speed and acceleration (deg/s, deg/s²): a move at speed 0 would never end.
 _SLOWEST = 1e-3

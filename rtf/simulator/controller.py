@@ -1,16 +1,15 @@
-"""The law by which the boards drive their motors: what is computed for all axes in every simulated millisecond.
+"""The joint controllers of the boards, computed for all axes in every simulated millisecond.
 
-One law serves all modes, as what differs between them is put into its numbers when a mode changes, and not looked at in
-every step::
+One control law serves all modes; the modes differ in its parameters, which are set when a mode changes::
 
-    torque = kp (reference - position) + kd (speed of the reference - speed) + base
+    torque = kp (setpoint - position) + kd (speed of the setpoint - speed) + base
 
-``base`` is what the integral of the error has gathered and a constant, the bias. A position mode has the gains of the
-position controller; a compliant joint has stiffness and damping in their place; in torque, current and PWM mode the
-gains are zero and the bias is what was asked for; an idle joint has nothing.
+``base`` is the sum of the integral of the error and a constant, the bias. Position modes have the gains of the position
+controller; a compliant joint has its stiffness and damping instead; in torque, current and PWM mode the gains are zero
+and the bias is the commanded effort; an idle joint has zeros only.
 
-The numbers are those of the machine (ticks, rad/s, Nm), so that nothing has to be converted; and the drives of the
-model cut off torques that they cannot give, so that nothing has to be limited that has no limit of its own.
+The units are those of the machine (encoder ticks, rad/s, Nm), which saves conversions. The drives of the model saturate
+torques, which saves limits for all joints without a limit of their own.
 """
 
 from __future__ import annotations
@@ -20,22 +19,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import add, maximum, minimum, multiply, subtract
 
-from rtf.simulator.references import BLOCK
+from rtf.simulator.setpoints import BLOCK
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rtf.robot.interfaces import FloatArray
-    from rtf.simulator.references import References
+    from rtf.simulator.setpoints import Setpoints
 
-#: Steps between two additions to the integral, which is slow enough for that.
+#: Steps between two updates of the integral, which is slow.
 INTEGRATION = 4
 
 
-class ControlLaw:
-    """The numbers of the law, each with a column an axis, and its step.
+class JointControllers:
+    """The parameters of the controllers, arrays with a column for each axis, and their step.
 
-    ``torque`` is where the result goes. ``positions`` are measured ones, in ticks.
+    ``torque`` is the output array. Positions are measured ones, in encoder ticks.
     """
 
     def __init__(self, torque: FloatArray) -> None:
@@ -43,7 +42,7 @@ class ControlLaw:
         self.torque = torque
         self.kp_kd = np.zeros((2, count))  # Nm a tick, Nm s/rad
         self.ki = np.zeros(count)  # Nm a tick, for each addition
-        self.limit = np.full(count, np.inf)  # Nm, where it is less than what the drive gives
+        self.limit = np.full(count, np.inf)  # Nm, if it is less than the limit of the drive
         self._base = np.zeros(count)
         self._bias = np.zeros(count)
         self._errors = np.zeros((2, count))  # ticks, rad/s
@@ -54,7 +53,7 @@ class ControlLaw:
 
     @property
     def errors(self) -> FloatArray:
-        """Reference minus position, in ticks."""
+        """Setpoint minus position, in ticks."""
         return self._position_errors
 
     @property
@@ -64,38 +63,38 @@ class ControlLaw:
 
     @property
     def integral(self) -> FloatArray:
-        """What the integral has gathered (Nm)."""
+        """The integral part (Nm)."""
         return self._base - self._bias
 
     def set_integral(self, axis: int, torque: float) -> None:
-        """Let the integral of an axis be this (Nm)."""
+        """Set the integral part of an axis (Nm)."""
         self._base[axis] = torque + self._bias[axis]
 
     def add_to_integral(self, axes: NDArray[np.intp], torques: FloatArray) -> None:
-        """Let the integrals of some axes be so much more (Nm)."""
+        """Add to the integral parts of some axes (Nm)."""
         self._base[axes] += torques
 
     def clip_integral(self, most: FloatArray) -> None:
-        """Let no integral be greater (Nm)."""
+        """Limit the integral parts to ``-most .. most`` (Nm)."""
         gathered = self._scratch
         subtract(self._base, self._bias, out=gathered)
-        minimum(gathered, most, out=gathered)  # both twice as quick as clip
+        minimum(gathered, most, out=gathered)  # minimum and maximum together are twice as fast as clip
         maximum(gathered, -most, out=gathered)
         add(gathered, self._bias, out=self._base)
 
     def set_bias(self, axis: int, torque: float) -> None:
-        """Let the constant part of an axis be this (Nm); the integral stays."""
+        """Set the constant part of an axis (Nm); the integral part stays."""
         self._base[axis] += torque - self._bias[axis]
         self._bias[axis] = torque
 
-    def step(self, tick: int, references: References, positions: FloatArray, speeds: FloatArray) -> None:
+    def step(self, tick: int, setpoints: Setpoints, positions: FloatArray, speeds: FloatArray) -> None:
         """Compute the torques of a step. Flat and without allocations: it is called a thousand times a second."""
-        row = tick - references.begin
+        row = tick - setpoints.begin
         if row >= BLOCK:
-            references.fill(tick)
+            setpoints.fill(tick)
             row = 0
-        subtract(references.positions[row], positions, out=self._position_errors)
-        subtract(references.velocities[row], speeds, out=self._speed_errors)
+        subtract(setpoints.positions[row], positions, out=self._position_errors)
+        subtract(setpoints.velocities[row], speeds, out=self._speed_errors)
         multiply(self.kp_kd, self._errors, out=self._parts)
         add(self._of_position, self._of_speed, out=self._scratch)
         add(self._scratch, self._base, out=self.torque)
@@ -104,6 +103,6 @@ class ControlLaw:
             add(self._base, self._scratch, out=self._base)
 
     def limit_torque(self) -> None:
-        """Cut the torques off at the limits."""
+        """Saturate the torques at the limits."""
         minimum(self.torque, self.limit, out=self.torque)
         maximum(self.torque, -self.limit, out=self.torque)
