@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+from rtf.testing import replay
+from rtf.testing.events import Measured, RunEnded, RunStarted, TestEnded, TestPlanned, TestStarted, to_line
 from rtf.testing.journal import FILE_NAME, JournalError
+from rtf.testing.suite.ids import renewed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    Record = dict[str, Any]
+    from rtf.testing.events import Event
 
-_KINDS = frozenset({"run_started", "test_planned", "test_started", "measured", "test_ended", "run_ended"})
-_WORDS = tuple(f'"{kind}"'.encode() for kind in sorted(_KINDS))
-#: A kind stands at the beginning of its line; what a test said may hold the same word, further on.
-_BEGINNING = 40
+    Record = dict[str, Any]
 
 
 def journal_of(run: Path) -> Path:
@@ -30,38 +30,33 @@ def journal_of(run: Path) -> Path:
 def records(run: Path) -> Iterator[Record]:
     """``run_started``, each ``test_planned``, then by test ``measured`` and ``test_ended``, and ``run_ended``.
 
-    Only the last attempt at each test counts, and of a run that was resumed what it came to in the end.
+    Only the last attempt at each test counts, and of a run that was resumed what it came to in the end. Tests have the
+    ids that they have now.
     """
-    first: Record | None = None
-    last: Record | None = None
+    ends: dict[type[Event], Record] = {}
+    ids: dict[str, str] = {}
     planned: dict[str, Record] = {}
     measured: dict[str, list[Record]] = {}
     ended: dict[str, list[Record]] = {}
-    for record in _read(journal_of(run)):
-        kind, test = record["event"], record.get("test", "")
-        if kind == "run_started":
-            first = first or record
-        elif kind == "run_ended":
-            last = record
-        elif kind == "test_planned":
-            planned.setdefault(test, record)
-        elif kind == "test_started":
-            measured[test] = []
-        elif kind == "measured":
-            measured.setdefault(test, []).append(record)
-        elif record.get("final", True):
-            ended[test] = [*measured.pop(test, []), record]
-    yield from (first,) if first is not None else ()
+    for event in replay.as_one_run(journal_of(run)):
+        if isinstance(event, RunStarted | RunEnded):
+            ends[type(event)] = _record(event)
+        elif isinstance(event, TestPlanned):
+            ids[event.test] = event.test if event.fingerprint else renewed(event.test, event.suite, event.name)
+            planned[event.test] = {**_record(event), "test": ids[event.test]}
+        elif isinstance(event, TestStarted):
+            measured[event.test] = []
+        elif isinstance(event, Measured | TestEnded) and event.test in ids:
+            measured.setdefault(event.test, []).append({**_record(event), "test": ids[event.test]})
+            if isinstance(event, TestEnded) and event.final:
+                ended[event.test] = measured.pop(event.test)
+    yield from (ends[kind] for kind in (RunStarted,) if kind in ends)
     yield from planned.values()
     for of_test in ended.values():
         yield from of_test
-    yield from (last,) if last is not None else ()
+    yield from (ends[kind] for kind in (RunEnded,) if kind in ends)
 
 
-def _read(path: Path) -> Iterator[Record]:
-    with path.open("rb") as stream:
-        for line in stream:
-            if line.endswith(b"\n") and any(word in line[:_BEGINNING] for word in _WORDS):
-                record = json.loads(line)
-                if record["event"] in _KINDS:
-                    yield record
+def _record(event: Event) -> Record:
+    record: Record = json.loads(to_line(event))
+    return record

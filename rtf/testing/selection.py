@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from hashlib import blake2b
 from typing import TYPE_CHECKING
 
+from rtf.testing.suite.ids import former
 from rtf.testing.suite.model import SuiteError
 
 if TYPE_CHECKING:
@@ -123,9 +124,9 @@ def tag_filter(expression: str) -> Filter:
 
 
 def id_filter(ids: Collection[str]) -> Filter:
-    """Build the filter of ``--last-failed`` and ``--resume``: exactly these ids."""
+    """Build the filter of ``--last-failed`` and ``--resume``: these ids, also as older versions had them."""
     wanted = frozenset(ids)
-    return lambda test: test.id in wanted
+    return lambda test: test.id in wanted or former(test.id) in wanted
 
 
 def select(

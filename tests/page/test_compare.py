@@ -9,7 +9,9 @@ import pytest
 
 from harness import run_suite
 from rtf.page.compare import journal_of, records
+from rtf.testing.events import Measured, RunStarted, TestEnded, TestPlanned, TestStarted, to_line
 from rtf.testing.journal import FILE_NAME, JournalError
+from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -47,20 +49,30 @@ def test_only_the_last_attempt_is_compared(tmp_path: Path):
 
 def test_of_a_resumed_run_the_last_word_counts(tmp_path: Path):
     """A test that was run again is told of once; a torn end is nothing."""
-    lines = [
-        {"event": "run_started", "run": "r"},
-        {"event": "test_planned", "test": "s/a"},
-        {"event": "test_started", "test": "s/a"},
-        {"event": "measured", "test": "s/a", "value": 1},
-        {"event": "test_ended", "test": "s/a", "verdict": "interrupted"},
-        {"event": "run_started", "run": "r", "resumed": True},
-        {"event": "test_started", "test": "s/a"},
-        {"event": "measured", "test": "s/a", "value": 2},
-        {"event": "test_ended", "test": "s/a", "verdict": "passed"},
+    start = RunStarted(run="r", version="1", time=1.0, seq=1)
+    planned = TestPlanned(test="s/a", suite="s", name="a", fingerprint="f", time=1.0)
+    lost, kept = (Measured(test="s/a", name="n", value=value, time=2.0) for value in (1.0, 2.0))
+    ends = [
+        TestEnded(test="s/a", verdict=verdict, outcome=verdict, time=3.0)
+        for verdict in (Verdict.INTERRUPTED, Verdict.PASSED)
     ]
-    text = "".join(json.dumps(line) + "\n" for line in lines) + '{"event":"run_ended"'
-    (tmp_path / FILE_NAME).write_text(text)
-    assert [*records(tmp_path)] == [lines[0], lines[1], lines[7], lines[8]]
+    begun = TestStarted(test="s/a", time=1.0)
+    again = RunStarted(run="r", version="1", resumed=True, time=4.0)
+    events = [start, planned, begun, lost, ends[0], again, begun, kept, ends[1]]
+    (tmp_path / FILE_NAME).write_bytes(b"".join(map(to_line, events)) + b'{"event":"run_ended"')
+    assert [*records(tmp_path)] == [json.loads(to_line(event)) for event in (start, planned, kept, ends[1])]
+
+
+def test_run_of_an_older_version_is_compared_by_the_ids_of_now(tmp_path: Path):
+    """Its ids were made of names, in lower case."""
+    events = [
+        TestPlanned(test="s/nod-left", suite="s", name="Nod [left]"),
+        TestStarted(test="s/nod-left"),
+        Measured(test="s/nod-left", name="n", value=1.0),
+        TestEnded(test="s/nod-left", verdict=Verdict.PASSED, outcome=Verdict.PASSED),
+    ]
+    (tmp_path / FILE_NAME).write_bytes(b"".join(map(to_line, events)))
+    assert {record["test"] for record in records(tmp_path)} == {"s/Nod[left]"}
 
 
 def test_a_run_is_named_by_its_folder_or_its_journal(tmp_path: Path):

@@ -379,6 +379,26 @@ def test_an_empty_file_becomes_a_history(tmp_path: Path):
         assert history.runs() == [(1, stored(0))]
 
 
+def test_ids_of_an_older_version_are_renewed(path: Path):
+    """What was recorded when ids were in lower case and numbered is found under the ids of now; values stay."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    plain = sqlite3.connect(path)
+    migrate(plain, STEPS[:1])
+    run = (1, "run-1", "/r", BEGAN, None, None, "passed", 0, "icub01", "bench", "0.1", None, "h", "u", "[]")
+    plain.execute(f"INSERT INTO runs VALUES ({', '.join('?' * len(run))})", run)
+    told = {"s/jointlimits-left_arm": "JointLimits [left_arm]", "s/nod~2": "Nod", "s/left-arm": "said by the test"}
+    for test, name in told.items():
+        plain.execute("INSERT INTO tests VALUES (1, ?, ?, 's', 'passed', 'passed', 1, 0.5, '')", (test, name))
+        row = (test, "j0", "reached", 0, 1.5, None, "deg", None, 2.0, None, "passed")
+        plain.execute("INSERT INTO measurements VALUES (1, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
+    plain.commit()
+    plain.close()
+    ids = ["s/JointLimits[left_arm]", "s/Nod+2", "s/left-arm"]
+    with History(path) as history:
+        assert [row[0] for row in history.tests(1)] == ids
+        assert [(row[0], row[4]) for row in history.measurements(1)] == [(test, 1.5) for test in ids]
+
+
 def test_an_older_version_is_brought_up_to_date(path: Path, monkeypatch: pytest.MonkeyPatch):
     """With all that is in it; a step that fails leaves the file as it was."""
     put(path, stored(0), {"s/t": Verdict.PASSED})

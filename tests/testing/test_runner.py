@@ -80,6 +80,7 @@ class Recorder(Reporter):
     breaks_at: type[Event] | None = None
     breaks_on_close: bool = False
     heard: list[str] = field(default_factory=list)
+    order: list[int] = field(default_factory=list)
     closed: int = 0
 
     def __post_init__(self) -> None:
@@ -88,6 +89,7 @@ class Recorder(Reporter):
     def handle(self, event: Event, results: RunResult) -> None:
         """Take note, or break."""
         self.heard.append(event.kind)
+        self.order.append(event.seq)
         if self.breaks_at is not None and isinstance(event, self.breaks_at):
             raise RuntimeError("ink is out")
 
@@ -615,7 +617,8 @@ def test_reporter_that_breaks_is_left_out_and_told(tmp_path: Path):
     assert told.text == "reporter recorder broke and is left out: RuntimeError: ink is out"
     assert broken.heard[-1] == "test_started"
     assert (broken.closed, sound.closed) == (0, 1)
-    assert sorted(sound.heard) == sorted(event.kind for event in outcome.events)
+    assert sound.heard == [event.kind for event in outcome.events]
+    assert sound.order == [event.seq for event in outcome.events] == [*range(1, len(outcome.events) + 1)]
     assert outcome.events[-1].exit_code == ExitCode.INTERNAL
 
 

@@ -82,7 +82,8 @@ class History:
         with self._telling():
             if create:
                 path.parent.mkdir(parents=True, exist_ok=True)
-            self._connection = _connect(path, create=create)
+            self._read_only = not create and not _is_writable(path)
+            self._connection = _connect(path, create=create, read_only=self._read_only)
             try:
                 self._prepare()
             except BaseException:
@@ -92,7 +93,8 @@ class History:
     def _prepare(self) -> None:
         connection = self._connection
         connection.execute("PRAGMA foreign_keys = ON")
-        if version_of(connection, len(STEPS)) == len(STEPS):
+        version = version_of(connection, len(STEPS))
+        if version == len(STEPS) or (version and self._read_only):  # older rows can be read, under their older ids
             return
         _write_ahead(connection)
         with self._transaction():
@@ -245,10 +247,14 @@ def _hint(error: sqlite3.Error) -> str:
     return next((hint for start, hint in _HINTS.items() if name.startswith(start)), _ELSEWHERE)
 
 
-def _connect(path: Path, *, create: bool) -> sqlite3.Connection:
+def _is_writable(path: Path) -> bool:
+    return os.access(path, os.W_OK) and os.access(path.absolute().parent, os.W_OK)
+
+
+def _connect(path: Path, *, create: bool, read_only: bool) -> sqlite3.Connection:
     """Open the file, for reading alone where it cannot be written, as on a stick or in an archive."""
     mode = "rwc" if create else "rw"
-    if not create and not (os.access(path, os.W_OK) and os.access(path.absolute().parent, os.W_OK)):
+    if read_only:
         # What is still in the write-ahead log can be read only with files beside it that cannot be made there.
         mode = "ro" if path.with_name(f"{path.name}-wal").exists() else "ro&immutable=1"
     return sqlite3.connect(

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rtf.testing.suite.ids import renewed
+
 if TYPE_CHECKING:
     import sqlite3
     from collections.abc import Sequence
@@ -66,6 +68,16 @@ STEPS: tuple[tuple[str, ...], ...] = (
             PRIMARY KEY (run, test, subject, name, repetition)
         ) WITHOUT ROWID""",
     ),
+    (  # ids were made of names alone, in lower case; ``renewed_id`` is the function of ``rtf.testing.suite.ids``
+        """CREATE TEMPORARY TABLE renewed AS
+            SELECT run, test AS old, renewed_id(test, suite, name) AS new FROM tests""",
+        "DELETE FROM temp.renewed WHERE old = new",
+        """UPDATE OR IGNORE measurements SET test = renewed.new FROM temp.renewed
+            WHERE measurements.run = renewed.run AND measurements.test = renewed.old""",
+        """UPDATE OR IGNORE tests SET test = renewed.new FROM temp.renewed
+            WHERE tests.run = renewed.run AND tests.test = renewed.old""",
+        "DROP TABLE temp.renewed",
+    ),
 )
 
 
@@ -97,6 +109,7 @@ def version_of(connection: sqlite3.Connection, newest: int) -> int:
 def migrate(connection: sqlite3.Connection, steps: Sequence[Sequence[str]]) -> None:
     """Bring the file up to the version of the last step. To be called in a transaction that may write."""
     done = version_of(connection, len(steps))
+    connection.create_function("renewed_id", 3, renewed, deterministic=True)
     for step in steps[done:]:
         for statement in step:
             connection.execute(statement)

@@ -117,6 +117,13 @@ def renewed(test: str, suite: str, name: str) -> str:
     return f"{suite}/{label}" if number is None else f"{suite}/{label}+{number[1]}"
 
 
+def former(test: str) -> str:
+    """Return what older versions called a test with this id, where they can have known it."""
+    suite, _, label = test.partition("/")
+    label, plus, number = label.partition("+")
+    return f"{suite}/{slug(label)}{'~' if plus else ''}{number}"
+
+
 def digest(text: str, size: int = _DIGEST) -> str:
     """Return a short word that another text will not have."""
     return blake2b(text.encode("utf-8", "backslashreplace"), digest_size=16).hexdigest()[:size]

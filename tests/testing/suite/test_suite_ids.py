@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rtf.testing.selection import parse_expression
-from rtf.testing.suite.ids import SuiteIds, TestIds, label_of_name, label_of_plugin, renewed
+from rtf.testing.suite.ids import SuiteIds, TestIds, former, label_of_name, label_of_plugin, renewed
 from rtf.testing.suite.xml import load_suite_bytes
 
 PARAMS = st.sampled_from(["", "--speed 20", "--speed -20", "--from left_arm.ini", "--from right_arm.ini --speed 20"])
@@ -110,4 +110,5 @@ def test_suites_of_one_name_are_told_apart_by_their_files():
 def test_id_of_an_older_version_has_its_successor(old: str, name: str, new: str):
     """Older versions made ids of the name, in lower case, and numbered them in the order of the file."""
     assert renewed(old, "s", name) == new
+    assert former(new) == old
     assert label_of_name(name) == new.removeprefix("s/").removesuffix("+2") or name == "renamed by the test"
