@@ -197,7 +197,7 @@ class Planner:
         refs = {ref for ref in found if not isinstance(ref, str)}
         while refs := {ref for ref in refs if ref not in self._specs}:
             specs = {ref: spec_of(ref) for ref in sorted(refs)}
-            unknown = {ref: () for ref, spec in specs.items() if spec.matrix is None}
+            unknown = {ref: () for ref, spec in specs.items() if spec.matrix is None or spec.occupies is None}
             if unknown:
                 from rtf.testing.inspection import inspect_plugins
 
@@ -243,7 +243,7 @@ class Planner:
             entry,
             tags=tuple(dict.fromkeys((*entry.tags, *spec.tags))),
             requires=tuple(dict.fromkeys((*entry.requires, *spec.requires))),
-            occupies=tuple(dict.fromkeys((*entry.occupies, *spec.occupies.split()))),
+            occupies=tuple(dict.fromkeys((*entry.occupies, *(spec.occupies or "").split()))),
             description=entry.description or spec.summary,
         )
         if not spec.matrix:

@@ -54,7 +54,7 @@ class Source:
             tags=as_strings(self.value_of(node, "tags")),
             requires=as_strings(self.value_of(node, "requires")),
             timeout=as_seconds(self.value_of(node, "timeout")),
-            occupies=occupies if isinstance(occupies, str) else "",
+            occupies=None if occupies is _UNKNOWN else occupies if isinstance(occupies, str) else "",
             safety="" if safety is _ABSENT else safety.lower() if isinstance(safety, str) else None,
             matrix=None if matrix is _UNKNOWN else matrix.axes if isinstance(matrix, Matrix) else (),
         )
@@ -167,7 +167,7 @@ def specs_in(path: Path) -> list[PluginSpec]:
 
 def spec_of(ref: PluginRef, bare_name: str = "") -> PluginSpec:
     """The description of a plug-in as far as its file's text tells; ``bare_name`` may be that of a class."""
-    unknown = PluginSpec(safety=None, matrix=None)
+    unknown = PluginSpec(safety=None, occupies=None, matrix=None)
     if ref.language == "entry point":
         return unknown
     if ref.language != "python":

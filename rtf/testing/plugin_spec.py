@@ -98,8 +98,8 @@ class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
     """What a plug-in says of itself.
 
     ``safety`` is a word in small letters, empty where the plug-in declares none, and None where the text does not tell;
-    ``matrix`` is None likewise. A file with several test classes, of which none is named, has them in ``classes`` and
-    nothing else. ``parameters`` are those of a loaded plug-in.
+    ``occupies`` and ``matrix`` are None likewise. A file with several test classes, of which none is named, has them in
+    ``classes`` and nothing else. ``parameters`` are those of a loaded plug-in.
     """
 
     class_name: str = ""
@@ -108,7 +108,7 @@ class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
     tags: tuple[str, ...] = ()
     requires: tuple[str, ...] = ()
     timeout: float | None = None
-    occupies: str = ""
+    occupies: str | None = ""
     safety: str | None = ""
     matrix: tuple[Axis, ...] | None = ()
     classes: tuple[str, ...] = ()

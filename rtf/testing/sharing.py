@@ -64,6 +64,8 @@ def _use(entry: FixtureEntry, plugin: PluginRef | str) -> Use:
     if isinstance(plugin, str):  # there is none of that name
         return Use(entry.plugin, entry.param)
     spec = spec_of(plugin)
+    if spec.occupies is None:  # a class from another file, which may be that of a robot
+        return Use(ROBOT, "")
     return Use(spec.occupies, "") if spec.occupies else Use(f"{plugin.path}:{spec.class_name}", entry.param)
 
 

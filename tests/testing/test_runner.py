@@ -197,6 +197,7 @@ def test_suites_that_share_a_fixture_never_overlap(tmp_path: Path):
         ('<fixture name="a" param="--x 1">robot</fixture>', '<fixture name="b" param="--x 2">robot</fixture>', False),
         ('<fixture name="a" param="--x 1">robot</fixture>', '<fixture name="b">robotinterface</fixture>', False),
         ('<fixture name="a">robot</fixture>', "<test>JointLimits</test>", False),
+        ('<fixture name="a">robot</fixture>', '<fixture name="b" param="--x 1">elsewhere</fixture>', False),
         ("<test>JointLimits</test>", "<test>ControlModes</test>", False),
         ("<test>JointLimits</test>", "<test>PortsFrequency</test>", True),
         ("<test>JointLimits</test>", "<test>derived.py</test>", False),
@@ -235,6 +236,7 @@ def test_what_may_be_one_rig_is_taken_for_one(tmp_path: Path, first: str, second
         {
             "rig.py": f"{rig}\nclass Bench(FixtureManager):\n    pass\n",
             "t.py": test_file("pass"),
+            "elsewhere.py": "from lab import Robot\n\nclass Elsewhere(Robot):\n    pass\n",
             "derived.py": "from joint_limits import JointLimits\n\nclass Derived(JointLimits):\n    pass\n",
             "odd.py": test_file("pass").replace("T(TestCase):", "T(TestCase):\n    safety = 'sti' + 'll'"),
         }
