@@ -178,7 +178,7 @@ def compare(results: RunResult, expected: dict[str, dict[str, object]]) -> list[
         if reason is not None and test.last.reason != reason:
             wrong.append(f"{name}: reason {test.last.reason!r}, expected {reason!r}")
     unknown = [test.id for test in results.tests.values() if test.id.partition("/")[2] not in expected["verdicts"]]
-    wrong.extend(f"{name}: nobody expected this test" for name in unknown)
+    wrong.extend(f"{name}: this test is not among the expected ones" for name in unknown)
     incidents = sum(len(suite.incidents) for suite in results.suites.values())
     if incidents != expected["fixture"]["incidents"]:
         wrong.append(f"{incidents} fixture incidents, expected {expected['fixture']['incidents']}")

@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 from rtf.cli.arguments import blank_options, build_parser
 from rtf.cli.parser import UsageError
+from rtf.testing.secret_values import MASK, is_secret
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 _VALUES = (
-    *("robot", "station", "jobs", "isolation", "memory", "retries", "repetition", "maxfail", "answer", "tags"),
+    *("robot", "station", "jobs", "isolation", "memory", "retries", "repetition", "maxfail", "answer", "tags", "wait"),
     *("style", "color", "output-type", "junit-family", "web-port", "web-host"),
 )
 _PATHS = ("runs", "output", "compare", "device-file", "reports.junit", "reports.json", "reports.ctrf", "reports.html")
@@ -212,5 +213,9 @@ def show_config(project: Project | None, words: Sequence[str]) -> Iterator[str]:
 
 def _shown(value: Any) -> str:
     if isinstance(value, list):
-        return " ".join(one if isinstance(one, str) else "=".join(one) for one in value) or "none"
+        return " ".join(one if isinstance(one, str) else _shown_pair(*one) for one in value) or "none"
     return "none" if value in (None, "") else str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _shown_pair(name: str, value: str) -> str:
+    return f"{name}={MASK if is_secret(name) else value}"

@@ -20,7 +20,7 @@ _EXAMPLES = """\
 rtf proof                          everything, on all cores; hours of robot time in minutes
 rtf proof --fast                   the subset that the project's own tests run
 rtf proof --test JointLimits       one test
-rtf proof --others                 also what nobody claims: every test on every fault, about an hour
+rtf proof --others                 also without a claim: every test on every fault, about an hour
 rtf proof --resume                 go on with a proof that was interrupted
 rtf proof --output docs/proof.md   write the matrix there"""
 

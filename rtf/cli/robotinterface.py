@@ -28,7 +28,7 @@ _EPILOG = """\
 what happens:
   startup      the devices are opened in the order of the file, then the actions of the phase startup are done, level by
                level; those that calibrate or park go on at the same time, the next level waits for them
-  run          it is ready; nothing is done until a signal comes, or somebody asks the port to quit
+  run          it is ready; nothing is done until a signal comes, or the port is asked to quit
   interrupt1   the first SIGINT, SIGTERM or SIGHUP, or quit: calibrators at work are aborted, the actions are done
   interrupt2   the second signal, interrupt3 the third: likewise, and what moves is not waited for
   shutdown     its actions are done, and the devices are closed in reverse order

@@ -67,7 +67,7 @@ def make_plan(options: argparse.Namespace) -> Plan:
 def _with_fixtures(
     suites: tuple[PlannedSuite, ...], planner: Planner, options: argparse.Namespace
 ) -> tuple[tuple[PlannedSuite, ...], tuple[Diagnosed, ...]]:
-    """The plan with what its tests ask for where nobody names a fixture: no file, as with ``--test``, or not in it."""
+    """The plan with the fixtures that its tests ask for, in each suite that names none."""
     if all(planned.suite.fixtures for planned in suites):
         return suites, ()
     from rtf.testing.implied_fixtures import with_fixtures

@@ -113,6 +113,7 @@ def test_show_config_says_what_came_from_where(folder: Path):
     assert "set = level=7 speed=2  (rtf.toml:13, command line)" in shown
     assert "reports.junit = results.xml  (rtf.toml:11)" in shown
     assert "retries = none  (default)" in shown
+    assert "secret" not in run_command(folder, "--show-config", "--set", "password=secret").stdout
 
 
 @pytest.mark.parametrize(

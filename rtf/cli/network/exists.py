@@ -120,7 +120,7 @@ def _wanted(port: Contact, target: Contact) -> str:
 
 
 def _carrier_between(network: Network, port: Contact, target: Contact) -> str:
-    """The carrier of a connection; empty when there is none, or nobody who could say so."""
+    """The carrier of a connection; empty when there is none, or the port does not answer."""
     from rtf.bottle import as_string
 
     try:

@@ -91,7 +91,7 @@ def _serve(options: Namespace) -> ExitCode:
 
 
 def _say(sentence: str) -> None:
-    with contextlib.suppress(BrokenPipeError):  # whoever listened has gone; the names are still needed
+    with contextlib.suppress(BrokenPipeError):  # the reader of the output is gone; the names are still needed
         print(sentence, flush=True)
 
 
@@ -277,7 +277,7 @@ def clean(words: Sequence[str]) -> ExitCode:
 
 
 def _accepts(port: Contact, patience: float) -> bool:
-    """Whether somebody listens there. A program that is only stopped has its connections taken by the kernel."""
+    """Whether a program listens there. One that is only stopped has its connections taken by the kernel."""
     try:
         socket.create_connection((port.host, port.port), patience).close()
     except OSError:

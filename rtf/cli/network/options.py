@@ -47,7 +47,7 @@ def own_name(text: str) -> str:
 
 
 def make_network(patience: float | None = None) -> Network:
-    """The network of the user's configuration. What becomes of its connections is told on stderr."""
+    """The network of the user's configuration. What happens to its connections is printed to stderr."""
     from rtf.cli.network.terminal import report
     from rtf.middleware.naming.configuration import find_network
 

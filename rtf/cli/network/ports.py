@@ -129,7 +129,7 @@ _NUMBERS = ("PING", "IN", "OUT", "MSG/S", "BANDWIDTH")
 
 
 def top(words: Sequence[str]) -> ExitCode:
-    """Show tables again and again until a signal; once where nobody looks on."""
+    """Show tables again and again until a signal; once where the output is no terminal."""
     parser = make_parser(
         "top",
         "Ports and connections while they work. PING is how long a port takes to answer; MSG/S and BANDWIDTH are what"

@@ -111,7 +111,7 @@ class _Printer:
                 return
             try:
                 self._print(message, delivery.envelope)
-            except OSError as error:  # nobody reads what is printed, or the disk is full: for the main thread
+            except OSError as error:  # the reader of the output is gone, or the disk is full: for the main thread
                 self.failure = error
                 self._finish()
 
@@ -131,7 +131,7 @@ class _Printer:
             self._finish()
 
     def wait(self) -> None:
-        """Return at the end: the last message was printed, or nobody reads what is printed."""
+        """Return at the end: the last message was printed, or the output cannot be written."""
         self._bell.wait()
 
     def _finish(self) -> None:
@@ -169,7 +169,7 @@ def write(words: Sequence[str]) -> ExitCode:
     parser.add_argument("targets", type=contact, nargs="*", metavar="/TARGET", help="ports to send to")
     add_carrier(parser)
     parser.add_argument(
-        "--await-reader", metavar="S", type=seconds, help="send nothing before somebody reads; give up after S seconds"
+        "--await-reader", metavar="S", type=seconds, help="send nothing before a port reads; give up after S seconds"
     )
     options = parser.parse_args(words)
     network = make_network()
@@ -179,15 +179,15 @@ def write(words: Sequence[str]) -> ExitCode:
         for target in options.targets:
             found = port.add_output(target, target.carrier or options.carrier)
             progress(f"Added connection from {port.name} to {found.carrier}:/{target.name}")
-        if options.await_reader is not None and not _somebody_reads(port, options.await_reader):
-            complain(f"nobody reads {port.name} after {options.await_reader:g} s", f"rtf connect {port.name} /READER")
+        if options.await_reader is not None and not _has_reader(port, options.await_reader):
+            complain(f"{port.name} has no reader after {options.await_reader:g} s", f"rtf connect {port.name} /READER")
             return ExitCode.FAILURES
         for line in typed():
             port.write(Bottle.parse(line))
     return ExitCode.PASSED
 
 
-def _somebody_reads(port: Port, patience: float) -> bool:
+def _has_reader(port: Port, patience: float) -> bool:
     deadline = clock.Deadline.after(patience)
     while not port.outputs and not deadline.expired:
         clock.sleep(_LOOK_AGAIN)

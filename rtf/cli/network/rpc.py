@@ -155,7 +155,7 @@ class _Question:
         self.settled = threading.Event()
 
     def settle(self, answer: Bottle | None) -> None:
-        """Answer it; None: nobody will."""
+        """Answer it; None: there will be no answer."""
         self.answer = answer
         self.settled.set()
 
@@ -174,13 +174,13 @@ class _Desk:
         question = _Question(words)
         with self._lock:
             if self._open is None:
-                raise PortClosedError("nobody answers here any more")
+                raise PortClosedError("no more answers are given here")
             self._open.add(question)
         self._questions.append(question)
         self._bell.ring()
         question.settled.wait()
         if question.answer is None:
-            raise PortClosedError("nobody answers here any more")
+            raise PortClosedError("no more answers are given here")
         return question.answer
 
     def serve(self) -> None:

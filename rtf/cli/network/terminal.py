@@ -1,7 +1,7 @@
 """How a tool begins, speaks and ends: lines in and out, signals, and what is said when something is wrong.
 
 Results go to stdout, one line at a time; prompts and progress only to a terminal. However a tool ends, its ports are
-closed and their names given back, with two exceptions: a second signal ends it at once, and nobody survives SIGKILL.
+closed and their names given back, unless a second signal or SIGKILL ends it at once.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 class Ending:
     """Makes KeyboardInterrupt of the first signal that asks for the end, though not while it is held off.
 
-    A signal that was ignored when the program started, as in the background of a script, stays ignored. Whoever waits
-    for something without an end does so with ``wait``: Python alone may miss a signal that comes just before a wait.
+    A signal that was ignored when the program started, as in the background of a script, stays ignored. To wait without
+    an end use ``wait``: Python alone may miss a signal that comes just before a wait.
     """
 
     def __init__(self) -> None:
@@ -154,7 +154,7 @@ _KNOWN = "'rtf list' shows what is registered"
 
 
 def say(text: str) -> None:
-    """Print a line for whoever uses the result, at once: it may be read by a program that waits for it."""
+    """Print a line of the result at once: a program may be waiting for it."""
     print(text, flush=True)
 
 
@@ -166,12 +166,12 @@ def complain(text: str, hint: str = "") -> None:
 
 
 def report(sentence: str) -> None:
-    """Say what became of a connection; for the network."""
+    """Print what happened to a connection; for the network."""
     print(f"[WARNING] {sentence}", file=sys.stderr, flush=True)
 
 
 def progress(text: str) -> None:
-    """Tell a person who looks on what is being waited for."""
+    """Print what is being waited for, on a terminal only."""
     if sys.stderr.isatty():
         print(text, file=sys.stderr, flush=True)
 
