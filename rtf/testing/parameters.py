@@ -353,7 +353,7 @@ _declarations: dict[type[Declared], dict[str, Parameter[Any]]] = {}
 
 
 def declarations_of(cls: type[Declared]) -> dict[str, Parameter[Any]]:
-    """The declarations of a class, looked up once: a template does so before its tests are forked from it."""
+    """The declarations of a class, looked up once: a plug-in server does so before its tests are forked from it."""
     found = _declarations.get(cls)
     if found is None:
         found = _declarations[cls] = cls.declarations()

@@ -6,10 +6,10 @@ A session lives in the test's own process. Any thread of the test may emit; only
 from __future__ import annotations
 
 import traceback
+from _thread import allocate_lock, get_ident  # ``threading`` has hooks that cost each fork, see docs/decisions/0010
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from threading import Lock, get_ident
 from typing import TYPE_CHECKING
 
 from rtf import clock
@@ -126,7 +126,7 @@ class Session:
         self._parts: list[_Part] = []
         self._send = send
         self._receive = receive
-        self._lock = Lock()
+        self._lock = allocate_lock()
         self._sending = False
         self._stoppable = False
         self._stop: str | None = None

@@ -20,5 +20,5 @@ def test_the_benchmarks_run_with_tiny_counts():
         "2 trivial tests",
         "Tests of 100 events each, all reporters",
     ]
-    assert sum(line.endswith(" s") or " s" in line for line in lines if line.startswith("  ")) == 9
+    assert sum(line.endswith(" s") or " s" in line for line in lines if line.startswith("  ")) == 10
     assert any(line.split()[:2] == ["testrunner,", "a"] and "x pytest" in line for line in lines)

@@ -10,18 +10,34 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+#: The same test as a script of the C++ framework.
+SCRIPT = """
+import robottestingframework
+
+class TestCase:
+    def setup(self, param):
+        return True
+
+    def run(self):
+        robottestingframework.testCheck(True, "holds")
+"""
+
+
 def benchmark(count: int) -> Benchmark:
     """The benchmark with so many tests."""
 
     def prepare(folder: Path) -> None:
         (folder / "trivial.py").write_text(TRIVIAL)
         (folder / "suite.xml").write_text(suite_of(count, "trivial.py"))
+        (folder / "script.py").write_text(SCRIPT)
+        (folder / "scripts.xml").write_text(suite_of(count, "script.py"))
         (folder / "test_trivial.py").write_text(
             f"import pytest\n@pytest.mark.parametrize('i', range({count}))\ndef test_trivial(i):\n    assert True\n"
         )
         (folder / "pytest.ini").write_text("[pytest]\n")  # nothing of ours
 
     run = (*TESTRUNNER, "--suite", "suite.xml", "--quiet")
+    scripts = (*TESTRUNNER, "--suite", "scripts.xml", "--quiet")
     return Benchmark(
         f"{count} trivial tests",
         [
@@ -30,7 +46,8 @@ def benchmark(count: int) -> Benchmark:
             Command(
                 "pytest --forked", (*PYTEST, "--forked", "test_trivial.py"), "pytest, in one process", may_fail=True
             ),
-            Command("testrunner, a process per test", run, "pytest, in one process", limit="goal: 1.5"),
+            Command("testrunner, a process per test", run, "pytest, in one process", limit="goal: 2.5"),
+            Command("testrunner, scripts of the C++ framework", scripts, "pytest, in one process", limit="goal: 2.5"),
             Command("testrunner --isolation suite", (*run, "--isolation", "suite"), "pytest, in one process"),
         ],
         prepare,

@@ -51,6 +51,8 @@ ORPHAN_GRACE = 10.0
 #: How long a killed process may take to vanish; one that does not is not waited for again.
 STRAY_GRACE = 5.0
 _DESCRIPTORS = 3 * 16
+#: As much of the list of children as is read in one go; further ones have their turn when these are gone.
+_CHILDREN_SIZE = 1 << 16
 
 
 class ForkServer:
@@ -64,6 +66,7 @@ class ForkServer:
         self._pids: dict[int, int] = {}  # the other way round
         self._hosts: list[int] = []
         self._unkillable: set[int] = set()
+        self._children = os.open(f"/proc/self/task/{os.getpid()}/children", os.O_RDONLY | os.O_CLOEXEC)
         self._poll = select.poll()
         self._poll.register(control, select.POLLIN)
         self._keeper = os.pidfd_open(keeper) if keeper else -1
@@ -140,14 +143,15 @@ class ForkServer:
 
     def _end_strays(self) -> None:
         """Kill the processes that this one has inherited, and wait until they are gone."""
-        deadline = clock.Deadline.after(STRAY_GRACE)
-        known = self._pidfds.keys() | self._unkillable
-        while strays := [pid for pid in processes.children_of(os.getpid()) if pid not in known]:
+        while strays := self._strays():
             for pid in strays:
                 processes.signal_process(pid, signal.SIGKILL)
-                if not processes.await_exit(pid, deadline.remaining()):
+                if not processes.await_exit(pid, STRAY_GRACE):
                     self._unkillable.add(pid)  # it must not hold up the run
-                    known = known | {pid}
+
+    def _strays(self) -> list[int]:
+        children = os.pread(self._children, _CHILDREN_SIZE, 0).split()
+        return [pid for word in children if (pid := int(word)) not in self._pidfds and pid not in self._unkillable]
 
     # The end -----------------------------------------------------------------------------------------------------
 

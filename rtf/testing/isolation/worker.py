@@ -12,8 +12,8 @@ import os
 import select
 import signal
 import sys
+from _thread import allocate_lock  # ``threading`` has hooks that cost each fork, see docs/decisions/0010
 from collections import deque
-from threading import Lock
 from typing import TYPE_CHECKING, NoReturn
 
 from rtf import clock
@@ -97,7 +97,7 @@ class Channel:
         self._descriptor = descriptor
         self._frames = Frames()
         self._received: deque[Job | Answer | Command] = deque()
-        self._lock = Lock()
+        self._lock = allocate_lock()
 
     def send(self, message: msgspec.Struct) -> None:
         """Send one message, or event, whole."""
@@ -184,7 +184,8 @@ def _work(job: Job, channel: Channel) -> None:
     )
     _session = session
     os.environ["RTF_RUN_FOLDER"] = job.run_folder  # for what a test and its fixtures leave for one another
-    os.environ.update(job.variables)
+    if job.variables:  # an update with nothing costs a fork 50 pages
+        os.environ.update(job.variables)
     session.core_dumps = job.core_dumps
     if job.terminal:
         from rtf.testing.isolation import debugger
