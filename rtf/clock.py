@@ -1,7 +1,7 @@
-"""The one door to time: what the hour is, how long something took, when it must end.
+"""Time: the current time, durations and deadlines.
 
-Nobody else imports :mod:`time`. The functions go by the machine's own clock: what supervises, waits for peers and keeps
-records does. What moves and measures a robot goes by :func:`current`, which may be the network's clock or a simulator's
+No other module imports :mod:`time`. The functions use the machine's own clock, for supervision, timeouts of peers and
+records. Code that moves and measures a robot uses :func:`current`, which may be the network's clock or a simulator's
 (:mod:`rtf.middleware.time`).
 """
 
@@ -16,85 +16,85 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-#: What must be added to the monotonic clock to get seconds since 1970, read once. Wall time therefore never jumps
-#: within a process, and children forked from it agree with it to the last bit.
+#: The offset from the monotonic clock to seconds since 1970, read once. Wall time therefore never jumps within a
+#: process, and forked children agree with it to the last bit.
 _WALL_OFFSET = time.time() - time.monotonic()
 
 FOREVER = float("inf")
 
 
 def monotonic() -> float:
-    """Seconds that never go backwards, the same for all processes of this machine."""
+    """Return seconds that never go backwards, the same for all processes of this machine."""
     return time.monotonic()
 
 
 def now() -> float:
-    """Seconds since 1970-01-01 UTC, never going backwards within one process and its forks."""
+    """Return seconds since 1970-01-01 UTC, never going backwards within one process and its forks."""
     return time.monotonic() + _WALL_OFFSET
 
 
 def sleep(seconds: float) -> None:
-    """Wait for ``seconds``; nothing happens for zero or less."""
+    """Wait for ``seconds``; zero or less returns at once."""
     if seconds > 0:
         time.sleep(seconds)
 
 
 def iso(wall: float, *, milliseconds: bool = True) -> str:
-    """Write wall-clock seconds as ISO 8601 in UTC, such as ``2026-11-21T02:34:32.120Z``."""
+    """Return wall-clock seconds as ISO 8601 in UTC, such as ``2026-11-21T02:34:32.120Z``."""
     whole = int(wall // 1)
     text = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(whole))
     return f"{text}.{int((wall - whole) * 1000):03d}Z" if milliseconds else f"{text}Z"
 
 
 def local_stamp(wall: float) -> str:
-    """Write wall-clock seconds as a sortable local stamp for file names, such as ``20261121-023432``."""
+    """Return wall-clock seconds as a sortable local stamp for file names, such as ``20261121-023432``."""
     return time.strftime("%Y%m%d-%H%M%S", time.localtime(wall))
 
 
 @dataclass(frozen=True, slots=True)
 class Deadline:
-    """A moment on the monotonic clock by which something must have ended; handed down instead of numbers of seconds."""
+    """A time limit on the monotonic clock; passed down instead of numbers of seconds."""
 
     at: float = FOREVER
     limit: float = FOREVER
 
     @classmethod
     def after(cls, seconds: float | None) -> Deadline:
-        """Make the deadline ``seconds`` from now; None means never."""
+        """Return the deadline ``seconds`` from now; None means never."""
         if seconds is None or seconds == FOREVER:
             return cls()
         return cls(monotonic() + seconds, seconds)
 
     def remaining(self) -> float:
-        """Seconds left, never negative, ``inf`` when there is no limit."""
+        """Return the seconds left, never negative, ``inf`` without a limit."""
         return max(0.0, self.at - monotonic())
 
     @property
     def expired(self) -> bool:
-        """Whether the moment has passed."""
+        """Whether the deadline has passed."""
         return self.at <= monotonic()
 
     def earliest(self, other: Deadline) -> Deadline:
-        """The one of two deadlines that comes first."""
+        """Return the earlier of two deadlines."""
         return self if self.at <= other.at else other
 
 
 class Clock(ABC):
-    """The time that a robot lives in: the machine's, or that of a simulator.
+    """The clock of a robot: the machine's, or a simulator's.
 
-    All may be called from any thread.
+    All methods may be called from any thread.
     """
 
     @abstractmethod
     def now(self) -> float:
-        """Seconds since this clock's beginning, which for the machine's own is 1970."""
+        """Return seconds since this clock's epoch, which for the machine's own is 1970."""
 
     @abstractmethod
     def sleep(self, seconds: float) -> None:
-        """Wait until the clock is so much later; nothing happens for zero or less."""
+        """Wait for ``seconds`` of this clock; zero or less returns at once."""
 
-    def close(self) -> None:  # noqa: B027 - a clock that needs nothing gives nothing back
-        """Give back what the clock needed. Doing so again changes nothing."""
+    def close(self) -> None:  # noqa: B027 - most clocks hold no resources
+        """Release the resources of the clock. A second call has no effect."""
 
 
 class SystemClock(Clock):
@@ -111,13 +111,13 @@ _current: list[Clock] = [SystemClock()]
 
 
 def current() -> Clock:
-    """The clock of the robot that this process works with; the machine's own until :func:`use` says otherwise."""
+    """Return the clock of this process's robot; the machine's own unless :func:`use` has set another one."""
     return _current[-1]
 
 
 @contextmanager
 def use(chosen: Clock) -> Iterator[Clock]:
-    """Make a clock the robot's within the block; it is closed at its end."""
+    """Use a clock as the robot's within the block, and close it at the end."""
     _current.append(chosen)
     try:
         yield chosen

@@ -1,4 +1,4 @@
-"""The base of every error RTF raises, and the place in a file that an error names."""
+"""The base class of RTF's errors, and the file location that an error names."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 class RtfError(Exception):
-    """Base of all errors of the framework: a sentence that names the thing, the place and the hint."""
+    """Base class of all errors of the framework. The message names the object, the location and a hint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +18,7 @@ class Location:
     column: int = 0
 
     def __str__(self) -> str:
-        """Write the place the way compilers and editors read it, such as ``suite.xml:12:5``."""
+        """Return the location as compilers write it, such as ``suite.xml:12:5``."""
         parts = [self.file or "<string>"]
         if self.line:
             parts.append(str(self.line))

@@ -1,8 +1,8 @@
-"""Bottles: the values that robots, tests and configuration files exchange, in YARP's types and YARP's text form.
+"""Bottles: the values of messages and configuration files, with YARP's types and YARP's text form.
 
-``Bottle.parse('[set] [pos] 0 10.0')`` reads, ``bottle.to_text()`` writes, ``bottle.find("key")`` looks up, and
-``as_int``, ``as_float``, ``as_string`` … convert as YARP does. :class:`Property` keeps groups by key. Everything else
-a user meets here is a scalar type that Python does not have. This package knows neither files nor ports.
+``Bottle.parse('[set] [pos] 0 10.0')`` parses, ``bottle.to_text()`` formats, ``bottle.find("key")`` looks up, and
+``as_int``, ``as_float``, ``as_string`` … convert as YARP does. :class:`Property` stores groups by key. The other names
+are scalar types that Python does not have. This package uses neither files nor ports.
 """
 
 from rtf.bottle.access import (

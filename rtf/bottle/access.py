@@ -1,8 +1,7 @@
-"""What a value is when it is asked for as something else; every question has an answer, for a missing value too.
+"""Conversions of a value to another type, as in YARP; a missing value can be converted, too.
 
-These are YARP's conversions. They never raise: what has no sensible answer gives 0, the empty string, false or
-``None``. Strings are not parsed: ``as_int("5")`` is 0. The questions for a list and a property stand beside those
-classes.
+They never raise: a value without a sensible conversion gives 0, the empty string, false or ``None``. Strings are not
+parsed: ``as_int("5")`` is 0. The conversions to a list and a property are beside those classes.
 """
 
 from __future__ import annotations
@@ -19,10 +18,10 @@ _TRUTHS = (0, ord("1"))
 
 
 def as_int(value: Value | None, bits: int = 64) -> int:
-    """The integer: numbers cut towards zero, vocabs as their packed number, 0 for the rest.
+    """Return an integer: numbers truncated towards zero, vocabs as their packed number, else 0.
 
-    A number too large for ``bits`` wraps around, as a C cast does. An infinite float gives the largest 64-bit number
-    of its sign, cut to ``bits``; a float that is no number gives 0.
+    A number too large for ``bits`` wraps around, as in a C cast. An infinite float gives the largest 64-bit number of
+    its sign, truncated to ``bits``; NaN gives 0.
     """
     if isinstance(value, float):
         value = _whole(value)
@@ -43,38 +42,38 @@ def _whole(value: float) -> int:
 
 
 def as_float(value: Value | None) -> float:
-    """The number in double precision: numbers as they are, vocabs as their packed number, 0.0 for the rest."""
+    """Return a float: numbers unchanged, vocabs as their packed number, else 0.0."""
     if isinstance(value, int | float):
         return float(value)
     return float(value.value) if isinstance(value, Vocab) else 0.0
 
 
 def as_float32(value: Value | None) -> float:
-    """As :func:`as_float`, rounded to single precision."""
+    """Return the same as :func:`as_float`, rounded to single precision."""
     return to_single(as_float(value))
 
 
 def as_bool(value: Value | None) -> bool:
-    """Whether an integer or a vocab is not 0; everything else is false, floats and the string ``true`` included."""
+    """Return whether an integer or a vocab is not 0; False for all else, floats and the string ``true`` included."""
     if isinstance(value, Vocab):
         return bool(value)
     return isinstance(value, int) and value != 0
 
 
 def is_bool(value: Value | None) -> bool:
-    """Whether the value is one of the two vocabs that stand for false and true."""
+    """Return whether the value is one of the two vocabs for false and true."""
     return isinstance(value, Vocab) and value.value in _TRUTHS
 
 
 def as_string(value: Value | None) -> str:
-    """A string as it is, a vocab as its characters or ``true`` or ``false``, else the empty string."""
+    """Return a string unchanged, a vocab as its characters or ``true`` or ``false``, else the empty string."""
     if isinstance(value, str):
         return value
     return str(value) if isinstance(value, Vocab) else ""
 
 
 def as_vocab(value: Value | None) -> Vocab:
-    """A vocab of 32 bits: a vocab as it is, the first four bytes of a string, an integer's lowest 32 bits, else 0."""
+    """Return a 32-bit vocab: of a vocab, the first four bytes of a string, or an integer's low 32 bits; else 0."""
     if isinstance(value, str):
         return Vocab.truncated(value)
     if isinstance(value, float):
@@ -83,5 +82,5 @@ def as_vocab(value: Value | None) -> Vocab:
 
 
 def as_bytes(value: Value | None) -> bytes | None:
-    """The bytes of a blob, ``None`` for anything else."""
+    """Return the bytes of a blob, ``None`` for anything else."""
     return value if isinstance(value, bytes) else None

@@ -1,4 +1,4 @@
-"""Tells whether text is complete: a reader of lines goes on reading until quotes, lists and blobs are all closed."""
+"""A check whether text is complete: a reader of lines appends lines until quotes, lists and blobs are closed."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ _STEP = {"(": (1, 0), ")": (-1, 0), "{": (0, 1), "}": (0, -1)}
 
 
 class Balance:
-    """Counts what is open in text that arrives in pieces; a backslash protects the next character of its piece.
+    """Counts open quotes, lists and blobs in text that arrives in pieces.
 
-    YARP counts and does not match: ``)`` before ``(`` makes the text incomplete until a ``(`` makes up for it.
+    A backslash escapes the next character of the same piece.
+
+    As in YARP they are counted, not matched: ``)`` before ``(`` makes the text incomplete until a ``(`` balances it.
     """
 
     __slots__ = ("_braces", "_lists", "_quoted", "_since", "_size")
@@ -34,7 +36,7 @@ class Balance:
         return self._since
 
     def feed(self, text: str) -> bool:
-        """Count a further piece; return :attr:`complete`."""
+        """Process a further piece; return :attr:`complete`."""
         for mark in _MARK.finditer(text):
             character = mark[0]
             if character == '"':
@@ -53,5 +55,5 @@ class Balance:
 
 
 def is_complete(text: str) -> bool:
-    """Whether every quote, list and blob in ``text`` is closed; if not, a reader of lines appends the next line."""
+    """Return whether every quote, list and blob in ``text`` is closed."""
     return Balance().feed(text)

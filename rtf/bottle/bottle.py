@@ -1,4 +1,4 @@
-"""The bottle: a list of typed values, and the rules by which values and groups are looked up in it."""
+"""The bottle: a list of typed values, with look-ups of values and groups by key."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rtf.bottle.writing import items_text, to_string
 
 
 class Bottle(MutableSequence[Value], Container):
-    """A list of values. What is put in is checked and made a value at once; a bottle inside a bottle is a list value.
+    """A list of values. Elements are checked and converted when they are added; a nested bottle is a list value.
 
     ``bool`` becomes a vocab, lists, tuples and arrays become bottles, enumerations their plain value. Two bottles are
     equal when the types and contents of their elements are (``1`` is not ``1.0``). Membership and ``index`` use
@@ -29,7 +29,7 @@ class Bottle(MutableSequence[Value], Container):
 
     @staticmethod
     def adopt(items: list[Value]) -> Bottle:
-        """Make a bottle of a list that nobody else keeps and that holds only values; nothing is checked or copied."""
+        """Return a bottle that takes ownership of a list of values; nothing is checked or copied."""
         bottle: Bottle = Bottle.__new__(Bottle)
         bottle._items = items
         return bottle
@@ -40,12 +40,12 @@ class Bottle(MutableSequence[Value], Container):
         return cls.adopt(items)
 
     def elements(self) -> list[Value]:
-        """The list that the bottle keeps its elements in; not to be changed."""
+        """Return the list of the bottle's elements, which must not be changed."""
         return self._items
 
     @staticmethod
     def parse(text: str, *, strict: bool = False, dialect: Dialect = Dialect.YARP3) -> Bottle:
-        """Read the text form. As in YARP an element that is not closed is dropped; ``strict`` raises an error for it.
+        """Parse the text form. As in YARP an element that is not closed is dropped; ``strict`` raises an error.
 
         Raises :class:`BottleLimitError` for text that is too long or too deeply nested, :class:`BottleSyntaxError`
         when strict, :class:`BottleError` for a vocab that cannot be written as UTF-8, and nothing else.
@@ -53,19 +53,19 @@ class Bottle(MutableSequence[Value], Container):
         return Bottle.adopt(read_items(text, strict=strict, dialect=dialect))
 
     def to_text(self) -> str:
-        """Write the text form: elements separated by one blank, without parentheses around the whole."""
+        """Return the text form: elements separated by one blank, without outer parentheses."""
         return items_text(self._items)
 
     def get(self, index: int, default: Value | None = None) -> Value | None:
-        """The element at ``index``, or ``default`` where there is none; a negative index has none, as in YARP."""
+        """Return the element at ``index``, or ``default`` if there is none; as in YARP a negative index has none."""
         return self._items[index] if 0 <= index < len(self._items) else default
 
     def tail(self) -> Bottle:
-        """A new bottle of all elements but the first."""
+        """Return a new bottle of all elements but the first."""
         return self.adopt(self._items[1:])
 
     def find(self, key: str) -> Value | None:
-        """The second element of the list ``(key …)``, or the element after a flat ``key``; ``None`` when there is none.
+        """Return the second element of the list ``(key …)``, or the element after a flat ``key``; else ``None``.
 
         The elements are scanned in order and the first match wins, even when nothing follows it.
         """
@@ -76,11 +76,11 @@ class Bottle(MutableSequence[Value], Container):
         return found.get(1) if isinstance(found, Bottle) else self.get(index + 1)
 
     def check(self, key: str) -> bool:
-        """Whether ``key`` begins a list in this bottle or is an element itself."""
+        """Return whether ``key`` is the first element of a list in this bottle, or an element itself."""
         return self._position(key) >= 0
 
     def find_group(self, key: str) -> Bottle | None:
-        """The list ``(key …)`` itself, or for a flat key a new bottle of the key and the element after it."""
+        """Return the list ``(key …)`` itself, or for a flat key a new bottle of the key and the next element."""
         index = self._position(key)
         if index < 0:
             return None
@@ -95,11 +95,11 @@ class Bottle(MutableSequence[Value], Container):
         return -1
 
     def insert(self, index: SupportsIndex, value: object) -> None:
-        """Put a value in front of ``index``, as ``list.insert`` does; errors as for :func:`coerce`."""
+        """Insert a value before ``index``; errors as for :func:`coerce`."""
         self._items.insert(index, coerce(value))
 
     def append(self, value: object) -> None:
-        """Add one value at the end; errors as for :func:`coerce`."""
+        """Append a value; errors as for :func:`coerce`."""
         self._items.append(coerce(value))
 
     def __len__(self) -> int:
@@ -139,16 +139,16 @@ class Bottle(MutableSequence[Value], Container):
 
 
 def coerce(value: object) -> Value:
-    """Make a value of a Python object.
+    """Convert a Python object to a value.
 
-    Raises :class:`BottleTypeError` for an object that is none and :class:`BottleError` for a number beyond 64 bits.
+    Raises :class:`BottleTypeError` for an unsupported type and :class:`BottleError` for a number beyond 64 bits.
     """
     if is_value(value):
-        return value  # type: ignore[return-value]  # which is what was asked
+        return value  # type: ignore[return-value]  # as is_value has checked
     for types, convert in _CONVERSIONS:
         if isinstance(value, types):
             return convert(value)
-    if hasattr(value, "tolist"):  # the arrays and scalars of numpy and its kin
+    if hasattr(value, "tolist"):  # arrays and scalars of numpy and similar libraries
         return coerce(value.tolist())
     raise BottleTypeError(f"a {type(value).__name__} cannot be put into a bottle: {value!r}")
 
@@ -159,7 +159,7 @@ def _whole(value: int) -> int:
     return int(value)
 
 
-_CONVERSIONS: tuple[tuple[Any, Callable[[Any], Value]], ...] = (  # each function takes the types it stands beside
+_CONVERSIONS: tuple[tuple[Any, Callable[[Any], Value]], ...] = (  # each function converts the types beside it
     (bool, lambda value: TRUE if value else FALSE),
     (int, _whole),
     (float, float),
@@ -170,7 +170,7 @@ _CONVERSIONS: tuple[tuple[Any, Callable[[Any], Value]], ...] = (  # each functio
 
 
 def same(one: Value, other: Value, depth: int = 0) -> bool:
-    """Whether two values agree in type and content; raises :class:`BottleLimitError` below the greatest depth."""
+    """Return whether two values agree in type and content. Raises :class:`BottleLimitError` if nested too deeply."""
     if depth > MAX_DEPTH:
         raise BottleLimitError(f"a bottle is nested more than {MAX_DEPTH} levels deep, or inside itself")
     if kind_of(one) is not kind_of(other):
@@ -181,5 +181,5 @@ def same(one: Value, other: Value, depth: int = 0) -> bool:
 
 
 def as_list(value: Value | None) -> Bottle | None:
-    """The list, ``None`` for anything else, a property included."""
+    """Return a list, ``None`` for anything else, a property included."""
     return value if isinstance(value, Bottle) else None

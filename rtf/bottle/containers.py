@@ -1,7 +1,7 @@
-"""What everything here has to know of lists and properties without knowing their classes.
+"""The common base of lists and properties, for modules that must not import these classes.
 
-Those who read and write values stand below :class:`~rtf.bottle.Bottle`, which uses them; what they need of it is
-here. The classes themselves announce what they are when they are defined.
+The readers and writers of values are imported by :class:`~rtf.bottle.Bottle`; what they need of it is here. The classes
+register themselves when they are defined.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from rtf.bottle.values import (
 )
 
 MAX_DEPTH = 100
-"""How deep lists may be nested, in text, on the wire and in memory; YARP has no bound, robots use three levels."""
+"""The largest nesting of lists, in text, on the wire and in memory; YARP has no limit, robots use three levels."""
 
 
 class Container(ABC):
-    """A value that is made of values: a bottle, which is a list, or a property."""
+    """A value that contains values: a bottle, which is a list, or a property."""
 
     __slots__ = ()
     kind: ClassVar[Kind]
@@ -41,11 +41,11 @@ class Container(ABC):
     @classmethod
     @abstractmethod
     def of_elements(cls, items: list[Value]) -> Container:
-        """Make one of elements that nobody else keeps; nothing is checked or copied."""
+        """Return a container that takes ownership of elements; nothing is checked or copied."""
 
     @abstractmethod
     def elements(self) -> list[Value]:
-        """Its elements, of a property its groups, in the order in which they are written. Not to be changed."""
+        """Return the elements, of a property its groups, in the order of writing. They must not be changed."""
 
 
 Value: TypeAlias = int | float | str | bytes | Vocab | Container
@@ -67,12 +67,12 @@ _KINDS: dict[type, Kind] = {
 
 
 def is_value(value: object) -> bool:
-    """Whether the object may stand in a bottle as it is. Of plain integers those beyond 64 bits may not, too."""
+    """Return whether an object may be in a bottle without conversion; False for plain integers, which are checked."""
     return type(value) in _KINDS
 
 
 def kind_of(value: Value) -> Kind:
-    """The type of a value; raises :class:`BottleTypeError` for an object that is none."""
+    """Return the type of a value. Raises :class:`BottleTypeError` for any other object."""
     if type(value) is int:
         return Kind.INT32 if INT32_MIN <= value <= INT32_MAX else Kind.INT64
     try:

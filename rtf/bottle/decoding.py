@@ -1,7 +1,7 @@
-"""Reads binary bottles. Every count and length is checked against the bytes that are there before it is believed.
+"""The decoder of binary bottles. Every count and length is checked against the bytes that are there.
 
-The reader hopes that the bottle is whole: it looks at the end of the bytes only where reading past it would go
-unnoticed. When it meets the end, :mod:`rtf.bottle.extent` says how much is missing.
+The decoder assumes that the bottle is complete, and checks for the end of the bytes only where reading past it would
+not be noticed. When it meets the end, :mod:`rtf.bottle.extent` computes how much is missing.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class _CutOffError(Exception):
 
 
 def decode(data: bytes | bytearray | memoryview, dialect: Dialect = Dialect.YARP3) -> Bottle:
-    """Read a bottle that fills ``data``. Raises :class:`BottleError` for anything else."""
+    """Decode a bottle that fills ``data``. Raises :class:`BottleError` for anything else."""
     bottle, end = decode_from(data, 0, dialect)
     if end != len(data):
         raise BottleSyntaxError(f"{len(data) - end} bytes follow the bottle, which has {end}")
@@ -50,31 +50,31 @@ def decode(data: bytes | bytearray | memoryview, dialect: Dialect = Dialect.YARP
 def decode_from(
     data: bytes | bytearray | memoryview, start: int = 0, dialect: Dialect = Dialect.YARP3
 ) -> tuple[Bottle, int]:
-    """Read the bottle that begins at ``start``; returns it and where it ends. Further bytes may follow.
+    """Decode the bottle at ``start``; return it and its end offset. Further bytes may follow.
 
-    Raises :class:`TruncatedBottleError` when there are too few bytes, :class:`BottleLimitError` when it is too deep or
-    holds too much, and :class:`BottleSyntaxError` for a code that is none.
+    Raises :class:`TruncatedBottleError` if bytes are missing, :class:`BottleLimitError` for too many levels or
+    elements, and :class:`BottleSyntaxError` for an unknown code.
     """
     if type(data) is bytearray:
-        data = memoryview(data)  # of which a part can be taken without a copy
+        data = memoryview(data)  # a slice of a memoryview is not a copy
     tags = TAGS[dialect]
     try:
         code, count = _pair_at(data, start)
         alike = tags.lists.get(code)
         if alike is not None and 0 <= count <= MAX_ELEMENTS:
-            # The words of a command, the numbers of a vector: nothing else has to be set up for these.
+            # The fast path for the words of a command and the numbers of a vector, without a reader object.
             return Bottle.adopt(_scalars(data, start + 8, count, alike)), start + 8 + count * alike.size
         if code & tags.not_list or not code & GROUP:
             raise BottleSyntaxError(f"{code} is not the code of a list")
         items, end = _Reader(data, tags).items(count, code & tags.unit, start + 8, 0)
     except (struct.error, _CutOffError):
-        end = extent(data, start, dialect)  # which raises, too, and says how much is missing
+        end = extent(data, start, dialect)  # raises TruncatedBottleError with the number of missing bytes
         raise TruncatedBottleError(end - start) from None
     return Bottle.adopt(items), end
 
 
 class _Reader:
-    """The reading of one bottle; ``left`` is how many elements it may still have, in all its lists."""
+    """The decoding of one bottle; ``left`` is how many elements it may still have, in all its lists."""
 
     __slots__ = ("data", "left", "size", "tags")
 
@@ -85,7 +85,7 @@ class _Reader:
         self.left = MAX_ELEMENTS
 
     def items(self, count: int, sub: int, at: int, depth: int) -> tuple[list[Value], int]:
-        """The elements of a list and its end; they are of the type ``sub``, or each has its code when that is 0."""
+        """Decode the elements of a list; return them and the end. ``sub``: their common type, or 0 for mixed types."""
         self.left -= count
         if count < 0 or self.left < 0:
             raise BottleLimitError(f"a list of {count} elements is too long for a message")
@@ -96,8 +96,8 @@ class _Reader:
     def _mixed(self, count: int, at: int, depth: int) -> tuple[list[Value], int]:
         if at + 4 * count > self.size:
             raise _CutOffError
-        # Flat on purpose, the frequent types first: this loop is what an RPC spends its time in. Eight bytes are read
-        # at once, the code and what nearly always is a number, a length or a count; the last element may be shorter.
+        # No helper functions, frequent types first: this loop dominates the time of an RPC. Eight bytes are read at
+        # once, the code and usually a number, a length or a count; the last element may be shorter.
         data, size, float64 = self.data, self.size, self.tags.float64_code
         items: list[Value] = []
         append = items.append
@@ -142,7 +142,7 @@ class _Reader:
         return [], at
 
     def _texts(self, count: int, code: int, at: int) -> tuple[list[Value], int]:
-        """So many strings or blobs in a row, each behind its length."""
+        """Decode ``count`` strings or blobs, each after its length."""
         data, size = self.data, self.size
         items: list[Value] = []
         for _ in range(count):
@@ -157,7 +157,7 @@ class _Reader:
         return items, at
 
     def _element(self, code: int, at: int, depth: int) -> tuple[Value, int]:
-        """The element after its code, and where it ends."""
+        """Decode the element after its code; return it and the end."""
         fixed = self.tags.fixed.get(code)
         if fixed is not None:
             (value,) = fixed.one.unpack_from(self.data, at)
@@ -179,7 +179,7 @@ class _Reader:
 
 
 def _scalars(data: bytes | bytearray | memoryview, at: int, count: int, scalar: Scalar) -> list[Value]:
-    """So many elements of one type of fixed size."""
+    """Decode ``count`` elements of one type of fixed size."""
     values = several(count, scalar.letter).unpack_from(data, at)
     make = scalar.make
     return [*values] if make is None else [*map(make, values)]

@@ -1,4 +1,4 @@
-"""Writes binary bottles."""
+"""The encoder of binary bottles."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
 
     from rtf.bottle.tags import Scalar, Tags
 
-#: From this size on a blob is handed on as it is instead of being copied.
+#: From this size on a blob is passed on without a copy, in bytes.
 LARGE_BLOB = 64 << 10
-#: Blocks that a bottle is handed on in; the kernel takes about a thousand in one call.
+#: The largest number of blocks of a bottle; the kernel accepts about a thousand in one call.
 MAX_BLOCKS = 200
 _INT32, _STRING, _VOCAB32, _BLOB = 1, 4, 9, 12
-#: The codes of rows of what is no number of a fixed size.
+#: The list codes of types that are not numbers of fixed size.
 _ROWS: dict[type, int] = {str: _STRING, bytes: _BLOB, Vocab64: _VOCAB32}
 _pack_pair = pair.pack
 _pack_double = struct.Struct("<id").pack
 
 
 def encode(bottle: Container, dialect: Dialect = Dialect.YARP3) -> bytes:
-    """Write a bottle, or a property as the bottle of its groups. Raises BottleError when it is nested too deeply."""
+    """Encode a bottle, or a property as the bottle of its groups. Raises BottleError if it is nested too deeply."""
     items = bottle.elements()
     parts = [b""]
     sub = _Writer(TAGS[dialect], parts).items(items, 0)
@@ -36,9 +36,9 @@ def encode(bottle: Container, dialect: Dialect = Dialect.YARP3) -> bytes:
 
 
 def encode_blocks(bottle: Container, dialect: Dialect = Dialect.YARP3) -> list[bytes]:
-    """As :func:`encode`, in blocks that follow each other: large blobs are blocks of their own and not copied."""
+    """Encode to consecutive blocks: large blobs are blocks of their own and not copied. Otherwise as :func:`encode`."""
     items, tags = bottle.elements(), TAGS[dialect]
-    # The words of a command, the numbers of a vector: nothing else has to be set up for these.
+    # The fast path for the words of a command and the numbers of a vector, without a writer object.
     alike = None
     if items and type(items[0]) is type(items[-1]) and type(items[0]) in tags.numbers:
         alike = _scalars(items, tags)
@@ -62,14 +62,14 @@ def encode_blocks(bottle: Container, dialect: Dialect = Dialect.YARP3) -> list[b
 
 
 def encode_element(value: Value, dialect: Dialect = Dialect.YARP3) -> bytes:
-    """Write one value as it stands in a list of mixed types: its code, then itself."""
+    """Encode a value as an element of a list of mixed types: its code, then the value."""
     parts: list[bytes] = []
     _Writer(TAGS[dialect], parts).element(value, 0)
     return b"".join(parts)
 
 
 class _Writer:
-    """The writing of one bottle into ``parts``; ``large`` are the places of blobs that should not be copied."""
+    """The encoding of a bottle into ``parts``; ``large`` are the indexes of blobs that should not be copied."""
 
     __slots__ = ("large", "parts", "tags")
 
@@ -79,14 +79,14 @@ class _Writer:
         self.large: list[int] = []
 
     def items(self, items: list[Value], depth: int) -> int:
-        """Append the elements of a list; returns the code they have in common, or 0."""
+        """Append the elements of a list; return their common code, or 0."""
         if depth > MAX_DEPTH:
             raise BottleLimitError(f"a bottle is nested more than {MAX_DEPTH} levels deep, or inside itself")
-        if items and type(items[0]) is type(items[-1]):  # else they are not all alike
+        if items and type(items[0]) is type(items[-1]):  # otherwise the types differ
             code = self._alike(items)
             if code:
                 return code
-        # Flat on purpose, the frequent types first: this loop is what an RPC spends its time in.
+        # No helper functions, frequent types first: this loop dominates the time of an RPC.
         append, float64 = self.parts.append, self.tags.float64_code
         for value in items:
             cls = type(value)
@@ -104,7 +104,7 @@ class _Writer:
         return 0
 
     def _alike(self, items: list[Value]) -> int:
-        """Append the elements without codes and return their code, if they are scalars of one type; else 0."""
+        """Append the elements without codes and return their code, if they are scalars of one type; else return 0."""
         cls = type(items[0])
         if cls in self.tags.numbers:
             alike = _scalars(items, self.tags)
@@ -144,7 +144,7 @@ class _Writer:
             self._blob(_pack_pair(_BLOB, len(value)), value)
         elif isinstance(value, Vocab64):
             self.parts.append(_pack_pair(_VOCAB32, _first_word(value)))
-        elif kind_of(value) is Kind.INT32:  # or it is nothing that can be written, and this says so
+        elif kind_of(value) is Kind.INT32:  # raises an error for an unsupported type
             self.parts.append(_pack_pair(_INT32, value))
         else:
             self.parts.append(self.tags.int64.with_code.pack(self.tags.int64.code, value))
@@ -157,7 +157,7 @@ class _Writer:
 
 
 def _scalars(items: list[Value], tags: Tags) -> tuple[Scalar, Sequence[Any]] | None:
-    """The type that all elements have if it is one of fixed size, and the numbers that are written for them."""
+    """Return the common type of elements if it is one of fixed size, and the numbers to encode; else None."""
     cls = type(items[0])
     if cls is Vocab:
         numbers: list[int] = []
@@ -176,13 +176,13 @@ def _scalars(items: list[Value], tags: Tags) -> tuple[Scalar, Sequence[Any]] | N
 
 
 def _integer(items: list[int], tags: Tags) -> Scalar | None:
-    """What plain integers have in common: 32 bits, or that each of them needs 64."""
+    """Return the common type of plain integers: 32 bits, or 64 if each of them needs it; else None."""
     if min(items) >= INT32_MIN and max(items) <= INT32_MAX:
         return tags.int32
     return None if any(INT32_MIN <= value <= INT32_MAX for value in items) else tags.int64
 
 
 def _first_word(value: Value) -> int:
-    """Of a vocab of eight characters the first four, which is what YARP 3 makes of it."""
+    """Return the first four characters of an eight-character vocab, which is what YARP 3 uses."""
     number = int(value)  # type: ignore[arg-type]
     return int.from_bytes(number.to_bytes(8, "little", signed=True)[:4], "little", signed=True)

@@ -1,4 +1,4 @@
-"""What can go wrong with values: one base error and three leaves, with the offset in the text if any."""
+"""The errors of values: one base class and three subclasses, with the offset in the text if there is one."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from rtf.errors import RtfError
 
 
 class BottleError(RtfError, ValueError):
-    """A value or a text that cannot be one; ``offset`` counts characters from 0, -1 stands for no text."""
+    """An invalid value or text; ``offset`` counts characters from 0, -1 means that there is no text."""
 
     def __init__(self, message: str, offset: int = -1) -> None:
         super().__init__(message if offset < 0 else f"{message} (column {offset + 1})")
@@ -14,11 +14,11 @@ class BottleError(RtfError, ValueError):
 
 
 class BottleSyntaxError(BottleError):
-    """Text that a strict reader refuses: a quote, list or blob that is not closed, or closed without being opened."""
+    """Text that a strict parser refuses: a quote, list or blob that is not closed, or closed without being opened."""
 
 
 class BottleLimitError(BottleError):
-    """Text or a bottle beyond the bounds of size, depth or work; with them no input can hang or exhaust us."""
+    """Text or a bottle beyond the limits of size, depth or work, which prevent that input exhausts the process."""
 
 
 class BottleTypeError(BottleError, TypeError):

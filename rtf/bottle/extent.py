@@ -1,8 +1,8 @@
-"""Finds where a binary bottle ends without building it, also while its bytes are still arriving.
+"""The end of a binary bottle, found without decoding it, also while its bytes are still arriving.
 
-Replies and the messages of some carriers have no frame: the bottle itself tells where it ends. :class:`Scanner` reads
-codes, counts and lengths once, whatever the pieces in which they come, and keeps its place in between; so a peer that
-sends byte by byte costs no more than one that does not.
+Replies and the messages of some carriers have no length prefix: the bottle itself is self-delimiting. :class:`Scanner`
+reads codes, counts and lengths once, whatever the pieces in which they arrive, and keeps its position in between; a
+peer that sends byte by byte therefore costs no more than any other.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ _TEXTS = (Kind.STRING, Kind.BLOB)
 
 
 def extent(data: bytes | bytearray | memoryview, start: int = 0, dialect: Dialect = Dialect.YARP3) -> int:
-    """Where the bottle that begins at ``start`` ends. Raises what :func:`~rtf.bottle.binary.decode_from` raises."""
+    """Return the end of the bottle at ``start``. Raises the errors of :func:`~rtf.bottle.binary.decode_from`."""
     return Scanner(dialect, start).end(data)
 
 
 def possible_dialects(data: bytes | bytearray | memoryview) -> tuple[Dialect, ...]:
-    """The dialects in which these bytes are exactly one bottle.
+    """Return the dialects in which these bytes are exactly one bottle.
 
-    A bottle without floats is one in both. With a float it nearly always is in one only, the peer's: 4.0's double has
-    a code that 3 does not know, and 3's double is 4.0's float with four bytes too many. A peer's dialect is known as
-    soon as one of its bottles is possible in one dialect only. None at all: the bytes are no whole bottle.
+    A bottle without floats is valid in both. With a float it is nearly always valid in one only, the peer's: 4.0's
+    double has a code unknown to 3, and 3's double is 4.0's float with four bytes too many. A peer's dialect is known as
+    soon as one of its bottles is valid in one dialect only. An empty result: the bytes are not a complete bottle.
     """
     return tuple(dialect for dialect in Dialect if _is_bottle(data, dialect))
 
@@ -43,7 +43,7 @@ def _is_bottle(data: bytes | bytearray | memoryview, dialect: Dialect) -> bool:
 
 
 class Scanner:
-    """One bottle, from ``start`` of the bytes on. Of a bottle that was cut off, ``end`` goes on where it stopped."""
+    """The scan of a bottle at ``start``. After a truncated bottle, ``end`` continues where it stopped."""
 
     __slots__ = ("_at", "_elements", "_lists", "_start", "_tags")
 
@@ -52,13 +52,14 @@ class Scanner:
         self._start = start
         self._at = start
         self._elements = 0
-        #: Of each list that is open: how many elements are left, and the code of each, or 0.
+        #: For each open list: how many elements are left, and the code of each, or 0.
         self._lists: list[tuple[int, int]] | None = None
 
     def end(self, data: bytes | bytearray | memoryview) -> int:
-        """Where the bottle ends. ``data`` are all bytes that there are now, those of the last call at their places.
+        """Return the end of the bottle. ``data`` is all bytes so far, including those of earlier calls.
 
-        Raises :class:`TruncatedBottleError` when it needs more, :class:`BottleError` when it is none; then it is done.
+        Raises :class:`TruncatedBottleError` if bytes are missing, :class:`BottleError` if it is invalid, after which
+        the scanner cannot be used.
         """
         if self._lists is None:
             code, count = pair.unpack_from(data, self._reach(data, self._at, pair.size))
@@ -73,7 +74,7 @@ class Scanner:
         return self._reach(data, self._at, 0)
 
     def _walk(self, data: bytes | bytearray | memoryview, count: int, sub: int) -> None:
-        """Pass over elements, until the list ends or another one begins; if cut off, leave the place to go on at."""
+        """Skip elements until the list ends or another one begins. If truncated, store the position to continue at."""
         lists, sizes, at = self._lists, self._tags.sizes, self._at
         assert lists is not None
         size = sizes.get(sub)
@@ -81,7 +82,7 @@ class Scanner:
             self._at += count * size
             return
         try:
-            # The least that is missing: four bytes an element. Said at once, it spares waiting for each of them.
+            # At least four bytes per element must follow. Asking for all of them at once saves waiting for each.
             self._reach(data, at, 4 * count)
             while count:
                 code, body = (sub, at) if sub else self._code(data, at)
@@ -111,7 +112,7 @@ class Scanner:
         return code, at + 4
 
     def _inner(self, data: bytes | bytearray | memoryview, code: int, at: int) -> tuple[int, int, int]:
-        """Of a list or a property inside: the code of its elements, their number, and where they begin."""
+        """Return the element code, the number of elements and the start of a nested list or property."""
         if code & DICT and not code & ~GROUP:
             inner, count = pair.unpack_from(data, self._reach(data, at, pair.size))
             if not inner & GROUP or inner & self._tags.not_list:
@@ -124,7 +125,7 @@ class Scanner:
 
     def _open(self, count: int, sub: int) -> None:
         assert self._lists is not None
-        if sub not in self._tags.sizes:  # elements of a fixed size are passed over all at once
+        if sub not in self._tags.sizes:  # elements of a fixed size are skipped together
             self._elements += count
         if count < 0 or self._elements > MAX_ELEMENTS:
             raise BottleLimitError(f"a list of {count} elements is too long for a message")
@@ -133,7 +134,7 @@ class Scanner:
         self._lists.append((count, sub))
 
     def _reach(self, data: bytes | bytearray | memoryview, at: int, size: int) -> int:
-        """Make sure that so many bytes are there; returns ``at``."""
+        """Check that ``size`` bytes exist at ``at``; return ``at``."""
         if at + size > len(data):
             raise TruncatedBottleError(at + size - self._start)
         return at

@@ -1,9 +1,8 @@
-"""Tells which words are numbers, and reads them as the C library does.
+"""Recognition and parsing of numbers, as YARP and the C library do.
 
-A word is a number when it begins with a digit, a sign or a point (or is ``inf``, ``-inf``, ``nan``) and holds nothing
-but digits, points, signs and ``e``; after an ``x`` among the leading zeros and signs also the letters of hexadecimal.
-What it is worth is then what the C library makes of its beginning: ``1-2`` is 1, ``-`` and ``-x`` are 0, ``08`` is 0
-because it is octal.
+A word is a number if it begins with a digit, a sign or a point (or is ``inf``, ``-inf``, ``nan``) and consists of
+digits, points, signs and ``e``; after an ``x`` among the leading zeros and signs also of hexadecimal letters. Its value
+is what the C library parses from its beginning: ``1-2`` is 1, ``-`` and ``-x`` are 0, ``08`` is 0 because it is octal.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _MAX_DIGITS = 22  # as many as the longest octal number of 64 bits has; longer o
 
 
 def read_number(word: str) -> int | float | None:
-    """The number that ``word`` is, an ``int`` cut to 64 bits or a ``float``; ``None`` when it is a string."""
+    """Parse a word as a number: an ``int`` clipped to 64 bits or a ``float``; ``None`` if it is a string."""
     if word in _NAMED:
         return _NAMED[word]
     hexadecimal = _HEXADECIMAL_LEAD.match(word) is not None

@@ -1,4 +1,4 @@
-"""The property: groups by key. It is the DICT value of bottles and the contents of a configuration."""
+"""The property: groups by key. It is the DICT value of bottles and the content of a configuration."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class Property(Container):
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Read the text form ``(key value…) (key2 …)``; what stands outside lists is ignored. Errors as for bottles."""
+        """Parse the text form ``(key value…) (key2 …)``; elements outside lists are ignored. Errors as for bottles."""
         return cls.from_bottle(Bottle.parse(text))
 
     @classmethod
     def from_bottle(cls, bottle: Bottle) -> Self:
-        """Make a property of the lists in ``bottle``, each a group named by the text of its first element."""
+        """Return a property of the lists in ``bottle``, each a group named by the text of its first element."""
         made = cls()
         for item in bottle:
             if isinstance(item, Bottle):
@@ -50,50 +50,50 @@ class Property(Container):
 
     @classmethod
     def of_elements(cls, items: list[Value]) -> Self:
-        """As :meth:`from_bottle`, of the elements of one."""
+        """Return a property of the lists in ``items``, as :meth:`from_bottle` does."""
         return cls.from_bottle(Bottle.adopt(items))
 
     def elements(self) -> list[Value]:
-        """The groups as :meth:`to_bottle` has them."""
+        """Return the groups in the order of :meth:`to_bottle`."""
         keys = sorted(self._groups, key=lambda key: key.encode("utf-8", "surrogatepass"))
         return [self._groups[key] for key in keys]
 
     def to_bottle(self) -> Bottle:
-        """A bottle of the groups in ascending byte order of their keys: what YARP sends for a property."""
+        """Return a bottle of the groups in ascending byte order of their keys, as YARP sends a property."""
         return Bottle.adopt(self.elements())
 
     def to_text(self) -> str:
-        """Write the text form, keys in ascending byte order; a key without a value is written ``(key)``."""
+        """Return the text form, keys in ascending byte order; a key without a value is ``(key)``."""
         return self.to_bottle().to_text()
 
     def find(self, key: str) -> Value | None:
-        """The first value of ``key``, ``None`` when the key is missing or has no value."""
+        """Return the first value of ``key``, ``None`` if the key is missing or has no value."""
         group = self._groups.get(key)
         return None if group is None else group.get(1)
 
     def get(self, key: str, default: Value | None = None) -> Value | None:
-        """The first value of ``key``, or ``default`` when there is none."""
+        """Return the first value of ``key``, or ``default`` if there is none."""
         value = self.find(key)
         return default if value is None else value
 
     def check(self, key: str) -> bool:
-        """Whether the key is present, with or without a value."""
+        """Return whether the key is present, with or without a value."""
         return key in self._groups
 
     def find_group(self, key: str) -> Bottle | None:
-        """The group of ``key``, beginning with the key itself. It is not a copy: changing it changes the property."""
+        """Return the group of ``key``, including the key. It is not a copy: changing it changes the property."""
         return self._groups.get(key)
 
     def location(self, key: str, inner: str | None = None) -> Location | None:
-        """Where ``key``, or ``inner`` in the section ``key``, was read from; ``None`` when nobody recorded it."""
+        """Return the location of ``key``, or of ``inner`` in the section ``key``; ``None`` if it was not recorded."""
         return self._places.get(key if inner is None else (key, inner))
 
     def put(self, key: str, *values: object, location: Location | None = None) -> None:
-        """Set the group of ``key`` to the key and the values, forgetting what was there."""
+        """Set the group of ``key`` to the key and the values, replacing an earlier one."""
         self.put_group(Bottle([key, *values]), key=key, location=location)
 
     def put_group(self, group: Bottle, *, key: str | None = None, location: Location | None = None) -> None:
-        """Set a group that already begins with its key; ``key`` spares working it out."""
+        """Set a group that includes its key; ``key`` avoids computing it."""
         if key is None:
             key = to_string(group.get(0))
         self._groups[key] = group
@@ -103,11 +103,11 @@ class Property(Container):
             self._places[key] = location
 
     def locate(self, location: Location, key: str, inner: str | None = None) -> None:
-        """Record where a key, or a key in a section, was read from."""
+        """Record the location of a key, or of a key in a section."""
         self._places[key if inner is None else (key, inner)] = location
 
     def remove(self, key: str) -> None:
-        """Take a key away; one that is not there is no error."""
+        """Remove a key, if it exists."""
         self._groups.pop(key, None)
         self._places = {
             place: location
@@ -116,12 +116,12 @@ class Property(Container):
         }
 
     def update(self, other: Property) -> None:
-        """Take over every group of ``other`` with its places; where both have a key, the other's group wins."""
+        """Add every group of ``other`` with its locations; it replaces groups with the same key."""
         self._groups.update(other._groups)
         self._places.update(other._places)
 
     def copy(self) -> Self:
-        """A property that can change without changing this one: groups are copied, the values in them are shared."""
+        """Return a copy: groups are copied, the values in them are shared."""
         made = type(self)()
         made.update(self)
         for key, group in self._groups.items():
@@ -129,11 +129,11 @@ class Property(Container):
         return made
 
     def keys(self) -> Iterator[str]:
-        """The keys, in the order in which they were first given."""
+        """Return the keys, in the order in which they were first set."""
         return iter(self._groups)
 
     def items(self) -> Iterator[tuple[str, Bottle]]:
-        """Every key with its group, in the same order."""
+        """Return the keys and groups, in the same order."""
         return iter(self._groups.items())
 
     def __iter__(self) -> Iterator[str]:
@@ -158,5 +158,5 @@ class Property(Container):
 
 
 def as_dict(value: Value | None) -> Property | None:
-    """The property, ``None`` for anything else, a list included."""
+    """Return a property, ``None`` for anything else, a list included."""
     return value if isinstance(value, Property) else None

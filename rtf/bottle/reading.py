@@ -1,12 +1,12 @@
-"""Reads the text form of bottles, with every oddity of YARP's reader.
+"""The parser of the text form of bottles, with all peculiarities of YARP's parser.
 
-Two readers stand side by side. The quick one takes well-formed text in one pass and gives up at the first thing that
-is out of the ordinary; the exact one then reads the whole text again by YARP's own procedure, in which an element is
-whatever stands between separators outside quotes, lists and blobs, its first character says what it is, and of lists,
-blobs and quoted strings the first and the last character are cut off. The tests hold the two against each other.
+There are two parsers. The quick one takes well-formed text in one pass and gives up at anything unusual; the exact one
+then parses the whole text again by YARP's own procedure: an element is the text between separators outside quotes,
+lists and blobs, its first character determines its type, and the first and last characters of lists, blobs and quoted
+strings are cut off. The tests compare the two.
 
-Consequences of that procedure, kept because real programs live with them: an element that is never closed vanishes,
-with all that follows it; so does the last element when the text ends in a backslash; a ``)`` too many swallows what
+Consequences of that procedure, kept because existing programs depend on them: an element that is never closed is lost,
+with all that follows it; so is the last element when the text ends in a backslash; a superfluous ``)`` swallows what
 follows.
 """
 
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from rtf.bottle.containers import Value
 
 MAX_TEXT = 4 << 20
-"""How many characters a text may have. YARP has no bound; the longest text a robot sends is some kilobytes."""
+"""The largest text, in characters. YARP has no limit; the longest text of a robot has some kilobytes."""
 MAX_WORK = 4 * MAX_TEXT
-"""How many characters the exact reader looks at in all, since it reads nested text once a level."""
+"""The largest number of characters that the exact parser reads in total, as it reads nested text once per level."""
 
 _TOKEN = re.compile(
     r"""(?:
@@ -57,7 +57,7 @@ _WORDS: dict[str, Value] = {"true": TRUE, "false": FALSE, "null": Vocab("null")}
 
 
 def read_items(text: str, *, strict: bool = False, dialect: Dialect = Dialect.YARP3) -> list[Value]:
-    """Read the elements of a bottle; errors as for ``Bottle.parse``."""
+    """Parse the elements of a bottle; errors as for ``Bottle.parse``."""
     if len(text) > MAX_TEXT:
         raise BottleLimitError(f"the text has {len(text)} characters, more than {MAX_TEXT}")
     items = read_quickly(text, dialect)
@@ -76,7 +76,7 @@ def _require_balance(text: str) -> None:
 
 
 def read_quickly(text: str, dialect: Dialect) -> list[Value] | None:
-    """Read well-formed text in one pass; ``None`` when the text is not quite that."""
+    """Parse well-formed text in one pass; return ``None`` for any other text."""
     new_list = CONTAINERS[Kind.LIST].of_elements
     items: list[Value] = []
     stack: list[list[Value]] = []
@@ -105,7 +105,7 @@ def read_quickly(text: str, dialect: Dialect) -> list[Value] | None:
 
 
 def read_exactly(text: str, dialect: Dialect) -> list[Value]:
-    """Read any text by YARP's own procedure."""
+    """Parse any text by YARP's own procedure."""
     return _ExactReader(dialect).items(text, 0, 0)
 
 
@@ -138,7 +138,7 @@ class _ExactReader:
 
 
 def _tokens(text: str) -> Iterator[tuple[str, int]]:
-    """Yield every element with its offset; what is still open at the end of the text is not yielded."""
+    """Yield every element with its offset, except one that is still open at the end of the text."""
     quoted = False
     depth = {"(": 0, "{": 0}
     begin = 0  # where the present element began, or the end of the latest separator

@@ -1,4 +1,4 @@
-"""How the two dialects number the types of values on the wire, and how scalars of fixed size are packed and made."""
+"""The type codes of values on the wire in the two dialects, and the packing of scalars of fixed size."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 LIST = 256
 DICT = 512
 GROUP = LIST | DICT
-#: Values that one bottle may hold: each costs up to sixty times its smallest size on the wire.
+#: The largest number of values in a bottle: each costs up to sixty times its smallest size on the wire.
 MAX_ELEMENTS = 1_000_000
 _VOCABS_KEPT = 4096
 _UNIT = {Dialect.YARP3: 255, Dialect.YARP4: 127}
@@ -30,16 +30,16 @@ pair = struct.Struct("<ii")
 
 
 class TruncatedBottleError(BottleSyntaxError):
-    """The bytes end before the bottle does; at least ``needed`` bytes, counted from its beginning, are wanted."""
+    """The bytes end before the bottle does; at least ``needed`` bytes, counted from its beginning, are required."""
 
     def __init__(self, needed: int) -> None:
-        super().__init__(f"the bottle is cut off: at least {needed} bytes are wanted")
+        super().__init__(f"the bottle is truncated: at least {needed} bytes are needed")
         self.needed = needed
 
 
 @dataclass(frozen=True, slots=True)
 class Scalar:
-    """A type of values that all have the same size: its code, its letter in the struct module, and what makes one."""
+    """A type of values of fixed size: its code, its letter in the struct module, and its constructor."""
 
     code: int
     letter: str
@@ -55,7 +55,7 @@ def _scalar(code: int, letter: str, make: Callable[[Any], Value] | None) -> Scal
 
 
 class Tags:
-    """One dialect: ``fixed`` are the types of fixed size by their codes, ``classes`` by the class of a value."""
+    """The codes of one dialect: ``fixed`` are the types of fixed size by code, ``classes`` by the class of a value."""
 
     def __init__(self, dialect: Dialect) -> None:
         single, double = _FLOATS[dialect]
@@ -74,17 +74,17 @@ class Tags:
         }
         if dialect is Dialect.YARP4:
             self.classes[Vocab64] = _scalar(Kind.VOCAB64.value, "q", Vocab64)
-        #: Classes of which the values in a row may be written as a row of numbers.
+        #: Classes whose values in a list may be encoded as a row of numbers.
         self.numbers = frozenset((int, *self.classes))
         self.fixed = {scalar.code: scalar for scalar in (self.int32, *self.classes.values())}
         self.sizes = {code: scalar.size for code, scalar in self.fixed.items()}
-        #: The same by the code of a list of which they are all the elements.
+        #: The types of fixed size by the code of a list of them.
         self.lists = {LIST | code: scalar for code, scalar in self.fixed.items()}
 
 
-@lru_cache(maxsize=256)  # of peers that count on and on the last few stay
+@lru_cache(maxsize=256)  # bounded, as the counts of a peer may grow without end
 def several(count: int, letter: str, front: str = "") -> struct.Struct:
-    """So many numbers in a row, behind others; looking it up takes less than writing down the format of it."""
+    """Return the format of ``count`` numbers after a prefix. A look-up is faster than building the format string."""
     return struct.Struct(f"<{front}{count}{letter}")
 
 
@@ -93,7 +93,7 @@ def _single(value: float) -> Value:
 
 
 class _Vocabs(dict[int, Vocab]):
-    """Vocabs by their numbers. The words of a robot's vocabulary are few and never change, so they are kept."""
+    """A cache of vocabs by number. The words of a robot's vocabulary are few, so their objects are kept."""
 
     def __missing__(self, value: int) -> Vocab:
         made = Vocab(value)

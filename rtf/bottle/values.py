@@ -1,8 +1,8 @@
-"""The scalar values of a bottle: Python's own where they say enough, small classes where the wire knows more types.
+"""The scalar values of a bottle: Python's own types, and small classes for further types of the wire format.
 
-``int`` is I32 when it fits and I64 otherwise, ``float`` is F64, ``str`` is STR and ``bytes`` is BLOB. The classes
-here stand for the types that these cannot tell apart. Strings travel as UTF-8; bytes that are not UTF-8 become lone
-surrogates (``surrogateescape``), so nothing is lost on the way through Python.
+``int`` is I32 when it fits and I64 otherwise, ``float`` is F64, ``str`` is STR and ``bytes`` is BLOB. The classes here
+are the types that these cannot distinguish. Strings are sent as UTF-8; bytes that are not UTF-8 become lone surrogates
+(``surrogateescape``), so no information is lost.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ class Kind(enum.IntEnum):
 
 
 class Dialect(enum.IntEnum):
-    """The major version of YARP that is spoken; nothing on the wire tells, so it is chosen, and 3 is the default."""
+    """The major version of YARP's protocol. Messages do not contain it, so it is configured; 3 is the default."""
 
     YARP3 = 3
     YARP4 = 4
 
 
 def utf8(text: str) -> bytes:
-    """Encode text for the wire; a surrogate that stands for no byte raises :class:`BottleError`."""
+    """Encode text for the wire. Raises :class:`BottleError` for a surrogate that does not represent a byte."""
     try:
         return text.encode("utf-8", "surrogateescape")
     except UnicodeEncodeError as error:
@@ -52,7 +52,7 @@ def utf8(text: str) -> bytes:
 
 
 def to_single(value: float) -> float:
-    """Round to single precision; what is too large becomes infinite, as a C cast makes it on every machine we know."""
+    """Round to single precision; a value out of range becomes infinite, as in a C cast."""
     try:
         return float(_SINGLE.unpack(_SINGLE.pack(value))[0])
     except OverflowError:
@@ -139,7 +139,7 @@ class Vocab:
 
     @classmethod
     def truncated(cls, text: str) -> Self:
-        """Pack the first bytes of ``text`` and forget the rest, as YARP does on reading."""
+        """Pack the first bytes of ``text`` and ignore the rest, as YARP's parser does."""
         return cls(int.from_bytes(utf8(text)[: cls.WIDTH], "little"))
 
     @property
@@ -168,7 +168,7 @@ class Vocab:
         return hash((self.WIDTH, self._value))
 
     def __str__(self) -> str:
-        """Write the word as YARP prints it outside a bottle: ``true``, ``false`` or the characters."""
+        """Return the word as YARP prints it outside a bottle: ``true``, ``false`` or the characters."""
         if self._value in _BOOLEANS:
             return _BOOLEANS[self._value]
         return self.text
@@ -183,7 +183,7 @@ class Vocab:
 
 
 class Vocab64(Vocab):
-    """A word of up to eight bytes (V64), which only YARP 4.0 knows."""
+    """A word of up to eight bytes (V64), which only YARP 4.0 supports."""
 
     __slots__ = ()
     WIDTH = 8

@@ -1,7 +1,7 @@
-"""Writes values as text, digit for digit as YARP does.
+"""The text form of values, digit for digit as in YARP.
 
-What is written reads back equal, except: integers come back as I32 or I64 whatever their width, F32 as F64, a
-property as a list of lists; the strings ``null``, ``nan``, ``inf`` as a vocab and floats; and a vocab that contains
+Parsing the text gives an equal value, except: integers become I32 or I64 whatever their width, F32 becomes F64, a
+property a list of lists; the strings ``null``, ``nan``, ``inf`` become a vocab and floats; and a vocab that contains
 blanks, commas, quotes, parentheses, braces, backslashes or a NUL in the middle, because nothing is escaped inside ``[
 ]``.
 """
@@ -27,12 +27,12 @@ _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\
 
 
 def items_text(items: Iterable[Value], depth: int = 0) -> str:
-    """Write several values with a blank between them; raises :class:`BottleLimitError` beyond the greatest depth."""
+    """Return several values as text, separated by blanks. Raises :class:`BottleLimitError` if nested too deeply."""
     return " ".join([to_text(item, depth) for item in items])
 
 
 def to_text(value: Value, depth: int = 0) -> str:
-    """Write one value as it stands inside a bottle: strings quoted where they must be, lists in parentheses."""
+    """Return a value as text inside a bottle: strings quoted if necessary, lists in parentheses."""
     writer = _WRITERS.get(type(value))
     if writer is not None:
         return writer(value)
@@ -44,7 +44,7 @@ def to_text(value: Value, depth: int = 0) -> str:
 
 
 def to_string(value: Value | None) -> str:
-    """Write one value as it stands alone: nothing quoted, no brackets around it, and nothing at all for ``None``."""
+    """Return a value as text alone: without quotes or brackets, and empty for ``None``."""
     if isinstance(value, str):
         return value
     if isinstance(value, Container):
@@ -55,14 +55,14 @@ def to_string(value: Value | None) -> str:
 
 
 def quote(text: str) -> str:
-    """Write a string: bare where it looks like a name, else in double quotes; TAB and letters stay as they are."""
+    """Return a string: bare if it looks like a name, else in double quotes; TAB and letters are not escaped."""
     if _BARE.fullmatch(text) and text not in _BOOLEANS:
         return text
     return f'"{text.translate(_ESCAPES)}"'
 
 
 def float_text(value: float) -> str:
-    """Write a number with 21 significant digits, trailing zeros dropped, so that it always looks like a float."""
+    """Return a number with 21 significant digits without trailing zeros, always recognisable as a float."""
     text = f"{value:.21g}"
     return text if "." in text or "e" in text or "n" in text else text + ".0"
 
@@ -75,7 +75,7 @@ def _blob_text(value: bytes) -> str:
     return "{" + " ".join(map(str, value)) + "}"
 
 
-_WRITERS: dict[type, Callable[[Any], str]] = {  # each function takes the type it stands beside
+_WRITERS: dict[type, Callable[[Any], str]] = {  # each function formats the type beside it
     int: str,
     str: quote,
     float: float_text,

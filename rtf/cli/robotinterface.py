@@ -14,9 +14,9 @@ from rtf.bottle import as_string
 from rtf.cli.parser import Parser, seconds
 from rtf.errors import RtfError
 from rtf.resources import ResourceFinder, parse_arguments
-from rtf.robot.interface.program import FINE, WRONG, Teller
-from rtf.robot.interface.reading import Reading, read_robot
-from rtf.robot.interface.telling import Weight
+from rtf.robot.interface.log import Level
+from rtf.robot.interface.program import FINE, WRONG, ConsoleLog
+from rtf.robot.interface.robot_reader import ReadResult, read_robot
 
 if TYPE_CHECKING:
     import argparse
@@ -55,19 +55,19 @@ def robotinterface(words: Sequence[str]) -> int:
     options, others = _parser().parse_known_args(words)
     if options.svg is not None and not options.dry_run:
         _parser().error("--svg draws what would be done; it goes with --dry-run")
-    tell = Teller(verbose=options.verbose)
+    log = ConsoleLog(verbose=options.verbose)
     try:
         given = _given(words, others)
         path = _file(words)
         reading = read_robot(path, given, allow_deprecated_dtd=options.allow_deprecated_dtd)
     except RtfError as error:
         for line in str(error).splitlines():
-            tell(Weight.ERROR, line)
+            log(Level.ERROR, line)
         return WRONG
-    _warn(reading, others, tell)
+    _warn(reading, others, log)
     if options.dry_run:
-        return _draw(reading, options.svg, tell)
-    return _run(reading, options, tell)
+        return _draw(reading, options.svg, log)
+    return _run(reading, options, log)
 
 
 def _parser() -> Parser:
@@ -127,31 +127,31 @@ def _file(words: Sequence[str]) -> Path:
     return path.relative_to(here) if path.is_relative_to(here) else path
 
 
-def _warn(reading: Reading, others: Sequence[str], tell: Teller) -> None:
+def _warn(reading: ReadResult, others: Sequence[str], log: ConsoleLog) -> None:
     for warning in reading.warnings:
-        tell(Weight.WARNING, str(warning))
+        log(Level.WARNING, str(warning))
     for word in others:
         if word.startswith("--") and word[2:].partition("::")[0] not in reading.asked:
-            tell(Weight.WARNING, f"{word}: no parameter of the robot asks for it by extern-name")
+            log(Level.WARNING, f"{word}: no parameter of the robot asks for it by extern-name")
 
 
-def _draw(reading: Reading, picture: Path | None, tell: Teller) -> int:
-    from rtf.robot.interface.drawing import draw_svg, draw_text
+def _draw(reading: ReadResult, picture: Path | None, log: ConsoleLog) -> int:
+    from rtf.robot.interface.plan_drawing import draw_svg, draw_text
 
     print(draw_text(reading.robot), end="", flush=True)
     if picture is not None:
         try:
             picture.write_text(draw_svg(reading.robot), encoding="utf-8")
         except OSError as error:
-            tell(Weight.ERROR, f"--svg {picture}: {error.strerror}; write to a folder that is there")
+            log(Level.ERROR, f"--svg {picture}: {error.strerror}; write to a folder that is there")
             return WRONG
     return FINE
 
 
-def _run(reading: Reading, options: argparse.Namespace, tell: Teller) -> int:
+def _run(reading: ReadResult, options: argparse.Namespace, log: ConsoleLog) -> int:
     from rtf.cli.network.options import make_network
+    from rtf.robot.interface.device_thread import Patience
     from rtf.robot.interface.program import run_program
-    from rtf.robot.interface.tasks import Patience
 
     patience, given = Patience(), options.patience
     if given is not None:
@@ -162,12 +162,12 @@ def _run(reading: Reading, options: argparse.Namespace, tell: Teller) -> int:
         code, hanging = run_program(
             reading.robot,
             network=make_network(),
-            tell=tell,
+            log=log,
             patience=patience,
             autoclose=options.autocloseAfterStart,
         )
     except RtfError as error:
-        tell(Weight.ERROR, str(error))
+        log(Level.ERROR, str(error))
         return WRONG
     main = threading.main_thread()
     if hanging or any(thread is not main and not thread.daemon for thread in threading.enumerate()):

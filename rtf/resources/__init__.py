@@ -1,7 +1,7 @@
-"""Configuration files and where they are: YARP's property file format, its command lines and its ResourceFinder.
+"""Configuration files and their search paths: YARP's property file format, command lines and ResourceFinder.
 
-:func:`read_property_file` reads a file into a :class:`~rtf.bottle.Property`, :class:`ResourceFinder` finds it and
-tells where it looked, :func:`find_parameters` does both for a test. Nothing here opens a port.
+:func:`read_property_file` parses a file to a :class:`~rtf.bottle.Property`, :class:`ResourceFinder` finds it and lists
+the searched places, :func:`find_parameters` does both for a test. This package opens no ports.
 """
 
 from rtf.resources.arguments import parse_arguments, split_arguments

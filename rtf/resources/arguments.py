@@ -1,4 +1,4 @@
-"""Command lines: how a parameter string becomes words, and how words become a property."""
+"""Command lines: splitting of a parameter string into words, and conversion of words to a property."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ _WORD = re.compile(r'"([^"]*)"?|([^ "]+)')
 
 
 def split_arguments(text: str) -> list[str]:
-    """Cut a parameter string of a suite file into words, as the C++ framework does.
+    """Split a parameter string of a suite file into words, as the C++ framework does.
 
-    Only the blank separates; tabs and newlines are ordinary. A double quote begins or ends a stretch in which blanks
-    are kept, stands outside the words itself and separates them, so ``a"b c"d`` is three words and ``""`` none. A
-    quote that is not closed protects the rest. Nothing is escaped. There is no limit to the number of words.
+    Only blanks separate words; tabs and newlines are ordinary characters. A double quote begins or ends a part in which
+    blanks are kept; it is not part of a word, and separates words, so ``a"b c"d`` is three words and ``""`` none. A
+    quote that is not closed extends to the end. There are no escapes, and no limit to the number of words.
     """
     return [word[1] or word[2] for word in _WORD.finditer(text) if word[1] or word[2]]
 
 
 def loose_words(text: str) -> list[str]:
-    """The words of a parameter string that stand before its first ``--key``, and so belong to none."""
+    """Return the words before the first ``--key`` of a parameter string, which belong to no key."""
     return list(takewhile(lambda word: not word.startswith("--"), split_arguments(text)))
 
 
 def parse_arguments(words: Iterable[str], *, into: Property | None = None) -> Property:
-    """Make a property of ``--key value…`` words; ``into`` is added to and returned, else a new property is made.
+    """Convert ``--key value…`` words to a property; they are added to ``into`` if it is given, else to a new property.
 
     Words before the first ``--key`` are ignored; ``-5`` is a value. ``--section::key value`` sets a key inside a
-    section. Each word is read as a value: a number, a list in parentheses, a string. A backslash stands for itself. A
-    word of several values (it has a blank in it) and one whose quotes or brackets are not closed are strings as they
-    stand. Raises :class:`~rtf.bottle.BottleError` for words beyond the limits of bottles.
+    section. Each word is parsed as a value: a number, a list in parentheses, a string. A backslash is an ordinary
+    character. A word with several values (it contains a blank) and one with open quotes or brackets are strings. Raises
+    :class:`~rtf.bottle.BottleError` for words beyond the limits of bottles.
     """
     properties = Property() if into is None else into
     groups: list[Bottle] = []

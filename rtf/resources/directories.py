@@ -1,4 +1,4 @@
-"""The directories in which YARP programs keep configuration and data, as the environment gives them."""
+"""The configuration and data directories of YARP programs, according to the environment."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Directory:
-    """A directory, the rule that names it, and the problem because of which it cannot be searched."""
+    """A directory, the rule that adds it, and the problem that prevents searching it, if any."""
 
     path: Path
     rule: str
@@ -25,9 +25,9 @@ class Directory:
 
 
 class PathDirectories:
-    """The directories to search, in order: the user's, the administrator's, the installed ones, ours, and ``path.d``.
+    """The directories to search, in order: the user's, the system's, the installed ones, ``roots``, and ``path.d``.
 
-    A ``YARP_*`` variable is taken as it is; to what an ``XDG_*`` variable or the default says, ``yarp`` is appended.
+    A ``YARP_*`` variable is used unchanged; ``yarp`` is appended to an ``XDG_*`` variable or a default.
     """
 
     def __init__(self, environment: Mapping[str, str], roots: Iterable[str | os.PathLike[str]] = ()) -> None:
@@ -49,7 +49,7 @@ class PathDirectories:
         yield from self._home("YARP_DATA_HOME", "XDG_DATA_HOME", ".local/share")
 
     def installed(self) -> Iterator[Directory]:
-        """Yield the directories of what is installed, and the further ones that the program brought."""
+        """Yield the directories of installed data, and the additional ones of the program."""
         yield from self._list("YARP_DATA_DIRS", "XDG_DATA_DIRS", "/usr/local/share:/usr/share")
         for root in self._roots:
             yield Directory(root, "files of the program")
@@ -71,7 +71,7 @@ class PathDirectories:
 
 
 def _path_d(folder: Path, environment: Mapping[str, str]) -> Iterator[Directory]:
-    """Yield the directories that the files of a ``path.d`` folder add to the search."""
+    """Yield the directories that the files of a ``path.d`` folder add."""
     if not folder.is_dir():
         return
     try:

@@ -1,4 +1,4 @@
-"""What can go wrong with resources: one base error that names the place, and five leaves."""
+"""The errors of resources: one base class that names the location, and five subclasses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class ResourceError(RtfError):
-    """A configuration that cannot be found or read; ``location`` is the line that asked for it or holds it, if any."""
+    """A configuration cannot be found or read; ``location`` is the line that requests or contains it, if any."""
 
     def __init__(self, message: str, location: Location | None = None) -> None:
         super().__init__(message if location is None else f"{location}: {message}")
@@ -19,20 +19,20 @@ class ResourceError(RtfError):
 
 
 class ResourceNotFoundError(ResourceError, FileNotFoundError):
-    """No file of that name in any of the places, which the message lists."""
+    """There is no file of this name in any of the places, which the message lists."""
 
 
 class ResourceReadError(ResourceError, OSError):
-    """The file is there and the system refuses to give its contents."""
+    """The file exists, but cannot be read."""
 
 
 class ResourceSyntaxError(ResourceError, ValueError):
-    """A line that has no meaning even to a reader as liberal as YARP's."""
+    """A line is invalid even by YARP's liberal rules."""
 
 
 class ResourceIncludeError(ResourceError, RecursionError):
-    """Files that include each other in a circle, or a chain of includes that is too long."""
+    """Files include each other in a circle, or the chain of includes is too long."""
 
 
 class ResourceLimitError(ResourceError, ValueError):
-    """More text, more files or longer lines than any configuration has."""
+    """The configuration exceeds a limit of size, files or line length."""

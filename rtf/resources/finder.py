@@ -1,8 +1,8 @@
-"""Finds resources in the places where YARP's ResourceFinder looks, in its order, and says which places these were.
+"""The resource finder: it searches YARP's places in YARP's order, and reports all of them.
 
-YARP tells only which file it took. A file of the same name in the current directory silently wins over the one that
-was meant, so here every search reports all its places: what was taken, what exists but came too late, what is
-missing.
+YARP reports only the file that it chose. A file of the same name in the current directory silently takes precedence
+over the intended one, so here every search lists its places: the chosen file, existing files with lower precedence, and
+missing ones.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 
 class Policy(Enum):
-    """Whether a search ends with the first place that has the file, or takes them all."""
+    """Whether a search returns the first place that has the file, or all of them."""
 
     FIRST = "first"
     ALL = "all"
 
 
 class PlaceStatus(StrEnum):
-    """What became of a place."""
+    """The result for a place."""
 
     FOUND = "found"
     SHADOWED = "exists, but an earlier place has it too"
@@ -41,7 +41,7 @@ class PlaceStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """One place of a search: the path that was tried, which rule put it into the order, what came of it and why."""
+    """A place of a search: the path, the rule that added it, its status, and a note."""
 
     path: Path
     rule: str
@@ -49,39 +49,39 @@ class Place:
     note: str = ""
 
     def __str__(self) -> str:
-        """Write the place as a line: status, path, rule, and the note if there is one."""
+        """Return the place as a line: status, path, rule, and the note if there is one."""
         note = f"; {self.note}" if self.note else ""
         return f"{self.status.name.lower():8} {self.path}  ({self.rule}{note})"
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """The outcome of a search: the name asked for and every place, in order."""
+    """The result of a search: the requested name and all places, in order."""
 
     name: str
     places: tuple[Place, ...]
 
     @property
     def paths(self) -> tuple[Path, ...]:
-        """Every path that the policy takes."""
+        """The paths that the policy selects."""
         return tuple(place.path for place in self.places if place.status is PlaceStatus.FOUND)
 
     @property
     def path(self) -> Path | None:
-        """The first path that was found, ``None`` when nothing was."""
+        """The first path that was found, ``None`` if there is none."""
         return next(iter(self.paths), None)
 
     def lines(self) -> list[str]:
-        """Render the search for people: a heading with the result, then a line for every place."""
+        """Return the search as lines: a heading with the result, then a line for every place."""
         result = ", ".join(map(str, self.paths)) or "not found"
         return [f"{self.name}: {result}", *(f"  {place}" for place in self.places)]
 
 
 class ResourceFinder:
-    """Looks files up for one program: its contexts, its robot, its environment and its current directory.
+    """Finds files for a program with its contexts, its robot, its environment and its current directory.
 
-    ``contexts`` are tried in order. ``robot`` is the name of the robot's folder; by default ``YARP_ROBOT_NAME``, else
-    ``default``. ``roots`` are further directories, searched after YARP's own, for files that travel with a program.
+    ``contexts`` are tried in order. ``robot`` is the name of the robot's folder; default: ``YARP_ROBOT_NAME``, else
+    ``default``. ``roots`` are additional directories, searched after YARP's own, for files of the program.
     ``environment`` and ``cwd`` default to the process's.
     """
 
@@ -111,13 +111,13 @@ class ResourceFinder:
         default_file: str = "",
         variables: Property | None = None,
     ) -> PropertyFile:
-        """Configure from a command line: ``--context``, ``--from`` and whatever else overrides the file.
+        """Configure from a command line: ``--context``, ``--from`` and options that override keys of the file.
 
-        ``--context`` replaces the contexts, and so does ``default_context`` when it is given and the command line has
-        none. The file is read, ``variables`` defining names in it, and the command line is laid over it. A main file
-        found in the current directory makes later searches look beside it first and pass contexts over (near-main
-        mode). A default file may be absent; one that was asked for and cannot be found raises
-        :class:`ResourceNotFoundError`. The result is also kept in :attr:`properties`.
+        ``--context`` replaces the contexts, and so does ``default_context`` if the command line has none. The file is
+        read with the names in ``variables``, and the options of the command line override its keys. If the main file is
+        in the current directory, later searches look beside it first and skip contexts (near-main mode). A default file
+        may be missing; a requested one that cannot be found raises :class:`ResourceNotFoundError`. The result is also
+        stored in :attr:`properties`.
         """
         words = list(arguments)
         command = parse_arguments(words)
@@ -140,9 +140,9 @@ class ResourceFinder:
     def search(
         self, name: str, *, resource_type: str = "", policy: Policy = Policy.FIRST, directory: bool = False
     ) -> Search:
-        """Try every place for ``name``, below the folder ``resource_type`` of each (``contexts``, ``robots`` …).
+        """Search every place for ``name``, in the subfolder ``resource_type`` of each (``contexts``, ``robots`` …).
 
-        ``directory`` insists on a directory; otherwise all that exists will do. An absolute name is its only place.
+        ``directory`` requires a directory; otherwise any file type is accepted. An absolute name is its only place.
         """
         places: list[Place] = []
         seen: set[Path] = set()
@@ -161,18 +161,18 @@ class ResourceFinder:
         return Search(name, tuple(places))
 
     def find(self, name: str, *, resource_type: str = "") -> Path:
-        """The first file called ``name``; raises :class:`ResourceNotFoundError`, with the places, if there is none."""
+        """Return the first file with this name. Raises :class:`ResourceNotFoundError`, with the places."""
         search = self.search(name, resource_type=resource_type)
         if search.path is None:
             raise not_found(search)
         return search.path
 
     def find_file(self, key: str) -> Path:
-        """The file that the configuration names under ``key``, or when it has no such key the file called ``key``."""
+        """Return the file that the key ``key`` of the configuration names, or without that key the file ``key``."""
         return self.find(as_string(self.properties.find(key)) or key)
 
     def _candidates(self, name: str, resource_type: str) -> Iterator[tuple[Path, str, str]]:
-        """Yield path, rule and, for a place that is passed over, the reason."""
+        """Yield path, rule and, for a skipped place, the reason."""
         if Path(name).is_absolute():
             yield Path(name), "absolute path", ""
             return
@@ -194,12 +194,12 @@ class ResourceFinder:
 
 
 def not_found(search: Search) -> ResourceNotFoundError:
-    """Make the error that says that a search found nothing, and where it looked."""
+    """Return the error of a search without result, with its places."""
     return ResourceNotFoundError("\n".join(search.lines()))
 
 
 def _exists(path: Path, *, directory: bool) -> bool:
     try:
         return path.is_dir() if directory else path.exists()
-    except (OSError, ValueError):  # a place that may not be entered, or a name that no file can have
+    except (OSError, ValueError):  # no permission, or an invalid file name
         return False

@@ -1,8 +1,8 @@
-"""The lines of the YARP property file format: which physical lines belong together, and where a comment begins.
+"""The lines of the YARP property file format: joining of physical lines, and removal of comments.
 
-Lines are joined first and comments are removed afterwards, as YARP does. So a comment inside a list that spans lines
-takes the rest of the list with it, and a comment with an unpaired quote or bracket takes the lines after it. Both are
-reported.
+As in YARP, lines are joined first and comments are removed afterwards. A comment inside a list that spans lines
+therefore removes the rest of the list, and a comment with an unpaired quote or bracket removes the lines after it. Both
+are reported.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _APART = frozenset(" \t,(){}[]")
 
 
 class DiagnosticKind(StrEnum):
-    """What is suspicious about a line that was nevertheless read."""
+    """The kind of a suspicious line that was nevertheless read."""
 
     UNDEFINED_VARIABLE = "undefined variable"
     REPEATED_KEY = "repeated key"
@@ -35,7 +35,7 @@ class DiagnosticKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """Something that YARP passes over in silence and that is hardly ever meant; ``name`` is the variable or key."""
+    """Something that YARP silently accepts but that is rarely intended; ``name`` is the variable or key."""
 
     kind: DiagnosticKind
     message: str
@@ -43,13 +43,13 @@ class Diagnostic:
     name: str = ""
 
     def __str__(self) -> str:
-        """Write the place and the message, as compilers do."""
+        """Return the location and the message, as compilers do."""
         return f"{self.location}: {self.message}"
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A physical line without its end, and where it stands; lines count from 1."""
+    """A physical line without its end, and its position; lines count from 1."""
 
     text: str
     file: str
@@ -58,7 +58,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class LogicalLine:
-    """Lines that were joined, comment and all; ``starts`` are the offsets at which the second and later lines begin."""
+    """Joined lines, including comments; ``starts`` are the offsets of the second and later lines."""
 
     text: str
     location: Location
@@ -67,22 +67,22 @@ class LogicalLine:
     opened: Location | None = None
 
     def without_comment(self) -> str:
-        """The text up to the comment; the blank before ``#`` goes too."""
+        """Return the text before the comment, without the blank before ``#``."""
         end = comment_start(self.text)
         return self.text if end < 0 else self.text[:end]
 
     def diagnostics(self) -> Iterator[Diagnostic]:
-        """Report what joining did to the line."""
+        """Yield diagnostics about the joining of the line."""
         if not self.balanced:
             where = self.opened or self.location
-            message = "a quote or bracket is never closed: the rest of the text, from there on, is lost"
+            message = "a quote or bracket is never closed: the rest of the text is lost"
             yield Diagnostic(DiagnosticKind.UNBALANCED, message, where)
             return
         end = comment_start(self.text)
         if end >= 0:
             lost = sum(start > end for start in self.starts)
             if lost:
-                message = f"the comment takes {lost} following line(s) with it, because a quote or bracket is open"
+                message = f"the comment removes {lost} following line(s), because a quote or bracket is open"
                 yield Diagnostic(DiagnosticKind.SWALLOWED_LINES, message, self.location)
         for index, start in enumerate(self.starts):
             beside = self.text[max(start - 1, 0) : start + 1]
@@ -95,7 +95,7 @@ class LogicalLine:
 
 
 def split_lines(text: str, file: str) -> Iterator[Line]:
-    """Cut text into physical lines; carriage returns and NULs vanish."""
+    """Split text into physical lines, without carriage returns and NULs."""
     for number, line in enumerate(text.translate(_DROPPED).split("\n"), 1):
         yield Line(line, file, number)
 
@@ -126,13 +126,13 @@ def join_lines(lines: Iterable[Line]) -> Iterator[LogicalLine]:
 
 
 def _without_backslash(text: str) -> tuple[str, bool]:
-    """Take away a backslash at the end and tell whether there was one; a pair of them is text."""
+    """Remove a backslash at the end; return whether there was one. Two backslashes are text."""
     odd = (len(text) - len(text.rstrip("\\"))) % 2 == 1
     return (text[:-1], True) if odd else (text, False)
 
 
 def comment_start(text: str) -> int:
-    """Where the comment begins: at ``//``, or at ``#`` that begins the line or follows a blank; -1 without one."""
+    """Return the start of the comment: ``//``, or ``#`` at the line start or after a blank; -1 without one."""
     if "//" not in text and "#" not in text:
         return -1
     quoted = False

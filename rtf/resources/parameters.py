@@ -1,4 +1,4 @@
-"""How a robot test finds its parameters: the file that its arguments name, looked up in the context of the suite."""
+"""The parameters of a robot test: the file in its arguments, found in the context of the suite."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ DEFAULT_CONTEXT = "RobotTesting"
 class Parameters:
     """The parameters of a test, and how they were found.
 
-    ``properties`` are the contents of the file, or the arguments when these name no file. ``arguments`` and
-    ``environment`` are what was given, for a caller who lets single arguments override the file. ``searches`` has one
-    entry a lookup.
+    ``properties`` are the contents of the file, or the arguments if these name no file. ``arguments`` and
+    ``environment`` are the inputs, for a caller that lets single arguments override the file. ``searches`` has one
+    entry per search.
     """
 
     properties: Property
@@ -49,10 +49,10 @@ def find_parameters(
 ) -> Parameters:
     """Find the parameters of a test from its arguments and the environment string of its suite.
 
-    The context is ``--context`` of the arguments, else of the environment, else ``RobotTesting``. Only when neither
-    gives one and the file of ``--from`` is nowhere to be found, ``--robotname`` of the environment is tried as the
-    context. The keys of the environment are variables in the file. Raises :class:`ResourceError`: for an empty
-    ``--from``, for a file that is not found (with all places) and for one that cannot be read.
+    The context is ``--context`` of the arguments, else of the environment, else ``RobotTesting``. Only if neither has
+    one and the file of ``--from`` is not found, ``--robotname`` of the environment is tried as the context. The keys of
+    the environment are variables in the file. Raises :class:`ResourceError` for an empty ``--from``, for a file that is
+    not found (with all places) and for one that cannot be read.
     """
     command = parse_arguments(split_arguments(arguments) if isinstance(arguments, str) else arguments)
     suite = parse_arguments(split_arguments(environment))

@@ -1,10 +1,10 @@
-"""Reads configuration files in the YARP property file format.
+"""The parser of configuration files in the YARP property file format.
 
 A line is ``key value…`` or ``key = value…``; ``[section]`` begins a group of keys and ``[]`` ends it; ``[list name]``
-adds a name to a list and begins the section ``name``; ``[include …]`` and ``[import …]`` read other files. Where YARP
-is silent about something that is hardly ever meant, so is the result, and a :class:`Diagnostic` stands beside it.
+adds a name to a list and begins the section ``name``; ``[include …]`` and ``[import …]`` read other files. What YARP
+silently accepts but is rarely intended is accepted, too, and reported as a :class:`Diagnostic`.
 
-A key that is repeated outside sections: the last one counts. Inside a section both stay, and the first is found.
+Of a repeated key outside sections the last one counts. Inside a section both are kept, and look-ups find the first.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from rtf.resources.lines import LogicalLine
 
 MAX_SIZE = 16 << 20
-"""How many characters may be read and expanded in all, for one configuration; iCub's largest is some 100 kilobytes."""
+"""The largest configuration, in characters read and expanded; iCub's largest has some 100 kilobytes."""
 MAX_FILES = 1000
 MAX_INCLUDE_DEPTH = 32
 MAX_DIAGNOSTICS = 1000
@@ -43,7 +43,7 @@ _NAMED_SECTION_SIZE = 2
 
 @dataclass(frozen=True, slots=True)
 class PropertyFile:
-    """What was read: the keys, what is suspicious about them, and every file that took part, in order."""
+    """A parsed configuration: the keys, the diagnostics, and all files that were read, in order."""
 
     properties: Property
     diagnostics: tuple[Diagnostic, ...] = ()
@@ -59,9 +59,9 @@ def read_property_file(
 ) -> PropertyFile:
     """Read a file, or all ``*.ini`` files of a directory in the order of their names.
 
-    ``variables`` define names for ``${name}``; its key ``CONFIG_PATH`` lists further directories, separated by ``;``,
-    in which files are looked for. ``environment`` defaults to the process's, ``cwd`` to the process's directory.
-    Raises :class:`ResourceError` and nothing else.
+    ``variables`` define names for ``${name}``; their key ``CONFIG_PATH`` lists additional directories, separated by
+    ``;``, to search for files. ``environment`` defaults to the process's, ``cwd`` to the process's directory. Raises
+    only :class:`ResourceError`.
     """
     reader = _Reader(variables, environment, cwd)
     target = Property()
@@ -96,7 +96,7 @@ def parse_property_text(
     environment: Mapping[str, str] | None = None,
     cwd: str | os.PathLike[str] | None = None,
 ) -> PropertyFile:
-    """Read text as if it stood in ``file``; everything else as for :func:`read_property_file`."""
+    """Parse text as the contents of ``file``; otherwise like :func:`read_property_file`."""
     reader = _Reader(variables, environment, cwd)
     target = Property()
     reader.charge(len(text), Location(file))
@@ -106,14 +106,14 @@ def parse_property_text(
 
 @dataclass(frozen=True, slots=True)
 class _Trail:
-    """The directories in which included files are looked for, and the files that are being read, outermost first."""
+    """The search directories of included files, and the files that are being read, outermost first."""
 
     search: tuple[str, ...]
     chain: tuple[str, ...] = ()
 
 
 class _Reader:
-    """One reading, with all its includes: what it may use, and what it found on the way."""
+    """The reading of a configuration with all its includes: the limits, and the diagnostics."""
 
     def __init__(
         self,
@@ -180,7 +180,7 @@ class _Reader:
             yield Line("[]", str(file), 0)
 
     def read_lines(self, target: Property, lines: Iterable[Line], trail: _Trail) -> None:
-        """Read lines into ``target``, beginning outside all sections."""
+        """Read lines into ``target``, starting outside all sections."""
         section = ""
         for line in join_lines(lines):
             for diagnostic in line.diagnostics():
@@ -205,7 +205,7 @@ class _Reader:
             raise ResourceLimitError(str(error), line.location) from None
         self.charge(len(text), line.location)
         for name in undefined:
-            message = f"nobody defines the variable {name!r}; it becomes empty"
+            message = f"the variable {name!r} is not defined; it becomes empty"
             self.report(Diagnostic(DiagnosticKind.UNDEFINED_VARIABLE, message, line.location, name))
         return text
 
@@ -229,7 +229,7 @@ class _Reader:
                 target.locate(location, section, key)
 
     def _header(self, target: Property, header: str, location: Location, trail: _Trail) -> str:
-        """Do what a line in square brackets says; return the section that is open afterwards, if any."""
+        """Execute a line in square brackets; return the section that is open afterwards, if any."""
         words = [to_string(word) for word in Bottle.parse(header)] if " " in header else []
         if len(words) > 1 and words[0] == "include":
             self._include(target, words[1:], location, trail)
@@ -266,7 +266,7 @@ class _Reader:
     def include_section(
         self, target: Property, section: str, name: str, trail: _Trail, location: Location | None
     ) -> None:
-        """Read a file into a section, on top of what the section holds."""
+        """Read a file into a section, added to its present contents."""
         before = (target.find_group(section) or Bottle()).tail()
         self.charge(len(before), location)
         inner = Property.from_bottle(before)
@@ -298,7 +298,7 @@ class _Reader:
 def _is_readable(path: Path) -> bool:
     try:
         return path.is_file() or path.is_dir()
-    except (OSError, ValueError):  # a name that the system cannot even look up
+    except (OSError, ValueError):  # an invalid file name
         return False
 
 

@@ -15,9 +15,9 @@ _VARIABLE = re.compile(r"\\.|\$([({]*)((?:[A-Za-z0-9_]|\\.)*)([)}]?)", re.DOTALL
 
 
 class Variables:
-    """Looks names up in the environment, then in the given variables, then in the keys already read.
+    """Looks up names in the environment, then in the given variables, then in the keys already read.
 
-    A source in which the value is empty is passed over. ``__YARP__`` is 1 unless somebody else defines it.
+    A source with an empty value is skipped. ``__YARP__`` is 1 unless it is defined.
     """
 
     __slots__ = ("_environment", "_given")
@@ -27,7 +27,7 @@ class Variables:
         self._given = given
 
     def value(self, name: str, read: Property) -> str | None:
-        """The text that stands for ``name``; ``None`` when nobody defines it."""
+        """Return the value of ``name``; ``None`` if it is not defined."""
         value = self._environment.get(name)
         for source in (self._given, read):
             if not value and source.check(name):
@@ -37,11 +37,10 @@ class Variables:
         return value
 
     def expand(self, text: str, read: Property, limit: int) -> tuple[str, list[str]]:
-        """Replace the variables in ``text``; return it with the names that nobody defines, which become empty.
+        """Replace the variables in ``text``; return it with the names of undefined ones, which become empty.
 
-        A backslash protects the character after it. Backslashes in values are doubled, so that they survive the
-        reading of the line. Values are not expanded again. More than ``limit`` characters raise
-        :class:`ResourceLimitError`.
+        A backslash escapes the next character. Backslashes in values are doubled, so that parsing the line restores
+        them. Values are not expanded again. More than ``limit`` characters raise :class:`ResourceLimitError`.
         """
         if "$" not in text:
             return text, []

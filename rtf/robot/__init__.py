@@ -1,5 +1,5 @@
-"""The robot: what a device can do, in the words of the iCub, and the stubs that carry it through the network.
+"""Robot devices: their interfaces in the terms of the iCub, drivers, and network servers and clients.
 
-``interfaces`` says what can be asked of a device, ``devices`` are drivers, ``server`` puts a device on the network and
-``client`` is the device at the other end, ``interface`` starts a robot from its configuration.
+``interfaces`` are the abstract classes of devices, ``devices`` the drivers, ``server`` puts a device on the network,
+``client`` is a device that is served elsewhere, and ``interface`` starts a robot from its configuration.
 """

@@ -1,7 +1,7 @@
-"""What YARP 4.0's control boards are asked: every function of the service, in its order.
+"""The service of YARP 4.0's control boards: all functions, in the order of the service.
 
-One row a function: its name, the interface and the method that do it, what it takes and what it gives. Both ends use
-the table: the server finds what to call by the name of the function, the client finds the function by the method.
+One row per function: its name, the interface and the method that implement it, its arguments and its results. Both ends
+use the table: the server finds the method by the name of the function, the client the function by the method.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ if TYPE_CHECKING:
     from rtf.robot.control_modes import ControlMode
     from rtf.robot.interfaces import FloatArray
 
-#: The interfaces of a board as the service calls them; None: there is no such interface here.
+#: The interfaces of a board by their names in the service; None: not available here.
 INTERFACES: Mapping[str, type | None] = {
     "iAmplifierControl": IAmplifierControl,
     "iAxisInfo": IAxisInfo,
@@ -105,13 +105,13 @@ _PID_OF = (PID_TYPE, AXIS16)
 
 
 def in_its_dialect(network: Network) -> Network:
-    """The same network, for ports that speak YARP 4.0 whatever the others speak: the service has no other dialect."""
+    """Return a copy of the network for ports that always speak YARP 4.0: the service has no other dialect."""
     other = copy.copy(network)
     other.dialect = Dialect.YARP4
     return other
 
 
-# Functions of their own -----------------------------------------------------------------------------------------------
+# Functions with code of their own -------------------------------------------------------------------------------------
 
 
 def _interfaces(board: object) -> dict[str, bool]:
@@ -127,7 +127,7 @@ def _keys(board: IRemoteVariables) -> list[Bottle]:
 
 
 def _park_joint(board: IRemoteCalibrator, joint: int, _wait: bool) -> None:
-    board.park_joint(joint)  # a device returns when it is done
+    board.park_joint(joint)  # a device's call returns when it is done
 
 
 def _park(board: IRemoteCalibrator, _wait: bool) -> None:
@@ -145,7 +145,7 @@ def _calibration_done(board: IControlCalibration, joint: int) -> None:
 
 def _times(board: object, axes: int | None) -> FloatArray:
     if not isinstance(board, IEncoders):
-        raise NotSupportedError(f"{type(board).__name__} does not say when it measured its motors")
+        raise NotSupportedError(f"{type(board).__name__} has no times of its motor positions")
     return board.encoder_times(axes)
 
 
@@ -174,7 +174,7 @@ def _torque_ranges(board: ITorqueControl) -> tuple[list[float], list[float]]:
 
 
 def _apart(ranges: Iterable[tuple[float, float]]) -> tuple[list[float], list[float]]:
-    """The least ones and the greatest ones."""
+    """Return the minima and the maxima of ranges."""
     both = [*ranges]
     return [least for least, _ in both], [greatest for _, greatest in both]
 
@@ -413,9 +413,9 @@ MESSAGES: tuple[Message, ...] = (
 
 #: The functions by their names.
 BY_NAME: Mapping[str, Message] = {message.name: message for message in MESSAGES}
-#: What each interface is called.
+#: The name of each interface in the service.
 INTERFACE_NAMES: Mapping[type, str] = {known: name for name, known in INTERFACES.items() if known is not None}
-#: The functions by the method they call and how: ``BY_METHOD["encoders", Style.ONE]``.
+#: The functions by method and style: ``BY_METHOD["encoders", Style.ONE]``.
 BY_METHOD: Mapping[tuple[str, Style], Message] = {
     (message.method, message.style): message for message in reversed(MESSAGES) if message.method
 }

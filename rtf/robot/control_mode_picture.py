@@ -1,6 +1,6 @@
-"""Draws the control-mode machine as the documentation shows it: ``python -m rtf.robot.control_mode_picture FILE``.
+"""The diagram of the control modes in the documentation: ``python -m rtf.robot.control_mode_picture FILE``.
 
-All that is drawn is read from the tables of :mod:`rtf.robot.control_modes`; only where it stands is decided here.
+All contents are read from the tables of :mod:`rtf.robot.control_modes`; only the layout is defined here.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _TIP = (
 )
 _WIDTH, _MARGIN = 960, 24
 _LINE = 20
-#: Where the text begins.
+#: The y coordinate of the text.
 _BELOW = 372
 _STYLE = """
   text { font: 14px system-ui, sans-serif; fill: #1f2933 }
@@ -53,20 +53,20 @@ def _words(modes: tuple[ControlMode, ...]) -> tuple[str, ...]:
     return tuple(f"{_name(mode)} [{mode.word}]" for mode in modes)
 
 
-#: What stands in a box together: the kind, the heading and the states.
+#: The boxes: the kind, the heading and the states.
 _GROUPS = (
     ("starting", "The board starts", (*(before for before, _, _ in FORCED if before is not None),)),
     ("moving", "The joint obeys its user", USER_MODES),
     ("idle", "No power", (ControlMode.IDLE,)),
     ("fault", "No power: a fault", (ControlMode.HARDWARE_FAULT,)),
 )
-#: Where the boxes are: left, top, width.
+#: The positions of the boxes: left, top, width.
 _PLACES = {"starting": (24, 84, 250), "moving": (360, 84, 250), "idle": (734, 84, 202), "fault": (734, 204, 202)}
 _GROUP_OF = {state: kind for kind, _, states in _GROUPS for state in states}
 
 
 class _Route(NamedTuple):
-    """An arrow from one box to another, and where its label is."""
+    """The path of an arrow between two boxes, and the position of its label."""
 
     path: str
     x: int
@@ -74,7 +74,7 @@ class _Route(NamedTuple):
     anchor: str = "middle"
 
 
-#: The arrows that there may be, on request and by the board itself.
+#: The arrows that may be drawn, for requests and for changes by the board.
 _ON_REQUEST = {
     ("moving", "moving"): _Route("M525 268 v26 h-80 V270", 485, 312),
     ("moving", "idle"): _Route("M610 104 H732", 672, 96),
@@ -110,7 +110,7 @@ def _text(x: int, y: int, text: str, kind: str, anchor: str = "start") -> str:
 
 
 def requested() -> dict[tuple[str, str], list[ControlMode]]:
-    """The requests that lead from one box into another, or from a state to another one in the same box."""
+    """Return the requests that lead from one box to another, or to another state in the same box."""
     found: dict[tuple[str, str], list[ControlMode]] = {}
     for (state, request), after in TRANSITIONS.items():
         if after is not state:
@@ -121,7 +121,7 @@ def requested() -> dict[tuple[str, str], list[ControlMode]]:
 
 
 def forced() -> dict[tuple[str, str], str]:
-    """Why a board brings a joint from one box into another."""
+    """Return the reasons for which a board moves a joint from one box to another."""
     found = {}
     for before, why, after in FORCED:
         for kind in (kind for kind, _, states in _GROUPS if before in states or before is None):
@@ -131,7 +131,7 @@ def forced() -> dict[tuple[str, str], str]:
 
 
 def _arrows() -> list[str]:
-    """All that lead from box to box. A KeyError tells of one that the tables have and the picture has no room for."""
+    """Draw all arrows between boxes. A KeyError means that the tables have an arrow without a path here."""
     drawn = []
     for between, requests in requested().items():
         label = "a mode" if set(USER_MODES) <= set(requests) else " ".join(f"[{one.word}]" for one in requests)
@@ -153,7 +153,7 @@ def _name(state: ControlMode) -> str:
 
 
 def what_is_taken(state: ControlMode) -> str:
-    """What comes of the requests in a state."""
+    """Return the text of what happens to the requests in a state."""
     answers = {request: answer(state, request)[0] for request in REQUESTS}
     ignored = [request for request, found in answers.items() if found is not Answer.TAKEN]
     taken = [request for request, found in answers.items() if found is Answer.TAKEN]
@@ -169,7 +169,7 @@ def _listed(modes: list[ControlMode]) -> str:
 
 
 def _legend(y: int) -> tuple[list[str], int]:
-    """What comes of the requests in each state, and what happens by itself; and where that ends."""
+    """Draw the text below the boxes. Return its elements and its lower end."""
     alike: dict[str, list[str]] = {}
     for state in STATES:
         alike.setdefault(what_is_taken(state), []).append(_name(state))
@@ -185,7 +185,7 @@ def _legend(y: int) -> tuple[list[str], int]:
 
 
 def draw() -> str:
-    """The picture, as the text of an SVG file; the same for the same tables."""
+    """Return the diagram as the text of an SVG file."""
     boxes = _boxes()
     legend, end = _legend(_BELOW)
     height = end + _MARGIN // 2
@@ -206,7 +206,7 @@ def draw() -> str:
 
 
 def main() -> None:
-    """Write it to the file that the command line names."""
+    """Write the diagram to the file named on the command line."""
     Path(sys.argv[1]).write_text(draw(), encoding="utf-8")
 
 

@@ -1,8 +1,8 @@
-"""The control-mode machine of an iCub joint: which modes there are, and what may follow what.
+"""The state machine of an iCub joint's control modes.
 
-One table, :data:`TRANSITIONS`, is what boards obey, tests try and the picture in the documentation shows. Requests are
-what a user may ask for; the other arrows are made by the board itself. The facts are those of the iCub's boards: a
-fault is left only by ``FORCE_IDLE``, and a joint that is not calibrated takes no request but to stay off.
+Boards, tests and the diagram in the documentation use one table, :data:`TRANSITIONS`. Requests come from users; all
+other transitions are made by the board itself. The rules are those of the iCub's boards: a fault is left only by
+``FORCE_IDLE``, and a joint that is not calibrated ignores all requests.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def _packed(word: str) -> int:
 
 
 class ControlMode(IntEnum):
-    """A control mode; the value is the packed word that travels over the network."""
+    """A control mode. The value is the packed word that is sent over the network."""
 
     IDLE = _packed("idl")
     POSITION = _packed("pos")
@@ -48,7 +48,7 @@ class ControlMode(IntEnum):
 
 
 def mode_word(number: int) -> str:
-    """The word of a mode that is told as a number; the number itself where there is no such mode."""
+    """Return the word of a mode given as a number; the number as text if there is no such mode."""
     try:
         return ControlMode(number).word
     except ValueError:
@@ -56,7 +56,7 @@ def mode_word(number: int) -> str:
 
 
 class InteractionMode(IntEnum):
-    """Whether a joint holds its place stiffly or gives way to who pushes it."""
+    """The interaction mode of a joint: stiff, or compliant to external forces."""
 
     STIFF = _packed("stif")
     COMPLIANT = _packed("comp")
@@ -69,14 +69,14 @@ class InteractionMode(IntEnum):
 
 
 class Answer(Enum):
-    """What a board does with a request for a mode."""
+    """The reaction of a board to a request for a mode."""
 
     TAKEN = "taken"
     IGNORED = "ignored"  # answered with ok, as boards do, but nothing changes
     REFUSED = "refused"  # answered with fail
 
 
-#: The modes in which a joint does what its user says.
+#: The modes in which a joint follows its user's commands.
 USER_MODES = (
     ControlMode.POSITION,
     ControlMode.POSITION_DIRECT,
@@ -86,7 +86,8 @@ USER_MODES = (
     ControlMode.CURRENT,
     ControlMode.PWM,
 )
-#: What a user may ask for. The two old impedance modes are asked for as position and velocity of a compliant joint.
+#: The modes that a user may request. The two old impedance modes are treated as position and velocity mode of a
+#: compliant joint.
 REQUESTS = (
     *USER_MODES,
     ControlMode.IMPEDANCE_POSITION,
@@ -104,15 +105,15 @@ STATES = (
     ControlMode.CALIBRATING,
     ControlMode.CALIBRATION_DONE,
 )
-#: In these a joint has no power.
+#: The modes in which a joint has no power.
 POWERLESS = frozenset(
     {ControlMode.IDLE, ControlMode.HARDWARE_FAULT, ControlMode.NOT_CONFIGURED, ControlMode.CONFIGURED}
 )
-#: In these the joint follows the generated trajectory, so that position moves are taken.
+#: The modes in which the joint follows the generated trajectory, so that position moves are accepted.
 TRAJECTORY_MODES = frozenset({ControlMode.POSITION, ControlMode.MIXED})
-#: In these velocity commands are taken.
+#: The modes in which velocity commands are accepted.
 VELOCITY_MODES = frozenset({ControlMode.VELOCITY, ControlMode.MIXED})
-#: In these the position of a joint is controlled, and nothing but their own commands moves it.
+#: The modes in which the position is controlled, and only their own commands move the joint.
 HOLDING_MODES = TRAJECTORY_MODES | VELOCITY_MODES | {ControlMode.POSITION_DIRECT}
 
 _STARTING = (
@@ -131,7 +132,7 @@ def _after(state: ControlMode, request: ControlMode) -> ControlMode:
     return request
 
 
-#: What a request leads to: ``TRANSITIONS[state, request]`` is the mode afterwards, the same one if it is ignored.
+#: The mode after a request: ``TRANSITIONS[state, request]``; the same mode if the request is ignored.
 TRANSITIONS: Mapping[tuple[ControlMode, ControlMode], ControlMode] = {
     (state, request): _after(state, request)
     for state in STATES
@@ -139,7 +140,7 @@ TRANSITIONS: Mapping[tuple[ControlMode, ControlMode], ControlMode] = {
     if request not in (ControlMode.IMPEDANCE_POSITION, ControlMode.IMPEDANCE_VELOCITY)
 }
 
-#: What the board does by itself: (from, why, to).
+#: The transitions that the board makes by itself: (from, reason, to); from None: from any mode.
 FORCED: tuple[tuple[ControlMode | None, str, ControlMode], ...] = (
     (ControlMode.NOT_CONFIGURED, "the board was configured", ControlMode.CONFIGURED),
     (ControlMode.CONFIGURED, "calibration began", ControlMode.CALIBRATING),
@@ -150,10 +151,10 @@ FORCED: tuple[tuple[ControlMode | None, str, ControlMode], ...] = (
 
 
 def answer(state: ControlMode, request: int) -> tuple[Answer, ControlMode]:
-    """What a board in ``state`` does with a request, which may be any number, and the mode afterwards.
+    """Return the reaction of a board in ``state`` to a request, which may be any number, and the mode afterwards.
 
-    A mode that nobody may ask for is refused; a request that the state forbids is ignored, as the iCub's boards do,
-    which answer before they know.
+    A mode that users may not request is refused. A request that the state forbids is ignored: the iCub's boards answer
+    before they know the result.
     """
     try:
         wanted = ControlMode(request)

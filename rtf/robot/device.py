@@ -1,4 +1,4 @@
-"""What every device is: something that is opened with a configuration, may be attached to others, and is closed."""
+"""The base class of devices: opened with a configuration, possibly attached to others, and closed."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
 
 T = TypeVar("T")
-#: The group of entry points by which packages offer devices: the name is the type that a configuration names.
+#: The entry point group of devices from other packages: the name is the device type in configurations.
 ENTRY_POINTS = "rtf.devices"
 
-#: The devices that come with the framework: type -> module and class. Loaded when they are named.
+#: The devices of this package: type -> module and class, imported on use.
 SHIPPED: Mapping[str, str] = {
     "fakeMotionControl": "rtf.robot.devices.fake_board:FakeBoard",
     "fakeIMU": "rtf.robot.devices.fake_sensors:FakeImu",
@@ -47,10 +47,10 @@ SHIPPED: Mapping[str, str] = {
 
 
 class Device(ABC):
-    """A driver, a stub or a controller. It is made, opened, perhaps attached to other devices, and closed.
+    """A driver, a network stub or a controller: constructed, opened, perhaps attached to other devices, closed.
 
-    ``name`` is what the configuration calls it, for messages; ``network`` the network it opens ports in, the process's
-    own without one. Opening and closing happen in one thread; what an interface says may be called from any.
+    ``name`` is the name in the configuration, for messages; ``network`` the network of its ports, None: that of the
+    process. One thread opens and closes it; the methods of its interfaces may be called from any thread.
     """
 
     def __init__(self, name: str = "", *, network: Network | None = None) -> None:
@@ -59,84 +59,85 @@ class Device(ABC):
 
     @property
     def network(self) -> Network:
-        """The network it opens ports in."""
+        """The network of the device's ports."""
         from rtf.middleware.network import default_network
 
         return self._given_network or default_network()
 
     @abstractmethod
     def open(self, configuration: Property) -> None:
-        """Begin. Raises ConfigurationError for parameters that make no sense, DeviceError when it cannot be opened.
+        """Open the device. Raises ConfigurationError for invalid parameters, DeviceError if it cannot be opened.
 
-        A device whose opening failed holds nothing.
+        A device whose ``open`` failed holds no resources.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """End, and give back everything; safe in any state, and more than once."""
+        """Close the device and release its resources; allowed in any state, and repeatedly."""
 
     def attach(self, devices: Mapping[str, Device]) -> None:
-        """Work with these devices from now on, which are open; the keys are what the configuration calls them.
+        """Use these open devices from now on; the keys are their names in the configuration.
 
-        Raises NotSupportedError when this device does not use others, DeviceError when these do not fit.
+        Raises NotSupportedError if this device does not use others, DeviceError if these are not suitable.
         """
         raise NotSupportedError(f"{self.name} ({type(self).__name__}) cannot be attached to {', '.join(devices)}")
 
-    def detach(self) -> None:  # noqa: B027 - a device that is attached to nothing lets go of nothing
-        """Let go of what it is attached to; nothing happens if it is not attached."""
+    def detach(self) -> None:  # noqa: B027 - only devices that can be attached override it
+        """Stop using the attached devices. Has no effect if there are none."""
 
     def view(self, interface: type[T]) -> T:
-        """This device as an interface. Raises NotSupportedError, naming both, when it has not got it."""
+        """Return the device as an interface. Raises NotSupportedError, naming both, if it does not implement it."""
         if isinstance(self, interface):
             return self
         raise NotSupportedError(f"{self.name} ({type(self).__name__}) has no {interface.__name__}")
 
 
 class Calibrator(Device):
-    """A device that brings another one to where it knows its position, and back to rest.
+    """A device that calibrates another one, and brings it to its home or parking pose.
 
-    The calls block until it is done; ``abort`` may come from another thread and makes them end soon with DeviceError.
+    The calls block until the movement is done. ``abort`` may be called from another thread and makes them raise
+    DeviceError soon.
     """
 
     @abstractmethod
     def calibrate(self, target: Device) -> None:
-        """Find the zero of every joint of the target and leave it at its home pose."""
+        """Find the zero of every joint of the target, and leave it at the startup pose."""
 
     @abstractmethod
     def home(self, target: Device) -> None:
-        """Bring every joint of the target to its home pose."""
+        """Move every joint of the target to its home pose."""
 
     @abstractmethod
     def park(self, target: Device) -> None:
-        """Bring every joint of the target to its parking pose, where it may be switched off."""
+        """Move every joint of the target to its parking pose, where it may be switched off."""
 
     @abstractmethod
     def abort(self) -> None:
-        """End what is going on; the joints stop where they are."""
+        """Abort the movement in progress; the joints stop where they are."""
 
 
 def find_device(kind: str) -> type[Device]:
-    """The class of a type of device: an installed package's (entry point), else one of the shipped.
+    """Return the class of a device type: from an installed package (entry point), else from this one.
 
-    Raises ConfigurationError for a type that nobody offers, and DeviceError when its code cannot be loaded.
+    Raises ConfigurationError for an unknown type, and DeviceError if its code cannot be imported.
     """
     offered = {entry.name: entry for entry in metadata.entry_points(group=ENTRY_POINTS)}
     if kind not in offered and kind not in SHIPPED:
         known = ", ".join(sorted({*offered, *SHIPPED}))
-        raise ConfigurationError(f"there is no type of device {kind!r}; known are {known}")
+        raise ConfigurationError(f"there is no device type {kind!r}; the known types are {known}")
     try:
         found = offered[kind].load() if kind in offered else _load(SHIPPED[kind])
     except Exception as error:
         raise DeviceError(f"the device {kind!r} cannot be loaded: {type(error).__name__}: {error}") from error
     if not (isinstance(found, type) and issubclass(found, Device)):
-        raise DeviceError(f"the entry point {kind!r} is no Device but {found!r}")
+        raise DeviceError(f"the entry point {kind!r} is not a Device but {found!r}")
     return found
 
 
 def make_device(
     kind: str, configuration: Property | None = None, *, name: str = "", network: Network | None = None
 ) -> Device:
-    """A device of a type, opened. Errors as for ``find_device`` and ``Device.open``."""
+    """Return an open device of a type. Raises the errors of ``find_device`` and ``Device.open``."""
     device = find_device(kind)(name or kind, network=network)
     device.open(configuration or Property())
     return device

@@ -1,4 +1,4 @@
-"""What goes wrong with robots."""
+"""The errors of robot devices."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from rtf.errors import RtfError
 
 
 class RobotError(RtfError):
-    """Base of what goes wrong with a device. The sentence names the device, the joint and the hint."""
+    """Base class of device errors. The message names the device, the joint and a hint."""
 
 
 class RefusedError(RobotError, ValueError):
-    """The device does not do what it was asked: a joint it does not have, a mode that is not allowed, a bad value."""
+    """The device refuses a request: a joint it does not have, a mode that is not allowed, an invalid value."""
 
 
 class NotSupportedError(RobotError, NotImplementedError):
@@ -18,15 +18,15 @@ class NotSupportedError(RobotError, NotImplementedError):
 
 
 class StaleStateError(RobotError, TimeoutError):
-    """The last state that came is too old to be acted upon, or none has come yet."""
+    """The latest state is too old to be used, or none has arrived yet."""
 
 
 class NoAnswerError(RobotError, ConnectionError):
-    """The device at the other end of the network does not answer, or answers what makes no sense."""
+    """The remote device does not answer, or its answer is invalid."""
 
 
 class UnreachableError(NoAnswerError):
-    """The device at the other end of the network is gone, and could not be connected to again."""
+    """The remote device is gone, and reconnecting failed."""
 
 
 class DeviceError(RobotError, RuntimeError):
@@ -34,4 +34,4 @@ class DeviceError(RobotError, RuntimeError):
 
 
 class ConfigurationError(RobotError, ValueError):
-    """A configuration says what cannot be; the sentence begins with the place."""
+    """A configuration is invalid. The message begins with the location."""

@@ -1,9 +1,9 @@
-"""The extended state of a control board: all that it measures, in one message, a hundred times a second.
+"""The extended state of a control board: all measurements in one message, a hundred times a second.
 
-It is a list of 22 fields (24 in YARP 4), always the same for a board: numbers, each followed by whether they are valid.
-So the bytes of a message are a template in which only numbers change. The arrays of a state are views of such bytes, in
-the form of YARP 3: nothing has to be put in or taken out. For YARP 4, some of whose numbers are of other types, they
-are copied, all at once.
+It is a list of 22 fields (24 in YARP 4) with a fixed layout per board: numbers, each followed by a validity flag. The
+bytes of a message are thus a template in which only numbers change. The arrays of a state are views of such bytes in
+YARP 3's format, so encoding and decoding copy no values. For YARP 4, where some numbers have other types, all values
+are converted in one step.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ if TYPE_CHECKING:
     from rtf.middleware.carriers.base import Buffer
     from rtf.robot.interfaces import FloatArray
 
-#: Under a name of this module, as those of an enumeration are slow to find.
+#: A module-level name: enumeration members are slow to look up.
 _YARP3 = Dialect.YARP3
-#: A board with more axes is none.
+#: The largest number of axes.
 MAX_AXES = 4096
-#: Seconds by which the times of the joints may differ; beyond, the state is none of one moment.
+#: The largest difference in seconds between the times of the joints; beyond it they are not one state.
 MAX_SPREAD = 1.0
 
 
 class Field(IntEnum):
-    """The parts of the state, in the order in which they travel."""
+    """The fields of the state, in the order of the message."""
 
     JOINT_POSITIONS = 0
     JOINT_VELOCITIES = 1
@@ -67,12 +67,12 @@ class Field(IntEnum):
 
 _FLOATS = Field.CURRENTS + 1
 _DOUBLE, _INTEGER = np.dtype("<f8"), np.dtype("<i4")
-#: Bytes of a field beside its numbers: its head, and the word of validity with its code.
+#: The bytes of a field besides its numbers: its header, and the validity word with its type code.
 _AROUND = 16
 
 
 def _row(field: Field) -> cached_property[FloatArray]:
-    """The numbers of a field; a view of their place, made when it is first asked for."""
+    """Return a cached view of the numbers of a field."""
 
     def row(state: ExtendedState) -> FloatArray:
         numbers: FloatArray = state.floats[field]
@@ -82,10 +82,10 @@ def _row(field: Field) -> cached_property[FloatArray]:
 
 
 class ExtendedState:
-    """The state of a board with so many axes: arrays of shape (axes,), which are filled in place.
+    """The state of a board with ``axes`` axes: arrays of shape (axes,), which are filled in place.
 
     Units are those of the interfaces; modes are packed words. ``valid`` says for each :class:`Field` whether its
-    numbers mean something; at first none does.
+    numbers are valid; initially none is.
     """
 
     def __init__(self, axes: int) -> None:
@@ -93,14 +93,15 @@ class ExtendedState:
         self.valid: Final[NDArray[np.bool_]] = np.zeros(len(Field), dtype=bool)
         self.temperatures: Final[NDArray[np.float32]] = np.zeros(axes, dtype=np.float32)
         self._memory = bytearray(_layout(Dialect.YARP3, axes).template)
-        # Flat, as one is made for each message that comes. A field has a head, its numbers, and whether they are valid.
+        # No helper functions: a state is created for each message. A field has a header, its numbers, and a validity
+        # word.
         stride = _AROUND + 8 * axes
         at_modes = _LEAST + _FLOATS * stride
         self.floats: Final[FloatArray] = np.ndarray((_FLOATS, axes), _DOUBLE, self._memory, _LEAST, (stride, 8))
         self.modes: Final[NDArray[np.int32]] = np.ndarray(
             (2, axes), _INTEGER, self._memory, at_modes, (_AROUND + 4 * axes, 4)
         )
-        self._told = b""  # what is written in the memory of ``valid``
+        self._told = b""  # the validity words that the memory holds
         self._images: dict[Dialect, _Image] = {}
 
     joint_positions = _row(Field.JOINT_POSITIONS)
@@ -121,12 +122,12 @@ class ExtendedState:
 
     @cached_property
     def interaction_modes(self) -> NDArray[np.int32]:
-        """The interaction modes, likewise."""
+        """The interaction modes, as packed words."""
         modes: NDArray[np.int32] = self.modes[1]
         return modes
 
     def values(self, field: Field) -> NDArray[Any]:
-        """The array of a field, of the type that it has."""
+        """Return the array of a field, with the field's type."""
         if field < _FLOATS:
             numbers: NDArray[Any] = self.floats[field]
             return numbers
@@ -135,7 +136,7 @@ class ExtendedState:
         return self.control_modes if field is Field.CONTROL_MODES else self.interaction_modes
 
     def write(self, dialect: Dialect) -> bytes:
-        """The bytes of its message. In one thread at a time."""
+        """Encode the state. For one thread at a time."""
         if dialect != _YARP3:
             return self._write_converted(dialect)
         told = self.valid.tobytes()
@@ -153,14 +154,14 @@ class ExtendedState:
         return bytes(image.memory)
 
     def take(self, data: Buffer) -> int:
-        """Take everything over from a message; returns its size. In one thread at a time.
+        """Replace the contents by those of a message; return its size. For one thread at a time.
 
-        Raises BottleError for what is no state of a board with so many axes, TruncatedBottleError for a part of one.
-        A state whose message made no sense stays as it was.
+        Raises BottleError for anything but a state with this number of axes, TruncatedBottleError for an incomplete
+        one. After an error the state is unchanged.
         """
         dialect, axes, size = _measure(data)
         if axes != self.axes:
-            raise BottleError(f"a state of {axes} axes came where {self.axes} are expected")
+            raise BottleError(f"a state of {axes} axes arrived, but {self.axes} are expected")
         layout = _layout(dialect, axes)
         frame = np.frombuffer(data, np.uint8, size)[layout.frame].tobytes()
         if frame == layout.usual:
@@ -184,7 +185,7 @@ class ExtendedState:
                 here[...] = there
 
     def _image(self, dialect: Dialect) -> _Image:
-        """The memory of messages in another form; made when first asked for, and then kept."""
+        """Return the memory of messages in another dialect, created on first use."""
         layout = _layout(dialect, self.axes)
         memory = bytearray(layout.template)
         record = np.frombuffer(memory, layout.dtype)
@@ -200,7 +201,7 @@ class ExtendedState:
         return image
 
     def copy(self) -> ExtendedState:
-        """Another one with the same contents."""
+        """Return a copy of the state."""
         made = ExtendedState(self.axes)
         made.floats[:] = self.floats
         made.valid[:] = self.valid
@@ -210,15 +211,15 @@ class ExtendedState:
 
     @property
     def codec(self) -> ExtendedStateCodec:
-        """How it travels."""
+        """The codec of extended states."""
         return EXTENDED_STATE
 
 
 class _Layout(NamedTuple):
-    """How the message of a board with so many axes looks.
+    """The layout of the message of a board with a given number of axes.
 
-    ``frame`` are the places of all that is no number: of what never changes, which is ``fixed_bytes``, and behind these
-    of the words of validity, of the first ``fields`` fields. In ``usual`` frames all are valid.
+    ``frame`` are the positions of all bytes but the numbers: first those that never change, ``fixed_bytes``, then the
+    validity words of the first ``fields`` fields. In a ``usual`` frame all fields are valid.
     """
 
     dtype: np.dtype[Any]
@@ -230,7 +231,7 @@ class _Layout(NamedTuple):
 
 
 class _Image(NamedTuple):
-    """The memory of one message, and the numbers there with those of a state."""
+    """The memory of one message, and pairs of arrays: in that memory, and in a state."""
 
     layout: _Layout
     memory: bytearray
@@ -238,21 +239,21 @@ class _Image(NamedTuple):
 
 
 def _tell_valid(memory: bytearray, layout: _Layout, valid: NDArray[np.bool_]) -> None:
-    """Write the words of validity into a message."""
+    """Write the validity words into a message."""
     words = _WORDS[valid[: layout.fields].view(np.uint8)]
     np.frombuffer(memory, np.uint8)[layout.frame[len(layout.fixed_bytes) :]] = words.view(np.uint8)
 
 
 _OK, _FAIL = Vocab("ok").value, Vocab("fail").value
-#: Between the precisions what is too large becomes infinite, and what is no number stays so, as everywhere.
+#: In a conversion of precision, values out of range become infinite and NaN stays NaN.
 _SILENT: dict[str, Any] = {"over": "ignore", "invalid": "ignore"}
-#: By whether it is true.
+#: The validity words of False and True.
 _WORDS = np.array([_FAIL, _OK], dtype="<i4")
-#: What the bytes of a message are that change.
+#: The kinds of bytes of a message that change.
 _NUMBER, _VALIDITY = 1, 2
 _VOCAB = TAGS[Dialect.YARP3].classes[Vocab].code  # the same in both
 _DUTY = Field.DUTY_CYCLES.value
-#: By dialect the fields as they stand in a message: the type of their numbers, the first one, and how many are alike.
+#: For each dialect the fields of a message: the type of their numbers, the first one, and how many are alike.
 _PARTS = {
     Dialect.YARP3: (
         ("f8", Field.JOINT_POSITIONS, _FLOATS),
@@ -268,7 +269,7 @@ _PARTS = {
 }
 _COUNTS = {dialect: 2 * sum(count for _, _, count in parts) for dialect, parts in _PARTS.items()}
 _OF_COUNT = {count: dialect for dialect, count in _COUNTS.items()}
-#: The head of the message and that of its first field.
+#: The header of the message and that of its first field.
 _begin = struct.Struct("<iiii")
 _LEAST = _begin.size
 
@@ -296,15 +297,15 @@ def _layout(dialect: Dialect, axes: int) -> _Layout:
 
 
 def _measure(data: Buffer) -> tuple[Dialect, int, int]:
-    """The dialect of a message, the number of axes and its size, which is there."""
+    """Return the dialect, the number of axes and the size of a message, which is complete."""
     if len(data) < _LEAST:
         raise TruncatedBottleError(_LEAST)
     code, count, kind, axes = _begin.unpack_from(data)
     dialect = _OF_COUNT.get(count) if code == LIST else None
     if dialect is None:
-        raise BottleError(f"an extended state is a list of 22 or 24 fields; a list of {count} (code {code}) came")
+        raise BottleError(f"an extended state is a list of 22 or 24 fields, not of {count} (code {code})")
     if kind != CODES[dialect]["f8"] or not 0 <= axes <= MAX_AXES:
-        raise BottleError(f"an extended state begins with positions of joints; {axes} numbers of code {kind} came")
+        raise BottleError(f"an extended state begins with positions of joints, not with {axes} numbers of code {kind}")
     size = _layout(dialect, axes).dtype.itemsize
     if len(data) < size:
         raise TruncatedBottleError(size)
@@ -312,7 +313,7 @@ def _measure(data: Buffer) -> tuple[Dialect, int, int]:
 
 
 class ExtendedStateCodec(TextCodec[ExtendedState]):
-    """Extended states. Which dialect a message is in shows in the number of its fields."""
+    """Codec of extended states. The number of fields identifies the dialect of a message."""
 
     promise = "yarp/controlBoardExtendedState"
 
@@ -321,7 +322,7 @@ class ExtendedStateCodec(TextCodec[ExtendedState]):
         return (value.write(dialect),)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[ExtendedState, int]:  # noqa: ARG002 - see above
-        """A state of its own. Whoever reads many has one take them all: see ``ExtendedState.take`` for the errors."""
+        """Decode a new state. To read many messages, use one state's ``take``, which also lists the errors."""
         _, axes, _ = _measure(data)
         state = ExtendedState(axes)
         return state, state.take(data)
@@ -331,18 +332,18 @@ EXTENDED_STATE = ExtendedStateCodec()
 
 
 class IStateSource(ABC):
-    """A board that gives its whole state at once, which is quicker than asking for each part of it."""
+    """A board that provides its whole state at once, which is faster than one call for each field."""
 
     @abstractmethod
     def fill_state(self, state: ExtendedState) -> float:
-        """Put in what there is and say what is valid; returns the mean time of the encoders (s, robot's clock).
+        """Fill in the values and validity flags. Return the mean time of the encoders (s, robot's clock).
 
-        Raises StaleStateError when the joints were not measured at about the same moment.
+        Raises StaleStateError if the joints were not measured at about the same time.
         """
 
 
 class InterfaceState(IStateSource):
-    """The state of a device by its interfaces. What it has not got, or does not tell, is zeros that are not valid."""
+    """The state of a device, read through its interfaces. Fields that it lacks or refuses are zero and not valid."""
 
     def __init__(self, device: object) -> None:
         self._readers: list[tuple[Field, Callable[[], Any]]] = [
@@ -353,7 +354,7 @@ class InterfaceState(IStateSource):
         self._times = device.encoder_times if isinstance(device, IEncoders) else None
 
     def fill_state(self, state: ExtendedState) -> float:
-        """See IStateSource; not a number when there are no encoders."""
+        """Fill in the state; the time is NaN if there are no encoders."""
         state.valid.fill(False)
         for field, read in self._readers:
             values = state.values(field)
@@ -370,7 +371,7 @@ class InterfaceState(IStateSource):
 
 
 _NOTHING = np.zeros(0)
-#: Which method of which interface gives a field.
+#: The interface and method that provide each field.
 _SOURCES: dict[Field, tuple[type[Any], str]] = {
     Field.JOINT_POSITIONS: (IEncoders, "encoders"),
     Field.JOINT_VELOCITIES: (IEncoders, "encoder_speeds"),
@@ -388,7 +389,7 @@ _SOURCES: dict[Field, tuple[type[Any], str]] = {
 
 
 def mean_time(times: FloatArray) -> float:
-    """The mean of the joints' times. Raises StaleStateError when they are too far apart to belong together."""
+    """Return the mean of the joints' times. Raises StaleStateError if they differ by more than MAX_SPREAD."""
     spread = float(np.ptp(times)) if times.size else 0.0
     if spread > MAX_SPREAD:
         raise StaleStateError(
@@ -398,5 +399,5 @@ def mean_time(times: FloatArray) -> float:
 
 
 def state_from_interfaces(device: object, state: ExtendedState) -> float:
-    """Fill the state of a device that is asked part by part, once; see :class:`InterfaceState` for again and again."""
+    """Fill the state of a device through its interfaces once; :class:`InterfaceState` is for repeated use."""
     return InterfaceState(device).fill_state(state)

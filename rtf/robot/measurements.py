@@ -1,4 +1,4 @@
-"""All that the sensors of a device measure now, at once or one by one."""
+"""The readings of all sensors of a device, all at once or one by one."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ if TYPE_CHECKING:
 
 
 class IMeasurementsSource(ABC):
-    """Sensors that give all their readings at once, which is quicker than asking for each of them."""
+    """A device that provides the readings of all its sensors at once, which is faster than one call for each."""
 
     @abstractmethod
     def read_all(self) -> Measurements:
-        """The readings of all categories, as many in each as ``sensors`` tells of. Nobody changes them.
+        """Return the readings of all categories, as many in each as ``sensors`` lists. They are not modified later.
 
-        Raises DeviceError while a sensor is not well, as :func:`not_well` makes it.
+        Raises DeviceError while the status of a sensor is not OK, see :func:`not_well`.
         """
 
 
 class DeviceMeasurements(IMeasurementsSource):
-    """The same of a device by its interface: of the first so many categories, the sensors that it has now."""
+    """The readings of a device through its interface: the sensors that it has now, in the first ``categories``."""
 
     def __init__(self, device: IMultipleAnalogSensors, categories: int = len(SensorCategory)) -> None:
         self._device = device
@@ -47,5 +47,5 @@ class DeviceMeasurements(IMeasurementsSource):
 
 
 def not_well(name: str, category: SensorCategory, status: SensorStatus) -> DeviceError:
-    """What is raised for a sensor because of which nothing is told."""
-    return DeviceError(f"the sensor {name} ({category.name}) is not well: {SensorStatus(status).name}")
+    """Return the error for a sensor whose status is not OK."""
+    return DeviceError(f"the sensor {name} ({category.name}) has status {SensorStatus(status).name}")

@@ -1,4 +1,4 @@
-"""The parameters of a configuration, read with what they must be; whoever wrote it wrong is told where."""
+"""Access to the parameters of a configuration, with checks; errors name the location in the file."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ _NO = ("off", "false", "no", "0")
 
 
 def wrong(configuration: Property, key: str, sentence: str) -> ConfigurationError:
-    """The error to raise for a parameter; it begins with its place."""
+    """Return the error for a parameter; the message begins with its location."""
     location = configuration.location(key)
     return ConfigurationError(f"{key}: {sentence}" if location is None else f"{location}: {key}: {sentence}")
 
 
 def group_of(configuration: Property, key: str) -> Property:
-    """A group as a configuration of its own; of nothing if it is not there."""
+    """Return a group as a configuration; an empty one if it is missing."""
     return Property.from_bottle(configuration.find_group(key) or Bottle())
 
 
 def port_name(configuration: Property, key: str, default: str | None = None) -> str:
-    """What the names of ports begin with, such as ``/icub/inertial``; without ``default`` it must be there."""
+    """Return a prefix of port names, such as ``/icub/inertial``; required unless there is a ``default``."""
     value = configuration.find(key)
     if value is None:
         if default is not None:
             return default
-        raise wrong(configuration, key, "it is missing; it begins the names of ports, such as /icub/inertial")
+        raise wrong(configuration, key, "it is missing; it is the prefix of the port names, such as /icub/inertial")
     name = as_string(value).rstrip("/")
     if not name.startswith("/"):
-        raise wrong(configuration, key, f"{to_string(value)} is no name of ports; it begins with '/'")
+        raise wrong(configuration, key, f"{to_string(value)} is not a port name; it begins with '/'")
     return name
 
 
 def carrier(configuration: Property, default: str) -> str:
-    """The parameter ``carrier``: the name of one that is known here."""
+    """Return the parameter ``carrier``, the name of a known carrier."""
     name = as_string(configuration.get("carrier", default))
     try:
         registry.by_name(name)
@@ -52,26 +52,26 @@ def carrier(configuration: Property, default: str) -> str:
 
 
 def positive(configuration: Property, key: str, default: float | None = None) -> float:
-    """A number above 0; without ``default`` it must be there."""
+    """Return a number above 0; required unless there is a ``default``."""
     value = configuration.get(key, default)
     if value is None:
         raise wrong(configuration, key, "it is missing; it is a number above 0")
     number = as_float(value)
     if not isinstance(value, int | float) or not 0 < number < math.inf:
-        raise wrong(configuration, key, f"{to_string(value)} is no number above 0")
+        raise wrong(configuration, key, f"{to_string(value)} is not a number above 0")
     return number
 
 
 def count(configuration: Property, key: str, default: int, most: int) -> int:
-    """A whole number from 1 to ``most``."""
+    """Return a whole number from 1 to ``most``."""
     value = configuration.get(key, default)
     if not isinstance(value, int) or not 1 <= value <= most:
-        raise wrong(configuration, key, f"{to_string(value)} is no whole number from 1 to {most}")
+        raise wrong(configuration, key, f"{to_string(value)} is not a whole number from 1 to {most}")
     return as_int(value)
 
 
 def flag(configuration: Property, key: str, *, default: bool = False) -> bool:
-    """Yes or no; a key without a value says yes."""
+    """Return a yes or no parameter; a key without a value means yes."""
     if not configuration.check(key):
         return default
     value = configuration.find(key)
@@ -84,10 +84,10 @@ def flag(configuration: Property, key: str, *, default: bool = False) -> bool:
 
 
 def names(configuration: Property, key: str) -> tuple[str, ...]:
-    """A list of words, ``(a b)``; of none if the key is not there."""
+    """Return a list of words, ``(a b)``; empty if the key is missing."""
     value: Value | None = configuration.find(key)
     given = value if isinstance(value, Bottle) else Bottle([] if value is None else [value])
     found = tuple(map(as_string, given))
     if not all(found):
-        raise wrong(configuration, key, f"{to_string(value)} is no list of names, such as (left right)")
+        raise wrong(configuration, key, f"{to_string(value)} is not a list of names, such as (left right)")
     return found

@@ -1,4 +1,4 @@
-"""What a function of a device answers besides its results: whether it worked, and if not, why."""
+"""The return value of a service function: success, or the kind of error."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class ReturnValue(Enum):
-    """How a call ended: the word that says so in YARP 4.0, and the number in 3.11 and 3.12."""
+    """The result of a call: its word in YARP 4.0, and its number in 3.11 and 3.12."""
 
     OK = ("ok", 0)
     GENERIC = ("err1", 1)
@@ -36,9 +36,9 @@ class ReturnValue(Enum):
 
     @classmethod
     def of(cls, value: Value | None) -> ReturnValue:
-        """The one that an answer's element means; of errors that are not known here the generic one.
+        """Decode an element of an answer; unknown errors become the generic one.
 
-        Raises BottleError for an element that is none.
+        Raises BottleError for an element of another type.
         """
         if isinstance(value, Bottle) and len(value) == 1:
             value = value[0]
@@ -46,16 +46,16 @@ class ReturnValue(Enum):
             return _BY_WORD.get(value, cls.GENERIC)
         if isinstance(value, int):
             return _BY_NUMBER.get(value, cls.GENERIC)
-        raise BottleError(f"an answer begins with whether it worked, not with {value!r}")
+        raise BottleError(f"an answer begins with a return value, not with {value!r}")
 
     @property
     def codec(self) -> ReturnValueCodec:
-        """How it is written."""
+        """The codec of return values."""
         return RETURN_VALUE
 
 
 class ReturnValueCodec(TextCodec[ReturnValue]):
-    """In 4.0 a list of one word, in 3.x an element that has no list around it."""
+    """Codec of return values: in YARP 4.0 a list of one word, in 3.x a number without a list."""
 
     def encode(self, value: ReturnValue, dialect: Dialect) -> Sequence[Buffer]:
         """One block."""
@@ -71,15 +71,15 @@ class ReturnValueCodec(TextCodec[ReturnValue]):
             raise TruncatedBottleError(pair.size)
         code, number = pair.unpack_from(data)
         if code != Kind.INT32:
-            raise BottleError(f"whether it worked is told by a number, not by something of code {code}")
+            raise BottleError(f"a return value is a number, not an element of code {code}")
         return ReturnValue.of(number), pair.size
 
     def to_text(self, value: ReturnValue) -> str:
-        """The word, as a tool for 4.0 shows it."""
+        """Return the word, as a tool for YARP 4.0 shows it."""
         return Bottle([Vocab(value.word)]).to_text()
 
     def from_text(self, text: str) -> ReturnValue:
-        """The word that was typed."""
+        """Parse the word."""
         return ReturnValue.of(Bottle.parse(text))
 
 

@@ -1,7 +1,7 @@
-"""The message in which the measurements of many sensors travel: a list for each category, in it one for each sensor.
+"""The message with the readings of many sensors: a list per category, with a list per sensor.
 
-A sensor's list is the vector of what it measured and the time of it. Programs up to YARP 3.10 know ten categories,
-later ones twelve; a reader takes as many as are there. Only the order says which category and which sensor it is.
+A sensor's list is the vector of its values, and their time. Programs up to YARP 3.10 have ten categories, later ones
+twelve; any number is accepted. Categories and sensors are identified by their order only.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ if TYPE_CHECKING:
 
     from rtf.middleware.carriers.base import Buffer
 
-#: The readings by category, and in a category by sensor. Nobody changes them once they are made.
+#: The readings by category and sensor. They are not modified after their creation.
 Measurements: TypeAlias = list[list[SensorReading]]
 
-#: Sensors that one message may tell of; the largest robots have a few hundred, patches of skin included.
+#: The largest number of sensors in a message; large robots have a few hundred, skin patches included.
 MAX_SENSORS = 10_000
 _MAX_CATEGORIES = 64
-_PARTS = 2  # of a sensor's list
+_PARTS = 2  # elements of a sensor's list
 _DOUBLE = np.dtype("<f8")
 _HEAD = struct.Struct("<4i")
 _TIME = struct.Struct("<id")
 
 
 class SensorMessageCodec(TextCodec[Measurements]):
-    """Measurements. What arrives may also be a list that somebody typed, with numbers of any type."""
+    """Codec of readings. A received message may also be a typed list, with numbers of any type."""
 
     promise = "yarp/sensors"
 
     def encode(self, value: Measurements, dialect: Dialect) -> Sequence[Buffer]:
-        """One block. Flat, for it is made a hundred times a second for every part of a robot.
+        """Return one block. No helper functions: it is called a hundred times a second for every part of a robot.
 
-        The sizes hardly ever change, and with them all that stands between the measurements.
+        The sizes rarely change, so the bytes between the values are cached.
         """
         double, pack = TAGS[dialect].float64_code, _TIME.pack
         measured: list[bytes] = []
@@ -62,20 +62,20 @@ class SensorMessageCodec(TextCodec[Measurements]):
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Measurements, int]:
         try:
             return _read(data, TAGS[dialect].float64_code)
-        except (struct.error, _UnusualError):  # cut off, no such message, or one that says the same in other types
+        except (struct.error, _UnusualError):  # truncated, invalid, or with other types of numbers
             bottle, end = decode_from(data, 0, dialect)
             return _of(bottle), end
 
 
 class _UnusualError(Exception):
-    """The bytes are not those that programs send."""
+    """The message does not have the usual layout."""
 
 
 @lru_cache(maxsize=256)
 def _frame(double: int, counts: tuple[int, ...], sizes: tuple[int, ...]) -> tuple[bytes, ...]:
-    """What stands around the values and times in a message of categories with so many sensors, of such sizes.
+    """Return the bytes around the values and times, for these numbers of sensors and sizes of values.
 
-    It is one piece in front of each sensor's, and one at the end.
+    There is one piece before each sensor's values, and one at the end.
     """
     pieces, left = [pair.pack(LIST, len(counts))], iter(sizes)
     for count in counts:
@@ -87,7 +87,7 @@ def _frame(double: int, counts: tuple[int, ...], sizes: tuple[int, ...]) -> tupl
 
 
 def _read(data: Buffer, double: int) -> tuple[Measurements, int]:
-    """What is in the bytes if they are just as they are usually written."""
+    """Decode a message with the usual layout."""
     code, categories = pair.unpack_from(data)
     if code != LIST or not 0 <= categories <= _MAX_CATEGORIES:
         raise _UnusualError
@@ -116,22 +116,22 @@ def _read(data: Buffer, double: int) -> tuple[Measurements, int]:
 
 
 def _of(bottle: Bottle) -> Measurements:
-    """The same of any bottle. Raises BottleError."""
+    """Convert any bottle to readings. Raises BottleError."""
     lists = [_list(category, "a category") for category in bottle]
     if len(lists) > _MAX_CATEGORIES or sum(map(len, lists)) > MAX_SENSORS:
-        raise BottleLimitError(f"a message of {len(lists)} categories tells of too many sensors")
+        raise BottleLimitError(f"a message of {len(lists)} categories has too many sensors")
     return [[_reading(_list(sensor, "a sensor")) for sensor in category] for category in lists]
 
 
 def _list(value: object, what: str) -> Bottle:
     if not isinstance(value, Bottle):
-        raise BottleError(f"{what} is a list, {str(value)[:40]!r} is none")
+        raise BottleError(f"{what} is a list, not {str(value)[:40]!r}")
     return value
 
 
 def _reading(sensor: Bottle) -> SensorReading:
     if len(sensor) != _PARTS or not isinstance(sensor[1], int | float):
-        raise BottleError(f"a sensor is a list of values and a time, {sensor.to_text()[:40]!r} came")
+        raise BottleError(f"a sensor is a list of values and a time, not {sensor.to_text()[:40]!r}")
     return SensorReading(VECTOR.from_bottle(_list(sensor[0], "what a sensor measures")), as_float(sensor[1]))
 
 

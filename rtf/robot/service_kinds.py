@@ -1,8 +1,7 @@
-"""The kinds of values that functions of boards take and return, and how each stands in a record.
+"""The value types of service functions, and their encoding in a record.
 
-A kind reads a value out of the elements of a message and makes what a record holds of one. ``take`` raises BottleError
-when the elements are of another kind, and RefusedError when they are of this kind but mean nothing, such as the number
-of a mode that does not exist.
+A kind converts elements of a message to a value and back. ``take`` raises BottleError for elements of another type, and
+RefusedError for an invalid value of the right type, such as the number of a mode that does not exist.
 """
 
 from __future__ import annotations
@@ -27,9 +26,9 @@ E = TypeVar("E", bound=IntEnum)
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """``cpp`` is what tools call it, ``default`` what stands in an answer that failed, ``width`` elements of a record.
+    """A type of value. ``cpp`` is its name in tools, ``default`` its value in an error answer, ``width`` its elements.
 
-    ``take`` gets as many elements as it is wide. What is read and written is any of the types of the interfaces.
+    ``take`` gets ``width`` elements. Any: the values have the types of the interfaces.
     """
 
     cpp: str
@@ -40,15 +39,13 @@ class Kind:
 
 
 def read_all(kinds: Sequence[Kind], elements: Sequence[Value]) -> list[Any]:
-    """The values in the elements. Raises BottleError when there are too few or too many, or others."""
+    """Convert elements to values. Raises BottleError for a wrong number of elements or a wrong type."""
     found: list[Any] = []
     wanted = 0
     for kind in kinds:
         wanted += kind.width
     if len(elements) != wanted:
-        raise BottleError(
-            f"{len(elements)} values came, {', '.join(kind.cpp for kind in kinds) or 'none'} were expected"
-        )
+        raise BottleError(f"{len(elements)} values arrived, expected {', '.join(kind.cpp for kind in kinds) or 'none'}")
     at = 0
     for kind in kinds:
         found.append(kind.take(elements[at : at + kind.width]))
@@ -57,7 +54,7 @@ def read_all(kinds: Sequence[Kind], elements: Sequence[Value]) -> list[Any]:
 
 
 def write_all(kinds: Sequence[Kind], values: Sequence[Any]) -> tuple[object, ...]:
-    """What a record holds for the values, which are as many as the kinds."""
+    """Convert values, as many as there are kinds, to the fields of a record."""
     return tuple([kind.put(value) for kind, value in zip(kinds, values, strict=True)])
 
 
@@ -97,13 +94,13 @@ def _bottle(value: Value) -> Bottle:
 
 
 def _member(value: Value, of: type[E]) -> E:
-    """Words travel as their number, and are taken as words as well."""
+    """Convert an element to an enumeration member; it is sent as a number, and a word is accepted, too."""
     if not isinstance(value, int | Vocab):
         raise BottleError(f"the number of a {of.__name__} was expected, not {value!r}")
     try:
         return of(int(value))
     except ValueError:
-        raise RefusedError(f"{int(value)} is no {of.__name__}") from None
+        raise RefusedError(f"{int(value)} is not a {of.__name__}") from None
 
 
 # Kinds ----------------------------------------------------------------------------------------------------------------
@@ -114,7 +111,7 @@ def _single(cpp: str, take: Callable[[Value], Any], put: Callable[[Any], object]
 
 
 def _several(one: Kind) -> Kind:
-    """A list of them."""
+    """Return the kind of a list of values."""
     return Kind(
         f"std::vector<{one.cpp}>",
         lambda elements: [one.take([item]) for item in _bottle(elements[0])],
@@ -128,7 +125,7 @@ def _enumeration(cpp: str, of: type[E], default: E) -> Kind:
 
 
 def _structure(cpp: str, of: Callable[..., tuple[Any, ...]], takes: Sequence[Callable[[Value], Any]]) -> Kind:
-    """A structure without a list of its own: its fields stand side by side."""
+    """Return the kind of a structure, whose fields are consecutive elements."""
 
     def take(elements: Sequence[Value]) -> tuple[Any, ...]:
         return of(*(take(value) for take, value in zip(takes, elements, strict=True)))
@@ -136,12 +133,12 @@ def _structure(cpp: str, of: Callable[..., tuple[Any, ...]], takes: Sequence[Cal
     return Kind(cpp, take, tuple, of(), len(takes))
 
 
-# The order of a Pid in its list is another one than YARP 3's, which is that of the class.
+# The order of a PID's fields in the service; the class has the order of YARP 3.
 _PID_ORDER = (
     *("kp", "kd", "ki", "max_integral", "scale", "max_output"),
     *("offset", "stiction_up", "stiction_down", "feedforward"),
 )
-#: Three descriptions and the units of the ten numbers.
+#: The number of texts: three descriptions and the units of the ten numbers.
 _INFO_TEXTS = 13
 
 
@@ -159,7 +156,7 @@ def _put_pid(pid: Pid) -> Record:
 def _take_texts(value: Value) -> list[str]:
     texts = [_text(item) for item in _bottle(value)]
     if len(texts) != _INFO_TEXTS:
-        raise BottleError(f"what a PID is about are {_INFO_TEXTS} strings, not {len(texts)}")
+        raise BottleError(f"the information of a PID has {_INFO_TEXTS} strings, not {len(texts)}")
     return texts
 
 
@@ -171,9 +168,9 @@ def _take_map(value: Value) -> dict[str, bool]:
     return found
 
 
-#: A number of a joint or a motor.
+#: The number of a joint or a motor.
 AXIS = _single("std::int32_t", _whole, int, 0)
-#: An axis as some functions have it; what is read may be wider.
+#: An axis as a 16-bit number, as in some functions; wider numbers are accepted.
 AXIS16 = _single("std::int16_t", _whole, Int16, 0)
 WHOLE = AXIS
 NUMBER = _single("double", _number, float, 0.0)

@@ -1,4 +1,4 @@
-"""The rows of the table of a service: a function, and how it becomes a call of a method of a device."""
+"""The rows of a service table: functions, and their mapping to methods of a device."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Style(Enum):
-    """How a function's arguments are those of the method: plural methods are three functions each."""
+    """The relation between the arguments of function and method. A method with axes is three functions."""
 
     CALL = "as they are"
     ONE = "one axis"
@@ -25,9 +25,9 @@ class Style(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A function of the service. ``run`` does it on a device; its result is what ``gives`` says, in a tuple if several.
+    """A function of the service. ``run`` calls a device; a result with several kinds in ``gives`` is a tuple.
 
-    ``interface`` is None for what no device here can do.
+    ``interface`` is None for a function that no device here implements.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Message:
 
     @property
     def prototype(self) -> str:
-        """What a tool shows of it."""
+        """The prototype that tools show."""
         result = (
             f"return_{_RESULTS.get(self.name, self.name.removesuffix('RPC'))}"
             if self.gives
@@ -51,13 +51,13 @@ class Message:
         return f"{result} ControlBoardMsgs::{self.name}({arguments}){constant}"
 
 
-#: Results that are not called like their function.
+#: Functions whose result type has another name than the function.
 _RESULTS = {
     "getInteractionModesGroupRPC": "getInteractionModeGroup",
     "getInteractionModesAllRPC": "getInteractionModeAll",
     "getMotorEncodersTimedAllRPC": "getMotorEncoderTimedAll",
 }
-#: Functions that read but are not declared so.
+#: Reading functions that are not declared const.
 _CHANGING = frozenset({"getAxisNameRPC", "getJointTypeRPC", "getMotorTorqueParamsRPC"})
 
 
@@ -70,7 +70,7 @@ def call(
     gives: tuple[Kind, ...] = (),
     style: Style = Style.CALL,
 ) -> Message:
-    """The arguments of the function are those of the method."""
+    """Return a function with the same arguments as the method."""
 
     def run(board: Any, *arguments: Any) -> Any:
         return getattr(board, method)(*arguments)
@@ -79,7 +79,7 @@ def call(
 
 
 def one(name: str, interface: type[Any], method: str, kind: Kind, *, of: tuple[Kind, ...] = (AXIS,)) -> Message:
-    """Read one axis."""
+    """Return a function that reads one axis."""
 
     def run(board: Any, *which: Any) -> Any:
         return getattr(board, method)(*which)[0]
@@ -88,12 +88,12 @@ def one(name: str, interface: type[Any], method: str, kind: Kind, *, of: tuple[K
 
 
 def some(name: str, interface: type[Any], method: str, kinds: Kind) -> Message:
-    """Read several axes."""
+    """Return a function that reads several axes."""
     return _reading(name, interface, method, Style.SOME, (AXES,), kinds)
 
 
 def every(name: str, interface: type[Any], method: str, kinds: Kind, *, of: tuple[Kind, ...] = ()) -> Message:
-    """Read all axes."""
+    """Return a function that reads all axes."""
     return _reading(name, interface, method, Style.ALL, of, kinds)
 
 
@@ -107,17 +107,17 @@ def _reading(
 
 
 def set_one(name: str, interface: type[Any], method: str, kind: Kind, *, of: tuple[Kind, ...] = (AXIS,)) -> Message:
-    """Set one axis: in the function it stands before the value, in the method after it."""
+    """Return a function that sets one axis. Its axis argument is before the value, that of the method after it."""
     return _setting(name, interface, method, Style.ONE, of, kind)
 
 
 def set_some(name: str, interface: type[Any], method: str, kinds: Kind) -> Message:
-    """Set several axes; likewise."""
+    """Return a function that sets several axes. Its axes are before the values."""
     return _setting(name, interface, method, Style.SOME, (AXES,), kinds)
 
 
 def set_every(name: str, interface: type[Any], method: str, kinds: Kind, *, of: tuple[Kind, ...] = ()) -> Message:
-    """Set all axes."""
+    """Return a function that sets all axes."""
 
     def run(board: Any, *arguments: Any) -> None:
         getattr(board, method)(*arguments)
@@ -141,14 +141,14 @@ def own(
     takes: tuple[Kind, ...] = (),
     gives: tuple[Kind, ...] = (),
 ) -> Message:
-    """Something that is made of the methods of an interface."""
+    """Return a function with code of its own."""
     return Message(name, interface, "", Style.OWN, takes, gives, run)
 
 
 def absent(name: str, *, takes: tuple[Kind, ...] = (), gives: tuple[Kind, ...] = ()) -> Message:
-    """What no device here can do."""
+    """Return a function that no device here implements."""
 
     def run(board: object, *_arguments: Any) -> None:
-        raise NotSupportedError(f"{type(board).__name__} does not know {name}")
+        raise NotSupportedError(f"{type(board).__name__} does not have {name}")
 
     return Message(name, None, "", Style.OWN, takes, gives, run)

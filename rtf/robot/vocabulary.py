@@ -1,8 +1,8 @@
-"""What can be asked of a control board of YARP 3, as one table: from the words of a question to a method of a device.
+"""The request vocabulary of YARP 3's control boards: a table from the words of a request to a device method.
 
-A question is ``[get]`` or ``[set]``, the words of a topic, and its arguments; :mod:`rtf.robot.server.control_board`
-answers by this table, and clients put their questions by it. The commands that are streamed instead, and the few words
-that stand alone, have tables of their own at the end. The words are those of protocol 1.9.
+A request is ``[get]`` or ``[set]``, the words of a topic, and arguments. :mod:`rtf.robot.server.control_board` answers
+by this table, and clients form their requests from it. Streamed commands, and the few words that stand alone, have
+tables of their own at the end. The words are those of protocol 1.9.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.vocabulary_kinds import Kind
 
-#: The version of the protocol, as ``[get] [prot]`` is answered.
+#: The protocol version, the answer to ``[get] [prot]``.
 PROTOCOL = (1, 9, 0)
 
 
 def word(text: str) -> Vocab:
-    """A word as that object into which it is read from messages, so that it is found by identity, which is quick."""
+    """Return the shared object of a word, the one in decoded messages, so that words can be compared by identity."""
     return vocabs[Vocab(text).value]
 
 
@@ -62,10 +62,10 @@ PROTOCOL_VERSION = word("prot")
 
 
 class Shape(Enum):
-    """What a question says of the axes, and how many values go with it: j is a joint or motor, n their number.
+    """The arguments of a request: how axes are selected, and the values. j: a joint or motor, n: their number.
 
-    For SINGLE the method is called as ``get(j)`` and ``set(j, *values)``; for ONE, ALL and GROUP, which belong to the
-    methods that take any choice of axes, as ``get(axes)`` and ``set(values, axes)``.
+    For SINGLE the method is called as ``get(j)`` and ``set(j, *values)``; for ONE, ALL and GROUP, the shapes of methods
+    with any selection of axes, as ``get(axes)`` and ``set(values, axes)``.
     """
 
     NONE = "no axis: the values stand alone"
@@ -76,16 +76,16 @@ class Shape(Enum):
     EACH = "no axis; what get(j) gives for all of them, in lists"
     NAMED = "a name, then the values of it"
 
-    # Each question looks by its shape for how it is put; an enumeration's own hash is that of its name, and slow.
+    # Requests are looked up by shape; an enumeration's own hash, that of its name, is slow.
     __hash__ = object.__hash__
 
 
-#: The shapes of methods that take any choice of axes.
+#: The shapes of methods with any selection of axes.
 PLURAL = (Shape.ONE, Shape.ALL, Shape.GROUP)
 
 
 class Echo(Enum):
-    """What stands in an answer before its data, so that its reader finds them."""
+    """The elements of an answer before its data."""
 
     TOPIC = "[is], and the second word of the question"
     METHOD = "[is], and the word of the method, or the joint when it was one"
@@ -94,9 +94,9 @@ class Echo(Enum):
 
 
 class Family(NamedTuple):
-    """What the topics of one interface have in common: those without a word of their own have the empty one.
+    """The common properties of the topics of one interface. Topics without an interface word have the family "".
 
-    ``stamped`` answers end with ``[tsta]``, a count and the time; ``typed`` ones name a kind of controller first.
+    ``stamped`` answers end with ``[tsta]``, a count and the time; ``typed`` requests name a PID type first.
     """
 
     echo: Echo = Echo.TOPIC
@@ -120,11 +120,11 @@ FAMILIES: Mapping[str, Family] = {
 
 
 class Topic(NamedTuple):
-    """One row: the words, the interface, what is called to get and to set, and how the values look.
+    """A row of the table: the words, the interface, the methods to get and to set, and the kind of values.
 
-    An empty ``get`` or ``set``: that is not part of the protocol. ``fixed`` are arguments that the words stand for.
-    A single truth (``motion_done``) is given for any choice of axes when ``together``. ``kind`` is what is got and set,
-    unless ``given`` says that something else is set.
+    An empty ``get`` or ``set`` is not part of the protocol. ``fixed`` are arguments that the words imply. With
+    ``together``, one boolean (``motion_done``) is the answer for all selected axes. ``kind`` is the kind of values to
+    get and to set, unless ``given`` is another kind to set.
     """
 
     words: tuple[str, ...]
@@ -139,7 +139,7 @@ class Topic(NamedTuple):
 
     @property
     def family(self) -> Family:
-        """What it has in common with others."""
+        """The family of the topic."""
         return FAMILIES[self.words[0] if len(self.words) > 1 else ""]
 
 
@@ -155,7 +155,7 @@ def _plural(
     set: str = "",  # noqa: A002 - the word of the protocol
     together: bool = False,
 ) -> Iterator[Topic]:
-    """The topics of methods that take any choice of axes: a word each for one, for all and for several."""
+    """Return the topics of a method with any selection of axes: a word each for one, all and several."""
     for word, shape in ((one, Shape.ONE), (every, Shape.ALL), (group, Shape.GROUP)):
         if word:
             words = (family, word) if family else (word,)
@@ -171,7 +171,7 @@ def _single(
     set: str = "",  # noqa: A002
     given: Kind | None = None,
 ) -> Iterator[Topic]:
-    """The topic of methods of a single axis."""
+    """Return the topic of a method of a single axis."""
     yield Topic((*words.split(),), interface, kind, Shape.SINGLE, get, set, given=given)
 
 
@@ -185,7 +185,7 @@ def _whole(
     fixed: tuple[object, ...] = (),
     shape: Shape = Shape.NONE,
 ) -> Iterator[Topic]:
-    """The topic of methods that are asked of the board as a whole."""
+    """Return the topic of a method of the whole board."""
     yield Topic((*words.split(),), interface, kind, shape, get, set, fixed)
 
 
@@ -279,7 +279,7 @@ _ROWS = chain(
     _single("iimp ipr", IImpedanceControl, kinds.IMPEDANCE, get="impedance", set="set_impedance"),
     _single("iimp iof", IImpedanceControl, kinds.IMPEDANCE_OFFSET, get="impedance_offset", set="set_impedance_offset"),
     _single("iimp llim", IImpedanceControl, kinds.IMPEDANCE_LIMITS, get="impedance_limits"),
-    # Currents and duty cycles, whose references are only streamed
+    # Currents and duty cycles; their setpoints are only streamed
     _plural(ICurrentControl, kinds.FLOAT, "ref", "refs", family="icur", get="reference_currents"),
     _single("icur rng", ICurrentControl, kinds.RANGE, get="current_range"),
     _whole("icur rngs", ICurrentControl, kinds.RANGES, get="current_range", shape=Shape.EACH),
@@ -312,8 +312,8 @@ _ROWS = chain(
 #: All topics by their words.
 TOPICS: Mapping[tuple[str, ...], Topic] = {topic.words: topic for topic in _ROWS}
 
-#: What is said without ``[get]`` or ``[set]``. A ``get`` is answered by whether it is true. What brings the whole board
-#: somewhere needs a second word, which means nothing.
+#: Commands without ``[get]`` or ``[set]``. The answer to a ``get`` is whether it is true. Commands for the whole board
+#: need a second word, which is ignored.
 COMMANDS: Mapping[str, Topic] = {
     topic.words[0]: topic
     for topic in chain(
@@ -327,7 +327,7 @@ COMMANDS: Mapping[str, Topic] = {
 
 
 class Streamed(NamedTuple):
-    """A command that is streamed: the words of its head, and what is called as ``method(values, axes)``."""
+    """A streamed command: the words of its header, and the method, called as ``method(values, axes)``."""
 
     words: tuple[str, ...]
     interface: type[Any]
@@ -336,13 +336,13 @@ class Streamed(NamedTuple):
 
 
 def _streamed(interface: type[Any], method: str, words: str) -> Iterator[Streamed]:
-    """The heads of a method, ``-`` for one there is not: for one axis, for all, and for several."""
+    """Return the streamed commands of a method for one axis, all and several; ``-``: there is none."""
     for head, shape in zip(words.split(","), PLURAL, strict=False):
         if head.strip() != "-":
             yield Streamed((*head.split(),), interface, method, shape)
 
 
-#: The commands that are streamed, by the words of their head, behind which the axes follow as the shape says.
+#: The streamed commands, by the words of their header. The axes follow as the shape says.
 STREAMED: Mapping[tuple[str, ...], Streamed] = {
     command.words: command
     for command in chain(
@@ -354,5 +354,5 @@ STREAMED: Mapping[tuple[str, ...], Streamed] = {
         _streamed(ICurrentControl, "set_reference_currents", "icur ref, icur refs, icur refg"),
     )
 }
-#: What travels for one: the head, and the values.
+#: The codec of a streamed command: the header, and the values.
 COMMAND: PairCodec[Bottle, FloatArray] = PairCodec(BOTTLE, VECTOR)

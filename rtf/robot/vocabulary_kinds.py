@@ -1,7 +1,7 @@
-"""What travels in the questions of a control board: how each kind of value stands in a bottle, and is read from one.
+"""The kinds of values in the requests of a control board: their encoding in a bottle, and their decoding.
 
-Reading is strict, as what is read moves robots: a word where a number belongs, or a number that is none, is refused
-instead of being taken for 0. Whole numbers are taken for floats and the other way round, as people type them.
+Decoding is strict, because the values move robots: a word in place of a number, or a number that is not finite, is
+refused instead of being read as 0. Integers are accepted as floats and whole floats as integers, as people type them.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 class Kind(NamedTuple):
-    """One kind of argument or result of a device's method.
+    """A kind of argument or result of a device's method.
 
-    ``write`` makes the elements of a bottle of a result, ``read`` makes of such elements what the method takes or
-    gives, one object for each parameter; it raises RefusedError for anything else. ``Any``: each kind has its own.
+    ``write`` encodes a result as elements of a bottle. ``read`` decodes such elements to a tuple with one object for
+    each parameter, and raises RefusedError for anything else. ``Any``: each kind has its own types.
     """
 
     write: Callable[[Any], list[Value]]
@@ -32,7 +32,7 @@ class Kind(NamedTuple):
 
 
 def number(value: Value | None) -> float:
-    """A finite number. Raises RefusedError."""
+    """Return a finite number. Raises RefusedError."""
     if type(value) is float and math.isfinite(value):  # as nearly always
         return value
     if isinstance(value, int | float) and math.isfinite(value):
@@ -41,7 +41,7 @@ def number(value: Value | None) -> float:
 
 
 def whole(value: Value | None) -> int:
-    """A whole number of 32 bits, such as that of a joint. Raises RefusedError."""
+    """Return a whole number of 32 bits, such as that of a joint. Raises RefusedError."""
     if type(value) is int and INT32_MIN <= value <= INT32_MAX:  # as nearly always
         return value
     if isinstance(value, int | float) and math.isfinite(value) and value == as_int(value, 32):
@@ -54,7 +54,7 @@ def _truth(value: Value) -> bool:
 
 
 def inner(value: Value | None, count: int | None = None) -> Bottle:
-    """A list, of so many elements if that is said. Raises RefusedError."""
+    """Return a list, with ``count`` elements unless that is None. Raises RefusedError."""
     if isinstance(value, Bottle) and count in (None, len(value)):
         return value
     raise RefusedError(f"a list of {'some' if count is None else count} values is needed, not {_shown(value)}")
@@ -66,15 +66,15 @@ def _shown(value: Value | None) -> str:
 
 def _exactly(values: Sequence[Value], count: int) -> Sequence[Value]:
     if len(values) != count:
-        raise RefusedError(f"{count} values are needed, {len(values)} came")
+        raise RefusedError(f"{count} values are needed, not {len(values)}")
     return values
 
 
 def _enumerated(kind: type[IntEnum], value: Value) -> IntEnum:
-    """A member, from its word or its number."""
+    """Return an enumeration member, from its word or its number."""
     if isinstance(value, int | Vocab) and int(value) in kind.__members__.values():
         return kind(int(value))
-    raise RefusedError(f"{_shown(value)} is no {kind.__name__}")
+    raise RefusedError(f"{_shown(value)} is not a {kind.__name__}")
 
 
 def _alone(write: Callable[[Any], Value], read: Callable[[Value], Any]) -> Kind:
@@ -89,7 +89,7 @@ def _word(kind: type[IntEnum]) -> Kind:
 
 
 def _structure(make: Callable[..., Any], count: int) -> Kind:
-    """A tuple of numbers that travels as a list of its own, and is one parameter."""
+    """Return the kind of a tuple of numbers that is encoded as a list, and is one parameter."""
     return _alone(_floats, lambda value: make(*map(number, inner(value, count))))
 
 
@@ -98,7 +98,7 @@ def _floats(values: Sequence[float]) -> Bottle:
 
 
 def _flat(count: int) -> Kind:
-    """So many numbers side by side, each a parameter."""
+    """Return the kind of ``count`` consecutive numbers, each a parameter."""
     return Kind(
         lambda values: [float(value) for value in values],
         lambda values: tuple(map(number, _exactly(values, count))),
@@ -106,7 +106,7 @@ def _flat(count: int) -> Kind:
 
 
 def _listed(count: int) -> Kind:
-    """So many numbers in a list of their own, each a parameter."""
+    """Return the kind of ``count`` numbers in a list, each a parameter."""
     return Kind(
         lambda values: [_floats(values)],
         lambda values: tuple(map(number, inner(_exactly(values, 1)[0], count))),
@@ -120,16 +120,16 @@ def _key(value: Value) -> str:
 
 
 def _calibration(values: Sequence[Value]) -> tuple[CalibrationParameters]:
-    """The type of the procedure and its parameters, as many as are given."""
+    """Decode the type of the calibration procedure and its parameters, as many as are given."""
     kind, *parameters = values or [0]
     if len(parameters) >= len(CalibrationParameters._fields):
-        raise RefusedError(f"a calibration has at most 6 parameters, {len(parameters)} came")
+        raise RefusedError(f"a calibration has at most 6 parameters, not {len(parameters)}")
     return (CalibrationParameters(whole(kind), *map(number, parameters)),)
 
 
-#: Nothing at all.
+#: No value.
 NOTHING = Kind(lambda _: [], lambda values: tuple(_exactly(values, 0)))
-#: What is passed over.
+#: Values that are ignored.
 ANYTHING = Kind(lambda _: [], lambda _: ())
 FLOAT = _alone(float, number)
 INT = _alone(int, whole)
@@ -139,11 +139,11 @@ TEXT = _alone(str, _key)
 MODE = _word(ControlMode)
 INTERACTION_MODE = _word(InteractionMode)
 PID_TYPE = _word(PidType)
-#: A word that travels as its number.
+#: A word that is sent as its number.
 JOINT_TYPE = _alone(int, lambda value: _enumerated(JointType, value))
-#: Least and greatest.
+#: A minimum and a maximum.
 RANGE = _flat(2)
-#: The same for all joints: the list of the least, and that of the greatest. What is read are the two lists.
+#: The ranges of all joints: the list of the minima, and that of the maxima. Decoding returns the two lists.
 RANGES = Kind(
     lambda ranges: [_floats([low for low, _ in ranges]), _floats([high for _, high in ranges])],
     lambda values: tuple([number(one) for one in inner(value)] for value in _exactly(values, 2)),
@@ -162,6 +162,6 @@ FAULT = Kind(
     lambda values: (whole(_exactly(values, 2)[0]), str(values[1])),
 )
 CALIBRATION = Kind(lambda parameters: [int(parameters[0]), *map(float, parameters[1:])], _calibration)
-#: What a remote variable holds: in an answer a list of its own, in a request all that follows the name.
+#: The value of a remote variable: in an answer a list, in a request all elements after the name.
 VARIABLE = Kind(lambda bottle: [bottle], lambda values: (Bottle(values),))
 NAMES = _alone(lambda names: Bottle.adopt(list(names)), lambda value: tuple(map(_key, inner(value))))

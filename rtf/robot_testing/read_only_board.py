@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Property
 from rtf.robot.client.control_board import RemoteControlBoard
-from rtf.robot.client.link import ControlBoardLink
+from rtf.robot.client.control_board_link import ControlBoardLink
 from rtf.robot.client.questions import CALIBRATION_DONE, plain
 from rtf.robot.client.rpc import BoardRpc
 from rtf.robot.client.settings import unique_local

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.middleware.network import Network
-    from rtf.robot.periodic import Publisher
+    from rtf.robot.periodic_thread import Publisher
     from rtf.simulator.vision import SimulatedCamera
 
 #: Seconds between two messages of the parts' states and of the sensors, and between two images.

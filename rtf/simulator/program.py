@@ -16,7 +16,7 @@ from rtf.middleware.errors import ConnectError
 from rtf.middleware.names import Contact
 from rtf.middleware.naming import configuration
 from rtf.middleware.remote import exists
-from rtf.robot.interface.signals import heard_signals
+from rtf.robot.interface.signals import signal_listener
 from rtf.simulator.control import control_port
 from rtf.simulator.errors import RenderingError
 
@@ -73,7 +73,7 @@ class _Program:
 
     def run(self) -> int:
         """See run_simulator."""
-        with heard_signals(self._on_signal), ExitStack() as opened:
+        with signal_listener(self._on_signal), ExitStack() as opened:
             try:
                 robot = self._start(opened)
                 if not self._end.is_set():

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot.periodic import Publisher
+    from rtf.robot.periodic_thread import Publisher
     from rtf.simulator.model import IcubModel
 
 #: Seconds that the loop may be behind the machine's clock before it gives up catching up.

@@ -69,10 +69,10 @@ class Program:
     def send(self, *signals: signal.Signals) -> None:
         """Send signals, each when the one before has been heard."""
         for number, one in enumerate(signals, 1):
-            before = self.stderr.count(": asked to end")
+            before = self.stderr.count(": stop requested")
             self.process.send_signal(one)
             eventually(
-                lambda before=before: self.stderr.count(": asked to end") > before or self.process.poll() is not None,
+                lambda before=before: self.stderr.count(": stop requested") > before or self.process.poll() is not None,
                 f"signal {number} is not heard",
             )
 
@@ -209,7 +209,7 @@ class TestRunning:
         program = lab.run()
         assert program.process.returncode == 1
         assert re.search(
-            r"\[ERROR\] robot\.xml:5:1: odd \(unheardOf\) cannot be opened: there is no type", program.stderr
+            r"\[ERROR\] robot\.xml:5:1: odd \(unheardOf\) cannot be opened: there is no device type", program.stderr
         )
         assert program.stderr.splitlines()[-1].startswith(
             "[ERROR] FAILED: bot was never ready; what was open is closed"
@@ -225,7 +225,7 @@ class TestRunning:
         (lab.folder / "stderr.txt").rename(said)
         second = lab.run()
         assert second.process.returncode == 1
-        assert "there is a port /bot/yarprobotinterface already" in second.stderr
+        assert "the port /bot/yarprobotinterface exists already" in second.stderr
         first.process.send_signal(signal.SIGINT)
         assert first.process.wait(_LIMIT) == 0
         assert lab.log.read_text().splitlines() == ["board open", "board close"]
@@ -267,7 +267,7 @@ class TestSignals:
         assert program.end() == 1
         assert "board close" in program.calls
         assert "stub open" not in program.calls
-        assert "the opening of slow (scripted) has not come to an end" in program.stderr
+        assert "the opening of slow (scripted) has not returned" in program.stderr
 
     @pytest.mark.parametrize("where", ["attach", "detach"])
     def test_while_a_device_hangs_in_an_action(self, lab: Lab, where: str):
@@ -339,7 +339,7 @@ class TestSignals:
         assert program.calls.count("cal abort") == 2
         done = [call for call in program.calls if call != "cal abort"]
         assert done[-4:] == ["stub detach", "cal close", "stub close", "board close"]
-        assert "park of cal (interrupt1, level 1) has not come to an end" in program.stderr
+        assert "park of cal (interrupt1, level 1) has not returned" in program.stderr
 
     def test_a_device_that_takes_the_process_with_it(self, lab: Lab):
         """Nothing can be done about it in this process; whoever watches it notices."""
@@ -386,7 +386,7 @@ class TestUsage:
         assert program.process.returncode == 4
         lines = program.stderr.splitlines()
         assert len(lines) == 2
-        assert re.match(r"\[ERROR\] robot\.xml:6:1: <odd> has no place in <robot>", lines[0])
+        assert re.match(r"\[ERROR\] robot\.xml:6:1: <odd> is not allowed in <robot>", lines[0])
         assert re.match(
             r"\[ERROR\] robot\.xml:5:.*attach of stub .*there is no device 'bord'; is it 'board'\?", lines[1]
         )

@@ -19,7 +19,7 @@ from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import IAxisInfo, IRemoteCalibrator, JointType
 from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import Outlets, PostingOutlets
+from rtf.robot.server.outlets import Outlets, PipelinedOutlets
 from rtf.robot.vocabulary import COMMANDS, TOPICS
 
 
@@ -128,6 +128,6 @@ def reading(network: Network, name: str, codec, carrier: str = "tcp") -> Iterato
 @contextmanager
 def serving(device: object, network: Network, *, outlets: Outlets | None = None) -> Iterator[ControlBoardServer]:
     """A device whose messages have arrived when they are settled."""
-    outlets = outlets or PostingOutlets(network)
+    outlets = outlets or PipelinedOutlets(network)
     with closing(ControlBoardServer(device, "/robot/arm", network=network, outlets=outlets)) as server:
         yield server

@@ -9,7 +9,7 @@ from rtf.bottle import Property
 from rtf.middleware.network import Network
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import PostingOutlets
+from rtf.robot.server.outlets import PipelinedOutlets
 
 from .sensor_bench import ManualClock
 
@@ -66,7 +66,7 @@ def fake_board(network: Network, configuration: str = "") -> Iterator[tuple[Coun
         board = CountingBoard("fake", network=network)
         board.open(Property.parse(f"(GENERAL (Joints 3)) {configuration}"))
         opened.callback(board.close)
-        server = ControlBoardServer(board, "/fake", network=network, outlets=PostingOutlets(network))
+        server = ControlBoardServer(board, "/fake", network=network, outlets=PipelinedOutlets(network))
         opened.callback(server.close)
         yield board, server
 

@@ -217,7 +217,7 @@ def test_calibration_can_be_skipped(stepped: ManualClock, network: Network, said
     board = Board()
     calibrator(CONFIGURATION.replace("(joints 3)", "(joints 3) (skipCalibration true)"), network).calibrate(board)
     assert [call[0] for call in board.calls] == ["move", "move"]
-    assert said == ["head_calibrator: skipCalibration is set; head is trusted to know where it is"]
+    assert said == ["head_calibrator: skipCalibration is set; head keeps its current zeros"]
 
 
 @pytest.mark.parametrize("look", [1, 2, 3, 5])
@@ -393,10 +393,10 @@ class TestConfiguration:
     @pytest.mark.parametrize(
         ("old", "new", "said"),
         [
-            ("(joints 3)", "", "joints: 0 is no whole number"),
+            ("(joints 3)", "", "joints: 0 is not a whole number"),
             ("(calibration2 21 22 23)", "", "CALIBRATION calibration2: it is missing; it has 3 numbers"),
-            ("(calibration2 21 22 23)", "(calibration2 21 22)", "CALIBRATION calibration2: 21 22 is no list of 3"),
-            ("(startupVelocity 10 10 10)", "(startupVelocity 10 fast 10)", "startupVelocity: 10 fast 10 is no list"),
+            ("(calibration2 21 22 23)", "(calibration2 21 22)", "CALIBRATION calibration2: 21 22 is not a list of 3"),
+            ("(startupVelocity 10 10 10)", "(startupVelocity 10 fast 10)", "startupVelocity: 10 fast 10 is not a list"),
             ("(VelocityHome 10 10 10)", "(VelocityHome 10 -1 10)", "HOME velocityHome: joint 1 has a negative"),
             ("(0 1) (2)", "(0 1) (3)", "CALIB_ORDER: 3 are not joints from 0 to 2"),
             ("(0 1) (2)", "(0 1) (1 2)", "CALIB_ORDER: a joint is there twice"),

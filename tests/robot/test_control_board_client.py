@@ -80,7 +80,7 @@ def test_what_is_not_valid_is_not_given(network: Network):
         board.state.valid[Field.TORQUES] = False
         with client_of(board, network) as client:
             assert client.encoders().shape == (3,)
-            with pytest.raises(NotSupportedError, match=r"^/board gives no valid torques"):
+            with pytest.raises(NotSupportedError, match=r"^/board marks torques as invalid"):
                 client.torques()
 
 
@@ -101,7 +101,7 @@ def test_without_a_state_nothing_is_read(network: Network):
         board.publish = lambda: None  # type: ignore[method-assign]
         with client_of(board, network, timeout=0.01) as client:
             with pytest.raises(
-                StaleStateError, match=r"no state has come from /board/stateExt:o to /client/stateExt:i"
+                StaleStateError, match=r"no state has arrived from /board/stateExt:o at /client/stateExt:i"
             ):
                 client.encoders()
             assert client.axes() == 3
@@ -111,7 +111,7 @@ def test_a_state_of_another_board_is_not_taken(network: Network):
     """One with another number of joints makes no sense."""
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:
         client._link.state.axes = 4
-        with pytest.raises(NoAnswerError, match="states of 3 joints, which makes no sense: the board has 4"):
+        with pytest.raises(NoAnswerError, match="states of 3 joints, but the board has 4"):
             client.encoders()
 
 
@@ -221,7 +221,7 @@ def test_a_board_without_joints_is_none(network: Network):
     """What says that it has no joints cannot be opened."""
     with (
         ScriptedBoard("/board", network, axes=0),
-        pytest.raises(DeviceError, match=r"^/board cannot be opened: /board does not say how many joints it has"),
+        pytest.raises(DeviceError, match=r"^/board cannot be opened: /board does not answer with a number of joints"),
     ):
         connect("/board", network=network)
 
@@ -242,9 +242,9 @@ def test_another_board_of_the_same_name_is_not_taken_for_it(network: Network):
     ("parameters", "sentence"),
     [
         ("(local /x)", "remote: it is missing"),
-        ("(remote board)", "remote: board is no name of ports"),
+        ("(remote board)", "remote: board is not a port name"),
         ("(remote /board) (carrier pigeon)", "carrier: there is no carrier 'pigeon'"),
-        ("(remote /board) (timeout 0)", "timeout: 0 is no number above 0"),
+        ("(remote /board) (timeout 0)", "timeout: 0 is not a number above 0"),
         ("(remote /board) (writeStrict maybe)", "writeStrict: it is 'on' or 'off', not 'maybe'"),
         ("(remote /board) (local_qos (packet_priority LEVEL:SOME))", "local_qos: packet_priority: 'SOME' is no"),
     ],
@@ -296,7 +296,7 @@ def test_nonsense_is_named(network: Network, answer: str):
     with (
         ScriptedBoard("/board", network, answer=lambda _: Bottle.parse(answer)) as board,
         client_of(board, network) as client,
-        pytest.raises(NoAnswerError, match=r"^/board answered '\[get\] \[poss\]' with '.*', which makes no sense"),
+        pytest.raises(NoAnswerError, match=r"^/board answered '\[get\] \[poss\]' with '.*', which is not valid"),
     ):
         client.target_positions()
 

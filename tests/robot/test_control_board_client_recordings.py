@@ -15,7 +15,7 @@ from rtf.bottle.binary import decode_from
 from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.codecs import TextCodec
 from rtf.robot.client.control_board import RemoteControlBoard
-from rtf.robot.client.state import StateReader
+from rtf.robot.client.state_reader import StateReader
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import Pid, PidType

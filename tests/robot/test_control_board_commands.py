@@ -107,19 +107,19 @@ def test_commands_keep_their_order(network: Network, server: ControlBoardServer,
 @pytest.mark.parametrize(
     ("head", "values", "why"),
     [
-        ("[vmos]", [1.0, 2.0, 3.0], "takes 2 values, 3 came"),
-        ("[vmos]", [], "takes 2 values, 0 came"),
-        ("[vmos]", [1.0], "takes 2 values, 1 came"),
-        ("[vmo] 0", [1.0, 2.0], "takes 1 values, 2 came"),
-        ("[vmog] 0 ()", [], "takes 0 values, 0 came"),
+        ("[vmos]", [1.0, 2.0, 3.0], "takes 2 values, got 3"),
+        ("[vmos]", [], "takes 2 values, got 0"),
+        ("[vmos]", [1.0], "takes 2 values, got 1"),
+        ("[vmo] 0", [1.0, 2.0], "takes 1 values, got 2"),
+        ("[vmog] 0 ()", [], "takes 0 values, got 0"),
         ("[vmog] 3 (0 1)", [1.0, 2.0], "a list of 3 values is needed"),
         ("[vmo] 2", [1.0], "there is no joint 2"),
         ("[vmo] x", [1.0], "a whole number is needed"),
         ("[vmo]", [1.0], "a whole number is needed, not nothing"),
         ("[vmo] 0", [float("nan")], "not all finite"),
-        ("[posd] 0", [1.0], "is no command"),
-        ("[veld] 0", [1.0], "is no command"),
-        ("", [1.0], "is no command"),
+        ("[posd] 0", [1.0], "is not a command"),
+        ("[veld] 0", [1.0], "is not a command"),
+        ("", [1.0], "is not a command"),
     ],
     ids=str,
 )
@@ -131,7 +131,7 @@ def test_nonsense_is_left_out_and_told_of(network: Network, server, board, said,
         port.write(command(head, *values), RAW)
         assert board.target_velocities().tolist() == [0.0, 0.0]
         assert len(said) == 1
-        assert said[0].startswith("/robot/arm: a command of /commander is left out: ")
+        assert said[0].startswith("/robot/arm: a command of /commander is skipped: ")
         assert why in said[0]
         port.write(command("[vmo] 0", 3.0), RAW)
         assert board.target_velocities(0).tolist() == [3.0]

@@ -38,7 +38,7 @@ from rtf.robot.errors import (
     RobotError,
     StaleStateError,
 )
-from rtf.robot.forwarding import ForwardedBoard
+from rtf.robot.forwarded_board import ForwardedBoard
 from rtf.robot.interfaces import (
     CalibrationParameters,
     IAxisInfo,
@@ -48,11 +48,11 @@ from rtf.robot.interfaces import (
     Pid,
     PidType,
 )
-from rtf.robot.periodic import PeriodicThread
+from rtf.robot.periodic_thread import PeriodicThread
 from rtf.robot.return_value import RETURN_VALUE, ReturnValue
 from rtf.robot.server.board_service import BoardService
 from rtf.robot.server.control_board_service import ControlBoardServiceServer
-from rtf.robot.server.outlets import PostingOutlets
+from rtf.robot.server.outlets import PipelinedOutlets
 from rtf.robot.service_kinds import Kind, read_all, write_all
 from rtf.robot.service_rows import Message
 from waiting import eventually
@@ -103,7 +103,7 @@ class Link(NamedTuple):
 @pytest.fixture(scope="class")
 def link(shared_time: ManualClock, shared_network: Network) -> Iterator[Link]:
     """One for all tests."""
-    board, outlets = opened(), PostingOutlets(in_its_dialect(shared_network))
+    board, outlets = opened(), PipelinedOutlets(in_its_dialect(shared_network))
     with (
         closing(ControlBoardServiceServer(board, PART, network=shared_network, outlets=outlets)) as server,
         closing(connected(shared_network)) as client,
@@ -244,7 +244,7 @@ def answering(network: Network, answer: object) -> Iterator[ServiceRpc]:
     network = in_its_dialect(network)
     with (
         RpcServer(f"{PART}/nws/rpc:i", lambda _: answer, network=network),
-        closing(ServiceRpc("/asker", PART, network=network, limit=10.0, remade=lambda: None)) as rpc,
+        closing(ServiceRpc("/rpc", PART, network=network, limit=10.0, remade=lambda: None)) as rpc,
     ):
         rpc.reconnect()
         yield rpc
@@ -527,8 +527,8 @@ def test_ports_have_the_names_of_yarp(network: Network):
 
 def test_clients_may_ask_for_the_version(network: Network):
     """As those of YARP do before anything else."""
-    with publishing(network, opened()), RpcClient("/asker", f"{PART}/nws/rpc:i", network=network) as asker:
-        assert asker.call(call("getRemoteProtocolVersion"), answer=ProtocolVersion.codec) == ProtocolVersion(0, 4, 0, 0)
+    with publishing(network, opened()), RpcClient("/rpc", f"{PART}/nws/rpc:i", network=network) as rpc:
+        assert rpc.call(call("getRemoteProtocolVersion"), answer=ProtocolVersion.codec) == ProtocolVersion(0, 4, 0, 0)
 
 
 def test_a_client_of_a_board_that_is_not_there(network: Network):

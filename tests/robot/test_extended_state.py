@@ -118,7 +118,7 @@ def test_one_state_takes_many_messages():
 def test_state_of_another_board_is_refused():
     """A state for three axes takes none of two, and stays as it is."""
     taken = ExtendedState(3)
-    with pytest.raises(BottleError, match="2 axes came where 3"):
+    with pytest.raises(BottleError, match="2 axes arrived, but 3"):
         taken.take(ExtendedState(2).write(Dialect.YARP3))
     assert not taken.valid.any()
 

@@ -31,8 +31,8 @@ from rtf.robot.errors import (
     StaleStateError,
 )
 from rtf.robot.interfaces import CameraFeature, IFrameGrabber, IFrameGrabberControls
-from rtf.robot.server.answering import guarded
 from rtf.robot.server.camera_vocabulary import CameraResponder
+from rtf.robot.server.error_replies import with_error_replies
 from rtf.robot.server.frame_grabber import FrameGrabberDevice, FrameGrabberServer
 from waiting import eventually
 
@@ -89,7 +89,7 @@ class TestThroughTheNetwork(FrameGrabberContract):
             server.open(Property({"name": "/cam", "period": 0.002}))
             server.attach({"camera": make_camera()})
             client = opened.enter_context(closing(make_client(network, timeout=30, **parameters)))
-            eventually(lambda: client._stream is None or client._stream.came, "no image comes")
+            eventually(lambda: client._stream is None or client._stream.latest, "no image comes")
             yield client
 
     @pytest.fixture
@@ -170,12 +170,12 @@ def test_raw_images(network: Network):
     with (
         closing(FrameGrabberServer(StillCamera(GREY), "/cam", network=network, period=0.01, raw=True)) as server,
         BufferedPort("/reader", IMAGE, network=network) as reader,
-        RpcClient("/asker", "/cam/rpc", network=network) as asker,
+        RpcClient("/rpc", "/cam/rpc", network=network) as rpc,
     ):
         connect(network, "/cam", "/reader")
         server.publish(1.0)
         assert reader.read(10) == GREY
-        answer = asker.call(Bottle.parse("[fgir] [get] [fgir]"))
+        answer = rpc.call(Bottle.parse("[fgir] [get] [fgir]"))
         assert answer[:3] == Bottle.parse("[fgir] [fgir] [is]")
         assert IMAGE.decode(encode(answer[3]), network.dialect) == GREY
 
@@ -187,14 +187,14 @@ def test_a_camera_that_fails(network: Network, said: list[str]):
     with (
         closing(FrameGrabberServer(camera, "/cam", network=network, period=0.01)) as server,
         Port("/reader", lambda delivery: None, network=network),
-        RpcClient("/asker", "/cam/rpc", network=network) as asker,
+        RpcClient("/rpc", "/cam/rpc", network=network) as rpc,
     ):
         connect(network, "/cam", "/reader")
         server.publish(1.0)
         server.publish(2.0)
         assert said == ["/cam: nothing is published: ZeroDivisionError: division by zero"]
-        assert asker.call(Bottle.parse("[fgi] [get] [fgi]")) == Bottle.parse("[fail]")
-        assert asker.call(Bottle.parse("[fgi] [get] [w]")) == Bottle.parse("[fgi] [w] [is] 4")
+        assert rpc.call(Bottle.parse("[fgi] [get] [fgi]")) == Bottle.parse("[fail]")
+        assert rpc.call(Bottle.parse("[fgi] [get] [w]")) == Bottle.parse("[fgi] [w] [is] 4")
     assert len(said) == 2
 
 
@@ -266,9 +266,9 @@ def test_questions_and_answers(network: Network, question: str, answer: str):
     camera = make_camera()
     with (
         closing(FrameGrabberServer(camera, "/cam", network=network, period=0.5)),
-        RpcClient("/asker", "/cam/rpc", network=network) as asker,
+        RpcClient("/rpc", "/cam/rpc", network=network) as rpc,
     ):
-        assert asker.call(Bottle.parse(question), timeout=10) == Bottle.parse(answer)
+        assert rpc.call(Bottle.parse(question), timeout=10) == Bottle.parse(answer)
 
 
 def test_a_part_of_the_image():
@@ -322,7 +322,10 @@ def test_any_question_is_answered(question: Bottle):
     said: list[str] = []
     network = Network(LocalNames(), report=said.append)
     camera = make_camera()
-    assert guarded(CameraResponder(camera, camera, 1.0).answer, port="/cam/rpc", network=network)(question) is not None
+    assert (
+        with_error_replies(CameraResponder(camera, camera, 1.0).answer, port="/cam/rpc", network=network)(question)
+        is not None
+    )
     assert not said
 
 
@@ -336,10 +339,10 @@ def test_images_grow_old(network: Network):
         closing(FrameGrabberServer(make_camera(), "/cam", network=network, period=0.01)) as server,
         closing(make_client(network, timeout=0.5)) as client,
     ):
-        with pytest.raises(StaleStateError, match="nothing has come"):
+        with pytest.raises(StaleStateError, match="no message has arrived"):
             client.image()
         server.publish(time.now())
-        eventually(lambda: client._stream.came, "no image comes")
+        eventually(lambda: client._stream.latest, "no image comes")
         assert client.image()[1] == pytest.approx(100.0, abs=0.01)
         time.sleep(1.0)
         with pytest.raises(StaleStateError, match=r"s old"):

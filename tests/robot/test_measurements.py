@@ -54,7 +54,7 @@ def test_a_sensor_that_is_not_well_is_named():
     sensors = ScriptedSensors([readings(1.0)])
     source = DeviceMeasurements(sensors)
     sensors.status = SensorStatus.OVERFLOW
-    with pytest.raises(DeviceError, match=r"the sensor s0 \(GYROSCOPE\) is not well: OVERFLOW"):
+    with pytest.raises(DeviceError, match=r"the sensor s0 \(GYROSCOPE\) has status OVERFLOW"):
         source.read_all()
 
 
@@ -79,7 +79,7 @@ def test_a_source_is_asked_once_a_message(network: Network, said: list[str], cat
         [[2.0, 2.1, 2.2]],
         *([[]] * (categories - 2)),
     ]
-    assert said == ["/imu: nothing is published: the sensor s0 (GYROSCOPE) is not well: ERROR"]
+    assert said == ["/imu: nothing is published: the sensor s0 (GYROSCOPE) has status ERROR"]
 
 
 @pytest.mark.parametrize(("more", "asked"), [([], 1), ([readings(9.0)], 0)], ids=["alone", "with others"])

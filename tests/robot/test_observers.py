@@ -76,7 +76,7 @@ def test_one_that_raises_is_given_no_more(
         publish(server, stepped)
     assert times == [101, 102, 103]
     [sentence] = said
-    assert sentence.endswith("an observer is given no more states, it raised ZeroDivisionError: no")
+    assert sentence.endswith("an observer was removed, because it raised ZeroDivisionError: no")
     assert client.encoders().tolist() == [0, 0, 0]
 
 

@@ -117,8 +117,8 @@ def test_calibration_through_the_network(
 )
 def test_questions_and_answers(network: Network, server: AnalogServer, question: str, answer: str):
     """A calibration is answered by how it went, 0 or 1; anything else fails."""
-    with RpcClient("/asker", "/ft/rpc:i", network=network) as asker:
-        assert asker.call(Bottle.parse(question), timeout=10) == Bottle.parse(answer)
+    with RpcClient("/rpc", "/ft/rpc:i", network=network) as rpc:
+        assert rpc.call(Bottle.parse(question), timeout=10) == Bottle.parse(answer)
 
 
 def test_channels_divided_among_ports(network: Network, sensor: FakeAnalogSensor, time: ManualClock):
@@ -190,9 +190,9 @@ def test_any_question_and_any_answer(question: Bottle, answer: Bottle):
     sensor.open(Property())
     with (
         closing(AnalogServer(sensor, "/ft", network=network, period=1.0)),
-        RpcClient("/asker", "/ft/rpc:i", network=network) as asker,
+        RpcClient("/rpc", "/ft/rpc:i", network=network) as rpc,
     ):
-        assert asker.call(question, timeout=10) is not None
+        assert rpc.call(question, timeout=10) is not None
     assert not said
     with (
         Port("/ft", network=network),
@@ -237,7 +237,7 @@ def test_an_inertial_sensor_that_is_not_well(network: Network, said: list[str]):
         connect(network, "/inertial", "/reader")
         server.publish(1.0)
         server.publish(2.0)
-    assert said == ["/inertial: nothing is published: the ORIENTATION is not well: ERROR"]
+    assert said == ["/inertial: nothing is published: the ORIENTATION has status ERROR"]
 
 
 def test_another_number_of_numbers(network: Network, time: ManualClock):

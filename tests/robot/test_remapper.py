@@ -20,7 +20,7 @@ from rtf.robot.device import Device
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.devices.remapper import ControlBoardRemapper
 from rtf.robot.errors import ConfigurationError, DeviceError, NoAnswerError, NotSupportedError, RefusedError
-from rtf.robot.forwarding import ForwardedBoard
+from rtf.robot.forwarded_board import ForwardedBoard
 from rtf.robot.interfaces import (
     CalibrationParameters,
     IAxisInfo,
@@ -32,7 +32,7 @@ from rtf.robot.interfaces import (
 )
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.control_board_service import ControlBoardServiceServer
-from rtf.robot.server.outlets import PostingOutlets
+from rtf.robot.server.outlets import PipelinedOutlets
 
 from .contract import ControlBoardContract
 from .sensor_bench import ManualClock
@@ -102,7 +102,7 @@ def link(request: pytest.FixtureRequest, shared_time: ManualClock, shared_networ
     network.dialect = request.param
     serve: Any = ControlBoardServer if request.param is Dialect.YARP3 else ControlBoardServiceServer
     with ExitStack() as stack:
-        devices, outlets = boards(), PostingOutlets(network)
+        devices, outlets = boards(), PipelinedOutlets(network)
         servers = [
             stack.enter_context(closing(serve(device, f"/r/{name}", network=network, outlets=outlets)))
             for name, device in devices.items()

@@ -22,7 +22,7 @@ from rtf.robot.interfaces import SensorCategory, SensorInfo
 from rtf.robot.sensor_message import SENSOR_MESSAGE
 from rtf.robot.server.analog_sensors import AnalogSensorsServer
 from rtf.robot.server.frame_grabber import FrameGrabberServer
-from rtf.robot.server.stamping import Stamping
+from rtf.robot.server.stamp_counter import StampCounter
 from waiting import eventually
 
 from .sensor_bench import ScriptedSensors, connect
@@ -102,7 +102,7 @@ def test_the_stream_of_an_imu(network: Network, version: str):
         put(contact, listed)
         with playing(listening, [*talk[:2], *acknowledged]) as received:
             put(contact, added)
-            server._stamping = Stamping(Stamp.parse(sent[0][0]).count)
+            server._stamps = StampCounter(Stamp.parse(sent[0][0]).count)
             for envelope, body in sent:
                 device.measurements = SENSOR_MESSAGE.decode(body, network.dialect)
                 server.publish(Stamp.parse(envelope).time)
@@ -190,7 +190,7 @@ def test_an_image_of_a_real_camera(network: Network, version: str, expected: Dia
         client = opened.enter_context(closing(FrameGrabberClient("client", network=network)))
         client.open(Property({"remote": "/icubSim/cam/left", "local": "/rd4"}))
         put(network.names.query("/rd4"), whole)
-        eventually(lambda: client._stream.came, "no image comes")
+        eventually(lambda: client._stream.latest, "no image comes")
         image, time = client.image()
     assert (image.code, image.width, image.height) == ("rgb", 320, 240)
     assert time == Stamp.parse(envelope).time

@@ -16,7 +16,7 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import RefusedError
 from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import PostingOutlets
+from rtf.robot.server.outlets import PipelinedOutlets
 from rtf.robot_testing import MotionGuard, Part
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.transmission import COUPLING_VARIABLE
@@ -120,7 +120,7 @@ class PartBench:
         self.device.open(Property.parse(f"(GENERAL (Joints 3)) {limits} (VARIABLES ({variables}))"))
         stack.callback(self.device.close)
         self.server = ControlBoardServer(
-            self.device, "/fake", network=self.network, outlets=PostingOutlets(self.network)
+            self.device, "/fake", network=self.network, outlets=PipelinedOutlets(self.network)
         )
         stack.callback(self.server.close)
         self.board = stack.enter_context(board("/fake", network=self.network))

@@ -23,7 +23,7 @@ from rtf.middleware.types import VECTOR
 from rtf.robot.client.control_board import connect
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import PostingOutlets
+from rtf.robot.server.outlets import PipelinedOutlets
 from rtf.robot_testing.contacts import ContactWatch, Forces, NoForcesError, force_port
 from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
 from rtf.robot_testing.part import Part
@@ -82,7 +82,7 @@ class Limb:
         self.device.open(Property.parse("(GENERAL (Joints 3))"))
         stack.callback(self.device.close)
         self.server = ControlBoardServer(
-            self.device, "/fake/left_arm", network=self.network, outlets=PostingOutlets(self.network)
+            self.device, "/fake/left_arm", network=self.network, outlets=PipelinedOutlets(self.network)
         )
         stack.callback(self.server.close)
         self.sensor = Port(SENSOR, network=self.network, inputs=False)
@@ -443,7 +443,7 @@ class Strikes(RobotTest):
 BARE = '''"""A board without a sensor."""
 from rtf.bottle import Property
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.periodic import PeriodicThread
+from rtf.robot.periodic_thread import PeriodicThread
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot_testing import RobotTest, Safety
 class Bare(RobotTest):

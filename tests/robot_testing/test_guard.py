@@ -20,7 +20,7 @@ from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError, Rob
 from rtf.robot.extended_state import Field
 from rtf.robot.interfaces import JointType, PidType, modes_for
 from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import PostingOutlets
+from rtf.robot.server.outlets import PipelinedOutlets
 from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
 from rtf.robot_testing.ledger import MotionLedger
 from rtf.robot_testing.part import Part
@@ -138,7 +138,7 @@ class Bench:
         self.device.open(Property.parse(f"(GENERAL (Joints 3)) (VARIABLES {coupling})"))
         stack.callback(self.device.close)
         self.server = ControlBoardServer(
-            self.device, "/fake", network=self.network, outlets=PostingOutlets(self.network)
+            self.device, "/fake", network=self.network, outlets=PipelinedOutlets(self.network)
         )
         stack.callback(self.server.close)
         self.board: RemoteControlBoard = stack.enter_context(connect("/fake", carrier="tcp", network=self.network))

@@ -17,7 +17,7 @@ from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.interfaces import PidType
 from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import PostingOutlets
+from rtf.robot.server.outlets import PipelinedOutlets
 from rtf.robot_testing import MotionGuard, Part
 from rtf.robot_testing.read_only_board import ReadOnlyBoard, UndeclaredMotionError, connect_read_only
 from rtf.testing.events import Message
@@ -58,7 +58,7 @@ class Bench:
         self.device.open(Property.parse("(GENERAL (Joints 3))"))
         stack.callback(self.device.close)
         self.server = ControlBoardServer(
-            self.device, "/fake", network=self.network, outlets=PostingOutlets(self.network)
+            self.device, "/fake", network=self.network, outlets=PipelinedOutlets(self.network)
         )
         stack.callback(self.server.close)
         self.board = stack.enter_context(connect_read_only("/fake", carrier="tcp", network=self.network))
@@ -112,7 +112,7 @@ def test_with_a_guard_of_its_own_a_part_moves(bench: Bench):
 FORGETS = '''
 from rtf.bottle import Property
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.periodic import PeriodicThread
+from rtf.robot.periodic_thread import PeriodicThread
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot_testing import RobotTest
 class Base(RobotTest):

@@ -65,7 +65,7 @@ def test_one_that_is_not_well_is_named(rig: Rig):
     sensors, imu = sensors_of(rig), SimulatedImu(rig.simulation)
     sensors[2].status = imu.status = SensorStatus.ERROR
     for device, name in ((SimulatedForceTorques(sensors, rig.simulation), sensors[2].name), (imu, imu.name)):
-        with pytest.raises(DeviceError, match=rf"{name} .* is not well: ERROR"):
+        with pytest.raises(DeviceError, match=rf"{name} .* has status ERROR"):
             device.read_all()
         with pytest.raises(RefusedError):
             device.read_sensor(SensorCategory.SKIN_PATCH, 0)

@@ -1,1 +1,1 @@
-"""Clients: devices at the other end of the network."""
+"""Clients: devices that are served by another process."""

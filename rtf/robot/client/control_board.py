@@ -1,7 +1,7 @@
-"""The client of a control board of YARP 3: a board that stands elsewhere, as if it stood here.
+"""The client of a YARP 3 control board: a remote board with the interfaces of a local one.
 
-What is measured comes with the state that the board publishes; references at a high rate are streamed and not answered;
-everything else is a question with an answer. For YARP 4 see :mod:`rtf.robot.client.control_board_service`.
+Measurements come with the state that the board publishes; setpoints at a high rate are streamed without a reply;
+everything else is a request with a reply. For YARP 4 see :mod:`rtf.robot.client.control_board_service`.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from rtf.bottle import Bottle, Property, Value, Vocab
 from rtf.robot import vocabulary_kinds as kinds
-from rtf.robot.client.link import ControlBoardLink
+from rtf.robot.client.control_board_link import ControlBoardLink
+from rtf.robot.client.control_board_stub import INTEGER, SLOW, BoardStub
 from rtf.robot.client.questions import CALIBRATE, CALIBRATION_DONE, GETTING, KEEP_CALIBRATION, SETTING
 from rtf.robot.client.rpc import BoardRpc
 from rtf.robot.client.settings import TIMEOUT, unique_local
-from rtf.robot.client.stub import INTEGER, SLOW, BoardStub
 from rtf.robot.errors import RefusedError
-from rtf.robot.forwarding import ForwardedBoard
+from rtf.robot.forwarded_board import ForwardedBoard
 from rtf.robot.interfaces import IMotor, IMotorEncoders, IRemoteVariables
 from rtf.robot.vocabulary import Shape
 
@@ -26,32 +26,32 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
     from rtf.robot.client.questions import Question, Questions
     from rtf.robot.client.settings import ClientSettings
-    from rtf.robot.forwarding import Plural
+    from rtf.robot.forwarded_board import Plural
     from rtf.robot.interfaces import AxisSelection, CalibrationParameters, Pid, PidType
 
 R = TypeVar("R")
-#: What nearly all answers are made of; there are other numbers, too.
+#: The types of nearly all numbers in answers; there are others, too.
 _NUMBERS = {int, float}
-#: Of the parameters of a calibration these many travel.
+#: How many parameters of a calibration are sent.
 _CALIBRATE, _KEEP = 3, 4
 
 
 class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
     """``remote_controlboard``: a board of another process. The parameters are those of :class:`ClientSettings`.
 
-    A board that is lost raises NoAnswerError, or StaleStateError for what is measured, and is looked for again by the
-    next call; see :class:`~rtf.robot.client.link.ControlBoardLink` for how long that may take.
+    A lost board raises NoAnswerError, or StaleStateError for measurements, and the next call tries to reconnect; see
+    :class:`~rtf.robot.client.control_board_link.ControlBoardLink` for how long that may take.
 
-    A client that dies stops nothing: what a joint does then is the board's business. A trajectory goes on to its end, a
-    joint that is moved by velocity is stopped by the board's watchdog, references of position, torque, current and duty
-    cycle stay what they were last unless the board has a watchdog for them. So does ``close``: who wants joints to
-    stand still says so with ``stop``, or brings them into another mode.
+    A client that dies stops nothing; the board decides what a joint does then. A trajectory continues to its end, a
+    joint in velocity mode is stopped by the board's watchdog, and setpoints of position, torque, current and duty cycle
+    stay at their last value unless the board has a watchdog for them. The same holds for ``close``: call ``stop`` or
+    change the control mode to make joints stand still.
     """
 
     def _connect(self, settings: ClientSettings) -> ControlBoardLink[BoardRpc]:
         return ControlBoardLink(settings, self.network, BoardRpc)
 
-    # What is asked and told: one joint, a group and all of them each have a form of their own -----------------------
+    # Requests: one joint, a group and all joints each have a form of their own ----------------------------------------
 
     def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
         questions, lead = GETTING[method.__name__], _words(of) if of else ()
@@ -96,7 +96,7 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         return tell(SETTING[name][Shape.NONE])  # type: ignore[return-value]
 
     def _elements(self, questions: Questions, axes: AxisSelection, lead: tuple[Value, ...]) -> Sequence[Value]:
-        """What the board answers, one element for each axis."""
+        """Return the elements of the answer, one for each axis."""
         rpc = self._link.rpc
         if axes is None:
             return self._list(questions[Shape.ALL], self.axes(), *lead)
@@ -123,7 +123,7 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         return inner.elements()
 
     def _numbers(self, question: Question, lead: tuple[Value, ...], elements: Sequence[Value]) -> Sequence[Any]:
-        """Numbers, which a board may also not have measured: then they are not finite."""
+        """Check that elements are numbers. Those that the board has not measured are not finite."""
         if not {*map(type, elements)} <= _NUMBERS and not all(isinstance(element, int | float) for element in elements):
             raise self._link.rpc.nonsense(question, lead, [*elements], "numbers are needed")
         return elements
@@ -135,7 +135,7 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         lead: tuple[Value, ...] = (),
         elements: Sequence[Value] = (),
     ) -> None:
-        """Tell axes to do something, with an element for each where values are needed."""
+        """Send a command for axes, with an element for each where values are needed."""
         rpc = self._link.rpc
         if axes is None:
             rpc.tell(questions[Shape.ALL], *lead, *_together(elements))
@@ -148,12 +148,12 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
             rpc.tell(questions[Shape.GROUP], *lead, len(numbers), _listed(numbers), *_together(elements))
 
     def _written(self, question: Question, arguments: tuple[Any, ...]) -> list[Value]:
-        """The values of a single axis as they are sent: finite numbers."""
+        """Encode the values of a single axis: finite numbers."""
         for argument in arguments:
             self._finite(*(argument if isinstance(argument, tuple) else (argument,)))
         return question.kind.write(arguments[0] if len(arguments) == 1 else arguments)
 
-    # What is asked in another way -----------------------------------------------------------------------------------
+    # Methods with requests of another form --------------------------------------------------------------------------
 
     def motor_encoder_count(self) -> int:
         return self.forward_whole(IMotorEncoders.motor_encoder_count)
@@ -162,11 +162,11 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         return self.forward_whole(IMotor.motor_count)
 
     def pwm(self, motor: int) -> float:
-        """See IAmplifierControl; the duty cycle of the last state."""
+        """Return the duty cycle in the latest state."""
         return float(self.duty_cycles(motor)[0])
 
     def pids(self, kind: PidType) -> tuple[Pid, ...]:
-        """See IPidControl: in one question."""
+        """Return the gains of all joints, with one request."""
         question, rpc = GETTING["pids"][Shape.NONE], self._link.rpc
         pids: tuple[Pid, ...] = rpc.read(question, Vocab(kind))
         if len(pids) != self.axes():
@@ -174,7 +174,7 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         return pids
 
     def set_pids(self, kind: PidType, pids: Sequence[Pid]) -> None:
-        """See IPidControl: likewise."""
+        """Set the gains of all joints, with one request."""
         if len(pids) != self.axes():
             raise self.refusal(f"{self.axes()} are needed, {len(pids)} were given")
         question = SETTING["set_pids"][Shape.NONE]
@@ -183,11 +183,11 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         self._link.rpc.tell(question, Vocab(kind), *question.kind.write(pids))
 
     def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
-        """See IControlCalibration. The protocol carries the type and three parameters."""
+        """Calibrate an axis. The protocol transmits the type and three parameters."""
         self._calibrate(CALIBRATE, joint, parameters, _CALIBRATE)
 
     def set_calibration_parameters(self, joint: int, parameters: CalibrationParameters) -> None:
-        """See IControlCalibration. The protocol carries the type and four parameters."""
+        """Store calibration parameters. The protocol transmits the type and four of them."""
         self._calibrate(KEEP_CALIBRATION, joint, parameters, _KEEP)
 
     def _calibrate(self, question: Question, joint: int, parameters: CalibrationParameters, count: int) -> None:
@@ -195,7 +195,7 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         self._link.rpc.tell(question, *self.chosen(joint), int(kind), *self._finite(*numbers[:count]))
 
     def calibration_done(self, joint: int) -> bool:
-        """See IControlCalibration. A board that cannot calibrate says no, too."""
+        """Return whether an axis is calibrated; False also for a board that cannot calibrate."""
         axes = self.chosen(joint)
         try:
             self._link.rpc.tell(CALIBRATION_DONE, *axes)
@@ -204,7 +204,7 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         return True
 
     def has_calibrator(self) -> bool:
-        """See IRemoteCalibrator; a board that knows nothing of calibrators has none."""
+        """Return whether the board has a calibrator; False for a board without this request."""
         try:
             return super().has_calibrator()
         except RefusedError:
@@ -225,7 +225,7 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
 
 
 def _words(of: tuple[object, ...]) -> tuple[Value, ...]:
-    """The kinds of PID that a question is about."""
+    """Return the words of the PID types in a request."""
     return tuple(Vocab(kind) for kind in of if isinstance(kind, int))
 
 
@@ -234,7 +234,7 @@ def _listed(numbers: list[int]) -> Bottle:
 
 
 def _together(elements: Sequence[Value]) -> tuple[Bottle, ...]:
-    """The list of what there is for each axis; none where no values are needed."""
+    """Return the values of the axes as one list; nothing if there are no values."""
     return (Bottle.adopt([*elements]),) if elements else ()
 
 
@@ -246,9 +246,9 @@ def connect(
     network: Network | None = None,
     timeout: float = TIMEOUT,
 ) -> RemoteControlBoard:
-    """Open a client of a board such as ``/icub/left_arm``; in a ``with`` statement it is closed, too.
+    """Open a client of a board such as ``/icub/left_arm``. A ``with`` statement closes it.
 
-    ``local`` is what the names of its ports begin with, by default one that nobody else uses. Raises DeviceError.
+    ``local`` is the prefix of its port names, by default a unique one. Raises DeviceError.
     """
     board = RemoteControlBoard(remote, network=network)
     parameters = {"remote": remote, "local": local or unique_local(remote), "carrier": carrier, "timeout": timeout}

@@ -1,6 +1,6 @@
-"""The client of a control board of YARP 4.0: a board that stands elsewhere, as if it stood here.
+"""The client of a YARP 4.0 control board: a remote board with the interfaces of a local one.
 
-What is measured comes with the state that the board publishes; references at a high rate are streamed and not answered;
+Measurements come with the state that the board publishes; setpoints at a high rate are streamed without a reply;
 everything else is a function of the board's service. For YARP 3 see :mod:`rtf.robot.client.control_board`.
 """
 
@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rtf.bottle import Bottle, as_string
-from rtf.robot.client.link import ControlBoardLink
+from rtf.robot.client.control_board_link import ControlBoardLink
+from rtf.robot.client.control_board_stub import SLOW, BoardStub
 from rtf.robot.client.service_rpc import ServiceRpc
-from rtf.robot.client.stub import SLOW, BoardStub
 from rtf.robot.control_board_messages import BY_METHOD, BY_NAME, in_its_dialect
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError
-from rtf.robot.forwarding import ForwardedBoard
+from rtf.robot.forwarded_board import ForwardedBoard
 from rtf.robot.interfaces import IPidControl, IRemoteVariables
 from rtf.robot.service_rows import Style
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.robot.client.settings import ClientSettings
-    from rtf.robot.forwarding import Plural
+    from rtf.robot.forwarded_board import Plural
     from rtf.robot.interfaces import AxisSelection, CalibrationParameters, Pid, PidType, Values
     from rtf.robot.service_rows import Message
 
@@ -33,9 +33,8 @@ _PARK_JOINT = BY_NAME["parkSingleJointRPC"]
 class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVariables):
     """``controlBoard_nwc_yarp``: a board of another process.
 
-    The parameters are those of :class:`ClientSettings`, but the carrier is fast_tcp if none is given. What becomes of
-    a board that is lost, and of joints whose client is gone, is told at
-    :class:`~rtf.robot.client.control_board.RemoteControlBoard`.
+    The parameters are those of :class:`ClientSettings`, with the default carrier fast_tcp. The behaviour after a lost
+    board or a lost client is that of :class:`~rtf.robot.client.control_board.RemoteControlBoard`.
     """
 
     carrier = "fast_tcp"
@@ -43,7 +42,7 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
     def _connect(self, settings: ClientSettings) -> ControlBoardLink[ServiceRpc]:
         return ControlBoardLink(settings, in_its_dialect(self.network), ServiceRpc)
 
-    # What is asked and told -----------------------------------------------------------------------------------------
+    # Requests -------------------------------------------------------------------------------------------------------
 
     def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
         name, rpc, numbers = method.__name__, self._link.rpc, self.chosen(axes)
@@ -86,7 +85,7 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
         return ask(_message(method, Style.CALL))  # type: ignore[no-any-return]
 
     def _stream(self, method: str, values: Values, axes: AxisSelection) -> None:
-        """See BoardStub. How many axes there are counts, and not how they were chosen."""
+        """Stream a command. Its form depends on the number of axes, not on how they were selected."""
         numbers = self.chosen(axes)
         alone = numbers[0] if len(numbers) == 1 else numbers
         super()._stream(method, values, None if self._are_all(numbers) else alone)
@@ -95,17 +94,17 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
         return axes == [*range(self._link.axes)]
 
     def _so_many(self, values: Sequence[Any], count: int, method: Plural) -> Sequence[Any]:
-        """The values, if there are as many as there must be."""
+        """Return the values. Raises NoAnswerError for a wrong number of them."""
         if len(values) != count:
             raise NoAnswerError(
                 f"{self._link.settings.remote} gave {len(values)} values of {method.__name__} for {count} axes"
             )
         return values
 
-    # What is different in the service -------------------------------------------------------------------------------
+    # Methods that differ in the service -----------------------------------------------------------------------------
 
     def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
-        """See IControlCalibration. Only three parameters travel: with others it is refused, before anything moves."""
+        """Calibrate an axis. Only three parameters are transmitted; others are refused before anything moves."""
         kind, *numbers = parameters
         if any(numbers[3:]):
             raise self.refusal(
@@ -142,8 +141,8 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
 
 
 def _message(method: Callable[..., Any], style: Style) -> Message:
-    """The function that a method is. Raises NotSupportedError when the service has none."""
+    """Return the service function of a method. Raises NotSupportedError if the service has none."""
     found = BY_METHOD.get((method.__name__, style))
     if found is None:
-        raise NotSupportedError(f"boards of YARP 4.0 cannot be asked for {method.__qualname__} of {style.value}")
+        raise NotSupportedError(f"boards of YARP 4.0 have no {method.__qualname__} for {style.value}")
     return found

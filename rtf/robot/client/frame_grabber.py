@@ -1,4 +1,4 @@
-"""A camera that is somewhere else in the network."""
+"""The client of a camera server."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from rtf.bottle import Bottle, Vocab
 from rtf.bottle.binary import encode
 from rtf.middleware.types import IMAGE, Image
 from rtf.robot import parameters
-from rtf.robot.client.asking import Asker
-from rtf.robot.client.newest import Newest
+from rtf.robot.client.latest_message import LatestMessage
+from rtf.robot.client.rpc_connection import RpcConnection
 from rtf.robot.client.settings import RPC_TIMEOUT, unique_local
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError, NoAnswerError, RefusedError
@@ -21,28 +21,28 @@ from rtf.robot.server.camera_vocabulary import AUTOMATIC, COLOUR, CONTROLS, FEAT
 if TYPE_CHECKING:
     from rtf.bottle import Property
 
-#: Seconds after which an image is too old: cameras that give one a second are the slowest there are.
+#: Default age after which an image is stale, in seconds: the slowest cameras give one image a second.
 TIMEOUT = 2.0
 _REFUSALS = (Vocab("fail"), Vocab("nak"))
-#: Where the values begin in an answer: behind the part of the camera, the word, and "is".
+#: The index of the first value in an answer, after the part of the camera, the word, and "is".
 _VALUES = 3
 _MAX_SIDE = 1 << 16
 
 
 class FrameGrabberClient(Device, IFrameGrabber, IFrameGrabberControls):
-    """``frameGrabber_nwc_yarp``: the camera of a server; its newest image comes as a stream, the rest is asked for.
+    """``frameGrabber_nwc_yarp``: the camera of a server. Images are streamed, everything else is requested.
 
     ============= ==============================================================================================
     ``remote``    the name of the server, such as ``/icub/cam/left``; required
-    ``local``     the client's own port; without it one that is unique
-    ``carrier``   how images are sent: fast_tcp without it
-    ``no_stream`` images are asked for, too
-    ``timeout``   the greatest age of an image, s of the robot's clock (2 without it)
+    ``local``     the client's own port; default: a unique name
+    ``carrier``   the carrier of the images (default fast_tcp)
+    ``no_stream`` images are requested, too
+    ``timeout``   the greatest age of an image, in seconds of the robot's clock (default 2)
     ============= ==============================================================================================
     """
 
-    _stream: Newest[Image] | None = None
-    _asker: Asker | None = None
+    _stream: LatestMessage[Image] | None = None
+    _rpc: RpcConnection | None = None
     _opened: ExitStack | None = None
 
     def open(self, configuration: Property) -> None:
@@ -53,17 +53,17 @@ class FrameGrabberClient(Device, IFrameGrabber, IFrameGrabberControls):
         carrier = parameters.carrier(configuration, "fast_tcp")
         asked = parameters.flag(configuration, "no_stream")
         with ExitStack() as opened:
-            asker = Asker(f"{local}/rpc", f"{source}/rpc", patience=RPC_TIMEOUT, network=self.network)
-            opened.callback(asker.close)
+            rpc = RpcConnection(f"{local}/rpc", f"{source}/rpc", patience=RPC_TIMEOUT, network=self.network)
+            opened.callback(rpc.close)
             stream = None
             if not asked:
-                stream = Newest(local, IMAGE, timeout=timeout, network=self.network)
+                stream = LatestMessage(local, IMAGE, timeout=timeout, network=self.network)
                 opened.callback(stream.close)
                 stream.connect(source, carrier)
-            self._stream, self._asker, self._opened = stream, asker, opened.pop_all()
+            self._stream, self._rpc, self._opened = stream, rpc, opened.pop_all()
 
     def close(self) -> None:
-        self._stream = self._asker = None
+        self._stream = self._rpc = None
         if self._opened is not None:
             self._opened.close()
             self._opened = None
@@ -79,17 +79,17 @@ class FrameGrabberClient(Device, IFrameGrabber, IFrameGrabberControls):
     def _side(self, word: str) -> int:
         size = self._integer(COLOUR, GET, Vocab(word))
         if not 0 <= size <= _MAX_SIDE:
-            raise NoAnswerError(f"{self.name}: an image of {size} pixels ({word}) cannot be")
+            raise NoAnswerError(f"{self.name}: {size} is not a valid image size ({word})")
         return size
 
     def image(self) -> tuple[Image, float]:
-        """See IFrameGrabber. Without a stream its time is when it was asked for.
+        """Return the latest image and its time. Without a stream the time is that of the request.
 
-        Raises StaleStateError when no image has come yet, or none for too long.
+        Raises StaleStateError if no image has arrived yet, or the latest is too old.
         """
         if self._stream is not None:
-            came = self._stream.fresh()
-            return came.value, came.at if came.stamp is None else came.stamp.time
+            latest = self._stream.fresh()
+            return latest.value, latest.at if latest.stamp is None else latest.stamp.time
         asked = clock.current().now()
         values = self._ask(COLOUR, GET, COLOUR)
         if len(values) != 1 or not isinstance(values[0], Bottle):
@@ -108,7 +108,7 @@ class FrameGrabberClient(Device, IFrameGrabber, IFrameGrabberControls):
     def camera_description(self) -> tuple[int, str]:
         values = self._ask(CONTROLS, GET, Vocab("camd"))
         if len(values) != 2 or not isinstance(values[0], int) or not isinstance(values[1], str):  # noqa: PLR2004 - bus, text
-            raise NoAnswerError(f"{self.name}: the server describes the camera so: {values.to_text()[:60]}")
+            raise NoAnswerError(f"{self.name}: invalid description of the camera: {values.to_text()[:60]}")
         return values[0], values[1]
 
     def has_feature(self, feature: CameraFeature) -> bool:
@@ -135,39 +135,39 @@ class FrameGrabberClient(Device, IFrameGrabber, IFrameGrabberControls):
     def set_automatic(self, feature: CameraFeature, *, automatic: bool) -> None:
         self._set(Vocab("mode"), int(feature), AUTOMATIC if automatic else MANUAL)
 
-    # Asking ----------------------------------------------------------------------------------------------------------
+    # Requests --------------------------------------------------------------------------------------------------------
 
     def _set(self, *words: object) -> None:
         answer = self._answer(CONTROLS, SET, *words)
-        # Servers of YARP say [fgc] [set] and whether it worked, or nothing at all when it did.
+        # YARP's servers answer [fgc] [set] and whether it worked, or nothing at all when it did.
         if len(answer) > 2 and answer[2] == 0:  # noqa: PLR2004 - behind these two words
             raise RefusedError(f"{self.name}: the camera refuses {Bottle(words).to_text()}")
 
     def _integer(self, *words: object) -> int:
         values = self._ask(*words)
         if not len(values) or not isinstance(values[-1], int):
-            raise NoAnswerError(f"{self.name}: {values.to_text()[:60]!r} came as the answer to {Bottle(words)}")
+            raise NoAnswerError(f"{self.name}: {values.to_text()[:60]!r} is not an answer to {Bottle(words)}")
         return int(values[-1])
 
     def _numbers(self, count: int, *words: object) -> tuple[float, ...]:
         values = self._ask(*words)
         found = tuple(float(value) for value in values if isinstance(value, int | float))
         if len(found) != len(values) or len(found) != count:
-            raise NoAnswerError(f"{self.name}: {values.to_text()[:60]!r} came as the answer to {Bottle(words)}")
+            raise NoAnswerError(f"{self.name}: {values.to_text()[:60]!r} is not an answer to {Bottle(words)}")
         return found
 
     def _ask(self, *words: object) -> Bottle:
-        """The values in the answer to a question for something."""
+        """Return the values in the answer to a ``get`` or ``has`` request."""
         answer = self._answer(*words)
         head = [words[0], HAS, FEATURE] if words[1] == HAS else [words[0], words[2], IS]
         if answer[:_VALUES] != Bottle(head):
-            raise NoAnswerError(f"{self.name}: {answer.to_text()[:60]!r} came as the answer to {Bottle(words)}")
+            raise NoAnswerError(f"{self.name}: {answer.to_text()[:60]!r} is not an answer to {Bottle(words)}")
         return answer[_VALUES:]
 
     def _answer(self, *words: object) -> Bottle:
-        if self._asker is None:
+        if self._rpc is None:
             raise DeviceError(f"{self.name} is not open")
-        answer = self._asker.ask(Bottle(words))
+        answer = self._rpc.ask(Bottle(words))
         if answer.get(0) in _REFUSALS:
             raise RefusedError(f"{self.name}: the server answers {Bottle(words)} with {answer.to_text()[:60]}")
         return answer

@@ -1,4 +1,4 @@
-"""The client of the oldest server of an inertial sensor."""
+"""The client of the oldest inertial sensor server."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rtf.middleware.types import VECTOR
 from rtf.robot import parameters
-from rtf.robot.client.newest import Newest
+from rtf.robot.client.latest_message import LatestMessage
 from rtf.robot.client.settings import unique_local
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError, NoAnswerError, RefusedError
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Property
 
-#: Seconds after which measurements are too old.
+#: Default age after which measurements are stale, in seconds.
 TIMEOUT = 0.1
 
 
 class InertialClient(Device, IMultipleAnalogSensors):
     """The four sensors in the twelve numbers of the port ``remote``; they have no names.
 
-    ``local`` is the client's own port, ``carrier`` how it is sent (tcp without it), ``timeout`` the greatest age, s of
-    the robot's clock (0.1 without it).
+    ``local`` is the client's own port, ``carrier`` the carrier of the stream (default tcp), ``timeout`` the greatest
+    age in seconds of the robot's clock (default 0.1).
     """
 
-    _stream: Newest[NDArray[Any]] | None = None  # of doubles
+    _stream: LatestMessage[NDArray[Any]] | None = None  # of doubles
     _opened: ExitStack | None = None
 
     def open(self, configuration: Property) -> None:
@@ -42,7 +42,7 @@ class InertialClient(Device, IMultipleAnalogSensors):
         timeout = parameters.positive(configuration, "timeout", TIMEOUT)
         carrier = parameters.carrier(configuration, "tcp")
         with ExitStack() as opened:
-            stream = Newest(local, VECTOR, timeout=timeout, network=self.network, lazily=True)
+            stream = LatestMessage(local, VECTOR, timeout=timeout, network=self.network, lazily=True)
             opened.callback(stream.close)
             stream.connect(source, carrier)
             self._stream, self._opened = stream, opened.pop_all()
@@ -57,7 +57,7 @@ class InertialClient(Device, IMultipleAnalogSensors):
         return (SensorInfo(""),) if category in ORDER else ()
 
     def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:
-        """See IMultipleAnalogSensors; the same for all four."""
+        """Return the status of the stream, which is the same for all four sensors."""
         self._check(category, index)
         stream = self._open_stream()
         age = stream.age()
@@ -66,19 +66,21 @@ class InertialClient(Device, IMultipleAnalogSensors):
         return SensorStatus.TIMEOUT if age > stream.timeout else SensorStatus.OK
 
     def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
-        """See IMultipleAnalogSensors. Raises NoAnswerError when other than twelve numbers came."""
+        """Return the latest reading. Raises NoAnswerError unless the message has twelve numbers."""
         self._check(category, index)
-        came = self._open_stream().fresh()
-        if came.value.size != AXES * len(ORDER):
-            raise NoAnswerError(f"{self.name}: {came.value.size} numbers came instead of {AXES * len(ORDER)}")
+        latest = self._open_stream().fresh()
+        if latest.value.size != AXES * len(ORDER):
+            raise NoAnswerError(f"{self.name}: {latest.value.size} numbers arrived instead of {AXES * len(ORDER)}")
         place = ORDER.index(category) * AXES
-        return SensorReading(came.value[place : place + AXES], came.at if came.stamp is None else came.stamp.time)
+        return SensorReading(
+            latest.value[place : place + AXES], latest.at if latest.stamp is None else latest.stamp.time
+        )
 
     def _check(self, category: SensorCategory, index: int) -> None:
         if index != 0 or category not in ORDER:
             raise RefusedError(f"{self.name} has no {category.name} {index}; it has one of each of its four sensors")
 
-    def _open_stream(self) -> Newest[NDArray[Any]]:
+    def _open_stream(self) -> LatestMessage[NDArray[Any]]:
         if self._stream is None:
             raise DeviceError(f"{self.name} is not open")
         return self._stream

@@ -1,4 +1,4 @@
-"""The questions that a client puts, by the method of a device that they are for; made from the vocabulary's table."""
+"""The requests of a client, by the device method that they implement; generated from the vocabulary table."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
     from rtf.robot.vocabulary import Streamed, Topic
     from rtf.robot.vocabulary_kinds import Kind
 
-#: How many elements stand before the data of an answer.
+#: The number of elements before the data of an answer.
 _HEADS = {Echo.TOPIC: 2, Echo.METHOD: 2, Echo.BARE_IS: 1, Echo.NOTHING: 0}
 #: ``[ok]``, and before it ``[tsta]``, a count and the time.
 _TAIL, _STAMPED_TAIL = 1, 4
 
 
 class Question(NamedTuple):
-    """What is asked, and where in the answer the data are: behind ``head`` elements, before the ``tail`` last.
+    """A request, and the position of the data in its answer: after ``head`` elements, before the last ``tail``.
 
-    ``alone`` is the message without arguments, ``front`` what stands before those, behind their number. Both are the
-    same in both dialects.
+    ``alone`` is the message without arguments, ``front`` the bytes before the arguments, after their number. Both are
+    the same in both dialects.
     """
 
     words: tuple[Value, ...]
@@ -50,15 +50,15 @@ def _made(words: Iterable[Value], kind: Kind, head: int = 0, tail: int = _TAIL) 
     return Question((*elements,), alone, with_one[pair.size : -pair.size], kind, head, tail)
 
 
-#: A question and its arguments.
+#: A request and its arguments.
 Asked: TypeAlias = tuple[Question, tuple[Value, ...]]
 
 
 class AskedCodec(BottleCodec):
-    """Writes a question from its parts, as the bottle that they are together; it reads plain bottles.
+    """Codec that encodes a request from its parts, as the bottle that they form; it decodes plain bottles.
 
-    The words are not written anew each time, and numbers, which most arguments are, at once: as a bottle that is made
-    first a question takes ten times as long.
+    The words are encoded once, and numbers, which most arguments are, directly. Building a bottle first takes ten times
+    as long.
     """
 
     def encode(self, value: Bottle | Property | Asked, dialect: Dialect) -> Sequence[Buffer]:
@@ -86,12 +86,12 @@ _pack_pair, _pack_double, _INT32 = pair.pack, struct.Struct("<id").pack, Type.IN
 
 
 def plain(asked: Asked) -> Bottle:
-    """What is asked, as a bottle."""
+    """Return a request as a bottle."""
     question, arguments = asked
     return Bottle.adopt([*question.words, *arguments])
 
 
-#: The questions for a method, by what is said of the axes.
+#: The requests of a method, by the shape of their axes.
 Questions = dict[Shape, Question]
 
 
@@ -103,12 +103,12 @@ def _question(topic: Topic, verb: Vocab) -> Question:
 
 
 def _by_method() -> tuple[dict[str, Questions], dict[str, Questions]]:
-    """What is asked to get, and what to set."""
+    """Return the requests that read and those that write."""
     getting: dict[str, Questions] = {}
     setting: dict[str, Questions] = {}
     for topic in vocabulary.TOPICS.values():
         if topic.fixed:
-            continue  # a shorthand for what is said in full, too
+            continue  # a shorthand of another topic
         if topic.get:
             getting.setdefault(topic.get, {}).setdefault(topic.shape, _question(topic, GET))
         if topic.set:
@@ -127,10 +127,10 @@ def _heads() -> dict[str, dict[Shape, tuple[Value, ...]]]:
 GETTING: Mapping[str, Questions]
 SETTING: Mapping[str, Questions]
 GETTING, SETTING = _by_method()
-#: The heads of the commands that are streamed.
+#: The heads of the streamed commands.
 HEADS: Mapping[str, Mapping[Shape, tuple[Value, ...]]] = _heads()
 
-# What stands alone in the protocol.
+# Requests outside of the table.
 PROTOCOL = _made((GET, Vocab("prot")), kinds.INT)
 CALIBRATE = _made((Vocab("calj"),), kinds.CALIBRATION)
 KEEP_CALIBRATION = _made((Vocab("cljp"),), kinds.CALIBRATION)

@@ -1,4 +1,4 @@
-"""Axes of several boards on the network as one board."""
+"""A remapper of remote boards: axes of several boards on the network as one board."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 _OPTIONS = "REMOTE_CONTROLBOARD_OPTIONS"
-#: The clients of boards, by what the network speaks.
+#: The device type of a board's client, by the dialect of the network.
 _CLIENTS = {Dialect.YARP3: "remote_controlboard", Dialect.YARP4: "controlBoard_nwc_yarp"}
 
 
 class RemoteControlBoardRemapper(RemappedBoard, Device):
-    """A board of axes of boards elsewhere, to each of which it has a client.
+    """A board made of axes of remote boards, with a client for each.
 
     ======================== =====================================================================================
-    ``axesNames``            the axes, in the order in which they shall be
+    ``axesNames``            the axes, in the requested order
     ``remoteControlBoards``  the boards that have them, such as ``(/icub/left_arm /icub/torso)``
-    ``localPortPrefix``      what the names of the clients' ports begin with, before the name of their board
+    ``localPortPrefix``      the prefix of the clients' port names, before the name of their board
     ======================== =====================================================================================
 
     The group ``REMOTE_CONTROLBOARD_OPTIONS`` is given to every client.
@@ -45,7 +45,7 @@ class RemoteControlBoardRemapper(RemappedBoard, Device):
             self._opened = opened.pop_all()
 
     def _connect(self, remotes: Sequence[str], prefix: str, options: Bottle, opened: ExitStack) -> dict[str, Device]:
-        """A client for each board, which is closed with ``opened``."""
+        """Open a client for each board; ``opened`` closes it."""
         make = find_device(_CLIENTS[self.network.dialect])
         boards = {}
         for remote in remotes:
@@ -59,7 +59,7 @@ class RemoteControlBoardRemapper(RemappedBoard, Device):
         return boards
 
     def close(self) -> None:
-        """See Device: the clients are closed, the boards elsewhere stay as they are."""
+        """Close the clients; the remote boards stay as they are."""
         self.places = ()
         if self._opened is not None:
             self._opened.close()

@@ -1,8 +1,8 @@
-"""The questions of a client to a board, and what is made of the answers.
+"""The RPC connection of a client to a board, and the interpretation of the replies.
 
-A board answers one question of a client after the other. Every question has its time; a board that does not answer in
-it is hung up on, because a late answer would be taken for that to the next question, and connected to anew when the
-next question is put. No question is put twice by itself: nobody knows whether the board obeyed the first.
+A board answers the requests of a client in order. Every request has a timeout. After it the connection is closed,
+because a late reply would be taken for that to the next request, and reopened by the next request. No request is
+repeated automatically: the board may have executed it.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
     from rtf.robot.client.questions import Asked, Question
 
-#: Seconds that an action may take whose answer comes when it is done, such as the calibration of a whole part.
+#: Timeout in seconds of an action that is answered when it is done, such as the calibration of a whole part.
 ACTION_LIMIT = 600.0
 _SHOWN = 120
 _PROTOCOL_ANSWER = 5
 
 
 class BoardRpc:
-    """The connection by which a board is asked, from a port whose name begins with ``local``.
+    """The RPC connection to a board, from a port whose name begins with ``local``.
 
-    ``remade`` is called when it has been lost and is wanted again.
+    ``remade`` is called to reconnect a lost connection before it is used.
 
-    All may be called from any thread; each waits until those before are answered.
+    All methods may be called from any thread; each waits for earlier requests to be answered.
     """
 
-    #: How the names of the ports of the two ends go on.
+    #: The suffixes of the port names of the two ends.
     ends: ClassVar[tuple[str, str]] = ("rpc:o", "rpc:i")
 
     def __init__(self, local: str, board: str, *, network: Network, limit: float, remade: Callable[[], None]) -> None:
@@ -52,38 +52,38 @@ class BoardRpc:
 
     @property
     def connected(self) -> bool:
-        """Whether there is a connection, as far as is known."""
+        """Whether the connection exists, as far as is known."""
         return bool(self._port.outputs)
 
     def reconnect(self) -> None:
-        """Connect, by tcp; anew if there is a connection. Raises MiddlewareError."""
+        """Connect by tcp, or reconnect. Raises MiddlewareError."""
         self.disconnect()
         self._port.add_output(self._target, "tcp")
 
     def disconnect(self) -> None:
-        """Hang up; the next use makes a new connection."""
+        """Disconnect; the next use reconnects."""
         self._port.remove_output(self._target.name)
 
     def close(self) -> None:
         """Disconnect."""
         self._port.close()
 
-    # Questions ---------------------------------------------------------------------------------------------------
+    # Requests ----------------------------------------------------------------------------------------------------
 
     def get(self, question: Question, *arguments: Value) -> list[Value]:
-        """The data of the answer.
+        """Send a request and return the data of the answer.
 
         Raises RefusedError, NotSupportedError and NoAnswerError, as ``tell`` does.
         """
         answer = self._ask(self._port, question, arguments, self._limit)
         head, first, end, last = question.head, answer[0], answer[-1], len(answer) - question.tail
-        # Words are the same objects as a rule, and to see that costs a tenth of comparing them.
+        # Words are usually the same objects, and an identity check costs a tenth of a comparison.
         if last < head or (end is not OK and end != OK) or (head and first is not IS and first != IS):
             raise self.nonsense(question, arguments, answer)
         return answer[head:last]
 
     def read(self, question: Question, *arguments: Value) -> Any:
-        """The data of the answer as what they mean: one value, or a tuple of several. Errors as for ``get``."""
+        """Send a request and return the decoded data: one value, or a tuple of several. Errors as for ``get``."""
         data = self.get(question, *arguments)
         try:
             values = question.kind.read(data)
@@ -92,23 +92,23 @@ class BoardRpc:
         return values[0] if len(values) == 1 else values
 
     def tell(self, question: Question, *arguments: Value) -> None:
-        """Tell the board to do something.
+        """Send a command.
 
-        Raises RefusedError when it does not, NotSupportedError when it knows no such thing, NoAnswerError when it does
-        not answer in time or what it says makes no sense.
+        Raises RefusedError if the board refuses, NotSupportedError if it does not know the command, NoAnswerError if
+        the reply is late or invalid.
         """
         self._tell(self._port, question, arguments, self._limit)
 
     def act(self, question: Question, *arguments: Value) -> None:
-        """The same for what takes its time. It goes over a connection of its own, so that others are not held up.
+        """Send a command that takes long, over a separate connection, so that other requests are not blocked.
 
-        It is answered when it is done, within :data:`ACTION_LIMIT`.
+        The reply comes when the command is done, within :data:`ACTION_LIMIT`.
         """
         with self._port_of_its_own() as port:
             self._tell(port, question, arguments, ACTION_LIMIT)
 
     def _port_of_its_own(self) -> RpcClient:
-        """Another connection with the board, for what takes its time. Raises NoAnswerError."""
+        """Open a separate connection to the board. Raises NoAnswerError."""
         try:
             return RpcClient("", self._target, network=self._network)
         except RtfError as error:
@@ -120,7 +120,7 @@ class BoardRpc:
             raise self.nonsense(question, arguments, answer)
 
     def check_protocol(self, *, ignore: bool) -> None:
-        """See whether the board speaks what this client does. Raises NotSupportedError, unless it shall be ignored."""
+        """Check the version of the board's protocol. Raises NotSupportedError unless ``ignore`` is set."""
         try:
             answer = self._ask(self._port, PROTOCOL, (), self._limit, again=False)
         except (RefusedError, NotSupportedError):
@@ -130,18 +130,18 @@ class BoardRpc:
             return
         raise NotSupportedError(
             f"{self.board} does not speak version {VERSION[0]}.{VERSION[1]} of the protocol of control boards but "
-            f"answers {_shown(answer)} when it is asked; ignoreProtocolCheck makes it be tried all the same"
+            f"answers {_shown(answer)}; set ignoreProtocolCheck to try it anyway"
         )
 
     def get_at_once(self, question: Question) -> list[Value]:
-        """As ``get`` over the connection that there is, for the making of a connection itself."""
+        """Same as ``get``, without reconnecting; used while the connections are made."""
         answer = self._ask(self._port, question, (), self._limit, again=False)
         return answer[question.head : len(answer) - question.tail]
 
     def _ask(
         self, port: RpcClient, question: Question, arguments: tuple[Value, ...], limit: float, *, again: bool = True
     ) -> list[Value]:
-        """The elements of an answer that is no failure, of which there is at least one."""
+        """Send a request and return the elements of the answer, at least one. Raises the error of a failure."""
         if again and not port.outputs:
             self._remade()
         asked = question, arguments
@@ -151,9 +151,9 @@ class BoardRpc:
             raise NoAnswerError(f"{self.board} did not answer {_text(asked)}: {error}") from error
         elements = answer.elements() if answer is not None else []
         if not elements:
-            raise NoAnswerError(f"{self.board} answered {_text(asked)} with nothing, which makes no sense")
+            raise NoAnswerError(f"{self.board} answered {_text(asked)} with an empty message")
         first = elements[0]
-        if first is IS or first is OK:  # as nearly always
+        if first is IS or first is OK:  # the usual case
             return elements
         if first == FAIL:
             raise RefusedError(f"{self.board} refused {_text(asked)}{_joints(arguments)}")
@@ -164,14 +164,14 @@ class BoardRpc:
     def nonsense(
         self, question: Question, arguments: tuple[Value, ...], answer: list[Value], why: str = ""
     ) -> NoAnswerError:
-        """What to raise for an answer that cannot be used."""
+        """Return the error for an invalid answer."""
         reason = f": {why}" if why else ""
         asked = _text((question, arguments))
-        return NoAnswerError(f"{self.board} answered {asked} with {_shown(answer)}, which makes no sense{reason}")
+        return NoAnswerError(f"{self.board} answered {asked} with {_shown(answer)}, which is not valid{reason}")
 
 
 def _joints(arguments: tuple[Value, ...]) -> str:
-    """Which joints a question is about, for a sentence; empty when about all of them, or none."""
+    """Return the joints of a request, for a message; empty if it is for all of them, or none."""
     for place, argument in enumerate(arguments):
         if type(argument) is int:
             group = arguments[place + 1] if place + 1 < len(arguments) else None
@@ -180,11 +180,11 @@ def _joints(arguments: tuple[Value, ...]) -> str:
 
 
 def _text(asked: Asked) -> str:
-    """A question as it stands in a sentence."""
+    """Return a request as text for a message."""
     return _shown(plain(asked).elements())
 
 
 def _shown(elements: list[Value]) -> str:
-    """An answer likewise."""
+    """Return an answer as text for a message."""
     text = Bottle.adopt(elements).to_text()
     return f"'{text[:_SHOWN]}{'…' if len(text) > _SHOWN else ''}'"

@@ -1,4 +1,4 @@
-"""The connection by which a board of YARP 4.0 is asked: functions of a service instead of words."""
+"""The RPC connection to a board of YARP 4.0: functions of a service instead of words."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SHOWN = 120
 
 
 class ServiceRpc(BoardRpc):
-    """As a BoardRpc is connected, but what is asked are functions; ``interfaces`` says which the board has."""
+    """An RPC connection whose requests are functions; ``interfaces`` are those that the board has."""
 
     ends = ("nwc/rpc:o", "nws/rpc:i")
 
@@ -39,32 +39,32 @@ class ServiceRpc(BoardRpc):
         self.interfaces: dict[str, bool] = {}
 
     def check_protocol(self, *, ignore: bool) -> None:
-        """See whether it is such a service. Raises NotSupportedError, unless it shall be ignored."""
+        """Check that the board offers the service. Raises NotSupportedError unless ``ignore`` is set."""
         try:
             self.interfaces = self._call(self._port, _INTERFACES, (), self._limit)
         except (NotSupportedError, RefusedError) as error:
             if not ignore:
                 raise NotSupportedError(
-                    f"{self.board} does not say which interfaces it has, as boards of YARP 4.0 do: {error}; "
-                    "ignoreProtocolCheck makes it be tried all the same"
+                    f"{self.board} does not list its interfaces, as boards of YARP 4.0 do: {error}; "
+                    "set ignoreProtocolCheck to try it anyway"
                 ) from None
 
     def get_at_once(self, question: Question) -> list[Value]:  # noqa: ARG002 - it is always the same one
-        """The number of axes, over the connection that there is."""
+        """Return the number of axes, without reconnecting."""
         return [self._call(self._port, _AXES, (), self._limit)]
 
     def call(self, message: Message, *arguments: object) -> Any:
-        """What a function gives: nothing, one value, or a tuple of several.
+        """Call a function and return its result: None, one value, or a tuple of several.
 
-        Raises RefusedError when the board says no, NotSupportedError when it does not have it, StaleStateError and
-        NoAnswerError when it says so itself, and NoAnswerError when it does not answer in time, or makes no sense.
+        Raises RefusedError if the board refuses, NotSupportedError if it does not have the function, StaleStateError
+        and NoAnswerError if the board reports them, and NoAnswerError if the reply is late or invalid.
         """
         if not self._port.outputs:
             self._remade()
         return self._call(self._port, message, arguments, self._limit)
 
     def call_slowly(self, message: Message, *arguments: object) -> Any:
-        """The same for what takes its time. It goes over a connection of its own, so that others are not held up."""
+        """Call a function that takes long, over a separate connection, so that other requests are not blocked."""
         with self._port_of_its_own() as port:
             return self._call(port, message, arguments, ACTION_LIMIT)
 
@@ -77,7 +77,7 @@ class ServiceRpc(BoardRpc):
         elements = answer.elements() if answer is not None else []
         if not elements:
             asked = _asked(message, arguments)
-            raise NoAnswerError(f"{self.board} answered {asked} with nothing, which makes no sense")
+            raise NoAnswerError(f"{self.board} answered {asked} with an empty message")
         if not succeeded(elements):
             raise NotSupportedError(f"{self.board} does not know {_asked(message, arguments)}")
         try:
@@ -86,30 +86,28 @@ class ServiceRpc(BoardRpc):
                 return _results(message, elements)
         except (BottleError, RefusedError) as error:
             asked, shown = _asked(message, arguments), Bottle.adopt(elements).to_text()[:_SHOWN]
-            raise NoAnswerError(
-                f"{self.board} answered {asked} with {shown!r}, which makes no sense: {error}"
-            ) from None
+            raise NoAnswerError(f"{self.board} answered {asked} with {shown!r}, which is not valid: {error}") from None
         raise self._error(message, code, _asked(message, arguments))
 
     def _error(self, message: Message, code: ReturnValue, asked: str) -> RobotError:
-        """What to raise for a code."""
+        """Return the error of a code."""
         interface = INTERFACE_NAMES.get(message.interface) if message.interface else None
         if code is ReturnValue.NOT_IMPLEMENTED or not self.interfaces.get(interface or "", True):
             return NotSupportedError(f"{self.board} does not have {asked}")
         if code is ReturnValue.NOT_READY:
             return StaleStateError(f"{self.board} is not ready for {asked}")
         if code is ReturnValue.COMMUNICATION:
-            return NoAnswerError(f"{self.board} did not reach who knows {asked}")
+            return NoAnswerError(f"{self.board} has no connection to the device of {asked}")
         return RefusedError(f"{self.board} refused {asked} ({code.name.lower().replace('_', ' ')})")
 
 
 def _asked(message: Message, arguments: tuple[object, ...]) -> str:
-    """A call as it stands in a sentence."""
+    """Return a call as text for a message."""
     return f"{message.name}({', '.join(map(_shown, arguments))})"[:_SHOWN]
 
 
 def _shown(argument: object) -> str:
-    """An argument as it stands in a sentence: modes by their names."""
+    """Return an argument as text for a message: modes by their names."""
     if isinstance(argument, (list, tuple)):
         return f"[{', '.join(map(_shown, argument))}]"
     return argument.name if isinstance(argument, Enum) else str(argument)

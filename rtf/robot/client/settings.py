@@ -1,4 +1,4 @@
-"""What a client of a control board is opened with."""
+"""The parameters of a control board client."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rtf.bottle import Bottle, Property, as_int, as_string, to_string
 from rtf.middleware.qos import Qos, QosError
 from rtf.robot import parameters
 
-#: Seconds after which a state is too old to be acted upon, as in YARP.
+#: Default age after which a state is stale, in seconds; as in YARP.
 TIMEOUT = 0.5
-#: Seconds that a board may take to answer. Setting modes waits for the electronics, which can take more than a second.
+#: Default timeout of a reply, in seconds. Setting modes waits for the electronics, which can take more than a second.
 RPC_TIMEOUT = 5.0
 _MAX_TOS = 255
 _serial = itertools.count(1)
@@ -23,8 +23,8 @@ _serial = itertools.count(1)
 class ClientSettings:
     """The parameters of a client.
 
-    ``strict`` says whether streaming commands wait for the one before: None for single joints only. ``local_qos`` and
-    ``remote_qos`` are None where nothing is to be set.
+    ``strict``: whether a streamed command waits for the previous one; None: only one for a single joint. A setting of
+    ``local_qos`` or ``remote_qos`` that is None is left unchanged.
     """
 
     remote: str
@@ -40,17 +40,17 @@ class ClientSettings:
 
     @classmethod
     def read(cls, configuration: Property, carrier: str = "udp") -> ClientSettings:
-        """Take them from a configuration, with this carrier if it names none. Raises ConfigurationError.
+        """Read them from a configuration; ``carrier`` is the default carrier. Raises ConfigurationError.
 
         ======================= ==================================================================================
         ``remote``              the name of the board, such as ``/icub/left_arm``; required
-        ``local``               what the names of the client's own ports begin with; without it one that is unique
-        ``carrier``             for the state and the streaming commands: udp, tcp, fast_tcp …
-        ``timeout``             the greatest age of a state, s of the robot's clock
-        ``rpcTimeout``          how long an answer may take, s
-        ``writeStrict``         on: every streaming command waits for the one before; off: none does
-        ``ignoreProtocolCheck`` a board with another version of the protocol will do
-        ``diagnostic``          report states that come too late
+        ``local``               the prefix of the client's own ports; default: a unique one
+        ``carrier``             for the state and the streamed commands: udp, tcp, fast_tcp …
+        ``timeout``             the greatest age of a state, in seconds of the robot's clock
+        ``rpcTimeout``          the timeout of a reply, in seconds
+        ``writeStrict``         on: every streamed command waits for the previous one; off: none does
+        ``ignoreProtocolCheck`` accept a board with another version of the protocol
+        ``diagnostic``          report states that arrive too late
         ``local_qos``           a group of ``thread_priority``, ``thread_policy`` and ``packet_priority``, which is
         ``remote_qos``          ``LEVEL:HIGH``, ``DSCP:AF11`` or ``TOS:144``; ``enable 0`` switches the group off
         ======================= ==================================================================================
@@ -71,7 +71,7 @@ class ClientSettings:
 
 
 def unique_local(remote: str) -> str:
-    """What the ports of a client may be called that was given no name: nobody else's begin so."""
+    """Return a unique port prefix for a client without a given name."""
     return f"/rtf/{socket.gethostname()}/{os.getpid()}/{next(_serial)}{remote}"
 
 
@@ -103,7 +103,7 @@ def _number(group: Property, key: str) -> int | None:
 
 
 def _tos(text: str) -> int | None:
-    """The type of service of ``LEVEL:HIGH``, ``DSCP:AF11`` or ``TOS:144``, as YARP writes them."""
+    """Return the type of service of ``LEVEL:HIGH``, ``DSCP:AF11`` or ``TOS:144``, YARP's notation."""
     if not text:
         return None
     kind, _, value = text.partition(":")
@@ -113,4 +113,4 @@ def _tos(text: str) -> int | None:
         return Qos.of_dscp(value).tos
     if kind == "TOS" and value.isdigit() and int(value) <= _MAX_TOS:
         return int(value)
-    raise QosError(f"{text!r} is none; there are LEVEL:HIGH, DSCP:AF11 and TOS:144 and their kin")
+    raise QosError(f"{text!r} is not a packet priority; write one such as LEVEL:HIGH, DSCP:AF11 or TOS:144")

@@ -1,1 +1,1 @@
-"""Drivers: devices that are the robot, or make several of them one."""
+"""Drivers: devices that are hardware or fakes of it, and devices that combine others."""

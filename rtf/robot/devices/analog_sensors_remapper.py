@@ -1,4 +1,4 @@
-"""Sensors of several devices, as if they were those of one."""
+"""A remapper of sensors: sensors of several devices as one device."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Property
 
-#: What a category is called in configurations.
+#: The name of a category in configurations.
 CATEGORY_TAGS: Mapping[SensorCategory, str] = {
     SensorCategory.GYROSCOPE: "ThreeAxisGyroscopes",
     SensorCategory.ACCELEROMETER: "ThreeAxisLinearAccelerometers",
@@ -32,10 +32,10 @@ CATEGORY_TAGS: Mapping[SensorCategory, str] = {
 
 
 class AnalogSensorsRemapper(Device, IMultipleAnalogSensors):
-    """``multipleanalogsensorsremapper``: the sensors that are named, in the order in which they are named.
+    """``multipleanalogsensorsremapper``: sensors selected by name, in the given order.
 
-    Parameters are lists of names, one for each category: ``SixAxisForceTorqueSensorsNames (l_leg_ft r_leg_ft)``. The
-    devices that have them come with ``attach``; each name must be that of one sensor.
+    Parameters are lists of names, one for each category: ``SixAxisForceTorqueSensorsNames (l_leg_ft r_leg_ft)``.
+    ``attach`` passes the devices that have them; each name must be that of exactly one sensor.
     """
 
     def open(self, configuration: Property) -> None:
@@ -45,7 +45,7 @@ class AnalogSensorsRemapper(Device, IMultipleAnalogSensors):
         self._sensors: dict[SensorCategory, list[tuple[IMultipleAnalogSensors, int]]] = {}
 
     def attach(self, devices: Mapping[str, Device]) -> None:
-        """See Device. Raises DeviceError for a name that no device has, or several."""
+        """Attach the devices. Raises DeviceError for a name that no device has, or several."""
         found = {name: device for name, device in devices.items() if isinstance(device, IMultipleAnalogSensors)}
         self._sensors = {
             category: [self._find(category, name, found) for name in names] for category, names in self._wanted.items()
@@ -62,7 +62,9 @@ class AnalogSensorsRemapper(Device, IMultipleAnalogSensors):
         ]
         if len(places) != 1:
             owners = ", ".join(owner for owner, _, _ in places) or f"none of {', '.join(devices) or 'no devices'}"
-            raise DeviceError(f"{self.name}: one device must have the sensor {name} ({category.name}): {owners} has it")
+            raise DeviceError(
+                f"{self.name}: exactly one device must have the sensor {name} ({category.name}): {owners} has it"
+            )
         return places[0][1:]
 
     def detach(self) -> None:
@@ -72,7 +74,7 @@ class AnalogSensorsRemapper(Device, IMultipleAnalogSensors):
         self.detach()
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
-        """See IMultipleAnalogSensors; none while no devices are attached."""
+        """Return the sensors of a category; none while no devices are attached."""
         return [device.sensors(category)[index] for device, index in self._sensors.get(category, ())]
 
     def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:

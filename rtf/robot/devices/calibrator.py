@@ -1,6 +1,6 @@
-"""The calibrator of a board: has the board calibrate its joints, group by group, and moves them home and to rest.
+"""The calibrator of a board: it makes the board calibrate its joints, group by group, and homes and parks them.
 
-What its parameters are called is told in :mod:`rtf.robot.devices.calibrator_settings`.
+:mod:`rtf.robot.devices.calibrator_settings` lists its parameters.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.robot.devices.calibrated import JointCalibrator
+from rtf.robot.devices.calibrated_board import JointCalibrator
 from rtf.robot.devices.calibrator_settings import CalibratorSettings
 from rtf.robot.devices.movement import Movement
 from rtf.robot.errors import DeviceError, RefusedError
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from rtf.robot.device import Device
     from rtf.robot.devices.calibrator_settings import Pose
 
-#: Seconds of the machine's clock in which what was aborted gives way to a parking.
+#: Seconds of real time that an aborted movement has to end before a parking.
 _GIVING_WAY = 5.0
 _POLL = 0.05
 
 
 class BoardCalibrator(JointCalibrator):
-    """``icubCalibrator``. Times go by the robot's clock. It does one thing at a time, and refuses a second one.
+    """``icubCalibrator``. Times are by the robot's clock. It does one movement at a time, and refuses a second one.
 
-    Only parking ends what goes on: a robot that is to come to rest does not wait for a calibration. A group of joints
-    that cannot be calibrated, or does not come to its startup position, ends the calibration: the joints are stopped,
-    those that are not calibrated lose their power, and the controllers are as they were.
+    Only parking aborts another movement: a robot that shall come to rest does not wait for a calibration. If a group of
+    joints cannot be calibrated, or does not reach its startup position, the calibration fails: its joints are stopped,
+    those that are not calibrated lose power, and the controllers get their former gains.
     """
 
     def __init__(self, name: str = "", *, network: Network | None = None) -> None:
@@ -47,7 +47,7 @@ class BoardCalibrator(JointCalibrator):
         self._settings = CalibratorSettings.read(configuration)
 
     def close(self) -> None:
-        """See Device: it aborts what goes on."""
+        """Abort the movement in progress."""
         self.abort()
 
     # All joints --------------------------------------------------------------------------------------------------
@@ -61,7 +61,7 @@ class BoardCalibrator(JointCalibrator):
             self._rest(movement, settings, settings.rested, settings.home)
 
     def park(self, target: Device) -> None:
-        """See Calibrator. Joints that do not get there are named when the others have, with DeviceError."""
+        """Park all joints. If some do not arrive, a DeviceError at the end names them."""
         with self._moving(target, "the parking", ending_others=True) as (movement, settings):
             self._rest(movement, settings, settings.rested, settings.park, power_off=settings.power_off)
 
@@ -80,21 +80,21 @@ class BoardCalibrator(JointCalibrator):
             self._rest(movement, settings, [joint], settings.park, power_off=settings.power_off)
 
     def abort(self) -> None:
-        """See Calibrator. Nothing happens while it does nothing."""
+        """Abort the movement in progress, if there is one."""
         movement = self._movement
         if movement is not None:
             movement.abort()
 
-    # How ---------------------------------------------------------------------------------------------------------
+    # Steps -------------------------------------------------------------------------------------------------------
 
     @contextmanager
     def _moving(
         self, target: Device, what: str, joint: int | None = None, *, ending_others: bool = False
     ) -> Iterator[tuple[Movement, CalibratorSettings]]:
-        """Be the only one who moves something here."""
+        """Run the block as the only movement of this calibrator."""
         settings = self._settings_for(target, joint)
         if not self._begin(ending_others=ending_others):
-            raise RefusedError(f"{self.name} is at work; {what} of {target.name} begins when that has ended")
+            raise RefusedError(f"{self.name} is busy; {what} of {target.name} can begin when it has finished")
         try:
             self._movement = movement = Movement(target, f"{what} of {target.name} by {self.name}")
             yield movement, settings
@@ -116,7 +116,7 @@ class BoardCalibrator(JointCalibrator):
         settings = self._settings
         if settings is None:
             raise DeviceError(f"{self.name} is not open; open it before it calibrates {target.name}")
-        axes = target.view(IAxisInfo).axes()  # type: ignore[type-abstract]  # it is only looked for
+        axes = target.view(IAxisInfo).axes()  # type: ignore[type-abstract]  # an abstract type is allowed here
         if axes != settings.joints:
             raise DeviceError(f"{self.name} is for {settings.joints} joints; {target.name} has {axes}")
         if joint is not None and not 0 <= joint < axes:
@@ -140,7 +140,7 @@ class BoardCalibrator(JointCalibrator):
             movement.stop([*missing])
         if power_off:
             movement.power_off([joint for joint in joints if joint not in missing])
-        _complain(movement, missing)
+        _raise_for_missing(movement, missing)
 
     def _calibrate(
         self,
@@ -152,20 +152,20 @@ class BoardCalibrator(JointCalibrator):
         if settings.clear_faults:
             movement.leave_faults([joint for joints in order for joint in joints])
         if settings.skip_calibration:
-            self.network.report(f"{self.name}: skipCalibration is set; {target.name} is trusted to know where it is")
-        controllers = target.view(IPidControl)  # type: ignore[type-abstract]  # it is only looked for
+            self.network.report(f"{self.name}: skipCalibration is set; {target.name} keeps its current zeros")
+        controllers = target.view(IPidControl)  # type: ignore[type-abstract]  # an abstract type is allowed here
         board = target.view(IControlCalibration)  # type: ignore[type-abstract]  # likewise
         for joints in order:
             with _weakened(controllers, joints, settings), _stopped_on_error(movement, joints):
                 if not settings.skip_calibration:
                     _find_zeros(board, movement, settings, joints)
-                _complain(movement, movement.go(joints, settings.startup, settings.thresholds, wake=True))
+                _raise_for_missing(movement, movement.go(joints, settings.startup, settings.thresholds, wake=True))
 
 
 def _find_zeros(
     board: IControlCalibration, movement: Movement, settings: CalibratorSettings, joints: Sequence[int]
 ) -> None:
-    """Have the board calibrate joints, at the same time. Those that fail are left without power."""
+    """Let the board calibrate joints, all at the same time. Those that fail lose power."""
     try:
         for joint in joints:
             board.calibrate_axis(joint, settings.parameters[joint])
@@ -178,14 +178,14 @@ def _find_zeros(
         raise DeviceError(f"{movement.what}: {movement.named(missing)} not calibrated within {limit:g} s")
 
 
-def _complain(movement: Movement, missing: dict[int, str]) -> None:
+def _raise_for_missing(movement: Movement, missing: dict[int, str]) -> None:
     if missing:
         raise DeviceError(f"{movement.what}: {'; '.join(missing.values())}")
 
 
 @contextmanager
 def _stopped_on_error(movement: Movement, joints: Sequence[int]) -> Iterator[None]:
-    """Have joints stand still if something goes wrong within the block."""
+    """Stop joints if the block raises an error."""
     with ExitStack() as wrong:
         wrong.callback(movement.stop, joints)
         yield
@@ -194,7 +194,7 @@ def _stopped_on_error(movement: Movement, joints: Sequence[int]) -> Iterator[Non
 
 @contextmanager
 def _weakened(controllers: IPidControl, joints: Sequence[int], settings: CalibratorSettings) -> Iterator[None]:
-    """Let the position controllers of joints give no more than is allowed at startup, within the block."""
+    """Limit the output of the joints' position controllers to the startup limits, within the block."""
     with ExitStack() as restored:
         for joint in joints:
             limit = float(settings.duty_limits[joint])

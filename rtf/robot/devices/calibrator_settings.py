@@ -1,6 +1,6 @@
-"""What the configuration of a calibrator says, with the names that the files of iCubs have.
+"""The configuration of a calibrator, with the parameter names of iCub files.
 
-Each list has a number for each joint; upper and lower case of its name do not matter. ``*``: it may be left out.
+Each list has a number for each joint; names are case-insensitive. ``*``: optional, with the default in parentheses.
 
 ============== ======================== ===============================================================================
 ``GENERAL``    ``joints``               how many; as many as the board has
@@ -47,7 +47,7 @@ _THRESHOLD = 2.0  # deg
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """Where joints go (deg), how fast (deg/s), and how long that may take (s); one number for each joint."""
+    """The target positions of joints (deg), their speeds (deg/s), and timeouts (s); one number for each joint."""
 
     positions: FloatArray
     speeds: FloatArray
@@ -56,7 +56,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibratorSettings:
-    """All of it. ``order`` has the joints that are calibrated, ``rested`` those that are homed and parked."""
+    """The settings. ``order`` has the groups of joints to calibrate, ``rested`` those that are homed and parked."""
 
     joints: int
     order: tuple[tuple[int, ...], ...]
@@ -74,7 +74,7 @@ class CalibratorSettings:
 
     @classmethod
     def read(cls, configuration: Property) -> Self:
-        """Read it. Raises ConfigurationError, with the place."""
+        """Read a configuration. Raises ConfigurationError, with the location."""
         general = group_of(configuration, "GENERAL")
         joints = count(general, "Joints" if general.check("Joints") else "joints", 0, _MAX_JOINTS)
         calibration = _Rows(configuration, "CALIBRATION", joints)
@@ -103,7 +103,7 @@ class CalibratorSettings:
 
 
 class _Rows:
-    """The lists of a group."""
+    """The lists of a configuration group."""
 
     def __init__(self, configuration: Property, name: str, joints: int) -> None:
         self._configuration = configuration
@@ -115,7 +115,7 @@ class _Rows:
             self._lists[key.lower()] = key, list(inner if isinstance(inner, Bottle) else group[1:])
 
     def row(self, *names: str, default: float | None = None) -> FloatArray:
-        """The list that has one of these names; the default for each joint if there is none."""
+        """Return the list with one of these names; without one the default for each joint."""
         found = next((self._lists[name.lower()] for name in names if name.lower() in self._lists), None)
         if found is None:
             if default is None:
@@ -124,21 +124,21 @@ class _Rows:
         key, values = found
         if len(values) != self._joints or not all(isinstance(value, int | float) for value in values):
             said = to_string(Bottle(values))[:60]
-            raise self._wrong(key, f"{said} is no list of {self._joints} numbers, one for each joint")
+            raise self._wrong(key, f"{said} is not a list of {self._joints} numbers, one for each joint")
         numbers = np.array([as_float(value) for value in values])
         if not np.isfinite(numbers).all():
-            raise self._wrong(key, "a number is infinite, or none")
+            raise self._wrong(key, "a number is infinite or NaN")
         return numbers
 
     def positive(self, *names: str, default: float | None = None) -> FloatArray:
-        """Likewise, of numbers that are not negative."""
+        """Return the list with one of these names, whose numbers must not be negative."""
         numbers = self.row(*names, default=default)
         if (numbers < 0).any():
             raise self._wrong(names[0], f"joint {int((numbers < 0).argmax())} has a negative number")
         return numbers
 
     def pose(self, what: str, timeout: float) -> Pose:
-        """The pose of a group, such as ``Home``."""
+        """Return the pose of a group, such as ``Home``."""
         return Pose(
             self.row(f"position{what}"),
             self.positive(f"velocity{what}"),
@@ -161,7 +161,7 @@ _NEEDED = 3
 
 
 def _order(configuration: Property, joints: int) -> tuple[tuple[int, ...], ...]:
-    """The lists of joints, which may stand in a list of their own."""
+    """Read the order of calibration: lists of joints, possibly inside a list."""
     group = configuration.find_group("CALIB_ORDER")
     if group is None:
         return (tuple(range(joints)),)
@@ -183,7 +183,7 @@ def _order(configuration: Property, joints: int) -> tuple[tuple[int, ...], ...]:
 
 
 def _wrong(configuration: Property, group: str, key: str, sentence: str) -> ConfigurationError:
-    """The error to raise, with the place of the list, or of its group."""
+    """Return the error, with the location of the list, or of its group."""
     location = (configuration.location(group, key) if key else None) or configuration.location(group)
     what = f"{group} {key}".rstrip()
     return ConfigurationError(f"{what}: {sentence}" if location is None else f"{location}: {what}: {sentence}")

@@ -1,7 +1,7 @@
-"""The joints of a fake board: where they are at a moment, by kinematics alone.
+"""The joints of a fake board: their positions over time, by kinematics alone.
 
-Not modelled: masses, forces, friction, controllers, delays. A joint is where its trajectory, speed or reference says;
-torques, currents and duty cycles are what was asked for, and move nothing.
+Not modelled: masses, forces, friction, controllers, delays. The position follows the trajectory, speed or setpoint
+exactly; torques, currents and duty cycles are the commanded ones, and move nothing.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
     from rtf.robot.interfaces import FloatArray
 
-#: Seconds that a move lasts at least.
+#: The shortest duration of a move, in seconds.
 _SHORTEST = 1e-6
-#: Of a joint at the beginning, in deg/s and deg/s².
+#: Initial reference speed (deg/s) and acceleration (deg/s²).
 SPEED, ACCELERATION = 10.0, 50.0
 
 
 class FakeAxes:
-    """So many joints (deg, deg/s, deg/s²), moved by ``advance``. Not for several threads at once.
+    """Joints (deg, deg/s, deg/s²) that are moved by ``advance``. Not thread-safe.
 
-    ``references`` hold what was last asked for in the modes that only give it back: torques, currents, duty cycles.
+    ``references`` holds the last setpoints of the modes that only report them: torques, currents, duty cycles.
     """
 
     def __init__(self, minima: FloatArray, maxima: FloatArray, now: float) -> None:
@@ -48,7 +48,7 @@ class FakeAxes:
     # Modes -------------------------------------------------------------------------------------------------------
 
     def enter(self, joint: int, mode: ControlMode) -> None:
-        """Put a joint into a mode, in which it rests until it is told something. The mode it is in changes nothing."""
+        """Put a joint into a mode, at rest until a command. Its present mode changes nothing."""
         if mode is self.modes[joint]:
             return
         self.modes[joint] = mode
@@ -60,7 +60,7 @@ class FakeAxes:
             self.references[mode][joint] = 0.0
 
     def measured(self, mode: ControlMode) -> FloatArray:
-        """What a joint gives of a torque, current or duty cycle: the reference in its mode, nothing else."""
+        """Return the measured torque, current or duty cycle: the setpoint in its mode, else zero."""
         return np.where(self._mask(_ALONE[mode]), self.references[mode], 0.0)
 
     def _mask(self, modes: frozenset[ControlMode]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -72,7 +72,7 @@ class FakeAxes:
     # Commands ----------------------------------------------------------------------------------------------------
 
     def move(self, joints: Sequence[int], targets: FloatArray) -> None:
-        """Start a minimum-jerk trajectory for those in a mode that takes it; it lasts the way over the speed."""
+        """Start minimum-jerk trajectories of the joints in a trajectory mode. Duration: distance over speed."""
         for joint, target in zip(joints, targets, strict=True):
             if self.modes[joint] not in TRAJECTORY_MODES:
                 continue
@@ -85,33 +85,33 @@ class FakeAxes:
             self.moving[joint] = self._way[joint] != 0
 
     def run(self, joints: Sequence[int], speeds: FloatArray) -> None:
-        """Reach these speeds, for those in a mode that takes it."""
+        """Set the target speeds of the joints in a velocity mode."""
         for joint, speed in zip(joints, speeds, strict=True):
             if self.modes[joint] in VELOCITY_MODES:
                 self.target_speeds[joint] = speed
                 self.moving[joint] = False
 
     def follow(self, joints: Sequence[int], positions: FloatArray) -> None:
-        """Be there at once, for those in position-direct mode."""
+        """Set the positions of the joints in position-direct mode, effective at once."""
         for joint, position in zip(joints, positions, strict=True):
             if self.modes[joint] is ControlMode.POSITION_DIRECT:
                 self.direct[joint] = np.clip(position, self.minima[joint], self.maxima[joint])
 
     def refer(self, mode: ControlMode, joints: Sequence[int], values: FloatArray) -> None:
-        """Ask for torques, currents or duty cycles, of those in this mode."""
+        """Set the torques, currents or duty cycles of the joints in this mode."""
         for joint, value in zip(joints, values, strict=True):
             if self.modes[joint] is mode:
                 self.references[mode][joint] = value
 
     def stop(self, joints: Sequence[int]) -> None:
-        """Rest here."""
+        """Stop the joints at their positions."""
         for joint in joints:
             self.moving[joint] = False
             self.targets[joint] = self.positions[joint]
             self.target_speeds[joint] = self.speeds[joint] = 0.0
 
     def declare(self, joints: Sequence[int], positions: FloatArray) -> None:
-        """Say that the joints are at these positions, and rest there."""
+        """Declare that the joints are at these positions, at rest."""
         for joint, position in zip(joints, positions, strict=True):
             self.positions[joint] = self.direct[joint] = position
         self.stop(joints)
@@ -119,7 +119,7 @@ class FakeAxes:
     # Time --------------------------------------------------------------------------------------------------------
 
     def advance(self, now: float) -> None:
-        """Let time pass until ``now``."""
+        """Advance the time to ``now``."""
         step, self.time = now - self.time, now
         if step <= 0:
             return
@@ -140,7 +140,7 @@ class FakeAxes:
         moving = np.flatnonzero(self.moving)
         way, duration = self._way[moving], self._duration[moving]
         share = np.clip((now - self._began[moving]) / duration, 0.0, 1.0)
-        # The polynomial of least jerk between rest and rest, and its derivative (Flash and Hogan 1985).
+        # The minimum-jerk polynomial between rest and rest, and its derivative (Flash and Hogan 1985).
         place = share**3 * (10 - 15 * share + 6 * share**2)
         slope = 30 * share**2 * (1 - share) ** 2
         self.positions[moving] = self._from[moving] + way * place
@@ -153,12 +153,12 @@ class FakeAxes:
         change = self.target_speeds - before
         acceleration = self.reference_accelerations  # 0: at once
         ramp = np.zeros(self.count)
-        with np.errstate(over="ignore"):  # it takes longer than the step, however much
+        with np.errstate(over="ignore"):  # infinite means longer than the step
             np.divide(np.abs(change), acceleration, out=ramp, where=acceleration > 0)
         ramp = np.minimum(ramp, step)
         after = np.where(ramp < step, self.target_speeds, before + np.sign(change) * acceleration * ramp)
         way = (before + after) / 2 * ramp + after * (step - ramp)
-        # A joint that begins beyond its limits, as encoders may say, goes no further out.
+        # A joint that starts beyond its limits, as set_encoders allows, moves no further out.
         low, high = np.minimum(self.minima, self.positions), np.maximum(self.maxima, self.positions)
         reached = np.clip(self.positions + way, low, high)
         after = np.where(reached == self.positions + way, after, 0.0)

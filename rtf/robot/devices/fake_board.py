@@ -1,7 +1,7 @@
-"""A control board without a robot: its joints go where they are told, by kinematics alone, in the robot's time.
+"""A control board without hardware: its joints follow commands by kinematics alone, in the robot's time.
 
-It keeps the rules of a board (control modes, limits, what is ignored when), so that whatever talks to boards can be
-tried on it. What it does not model is told in :mod:`rtf.robot.devices.fake_axes`.
+It obeys the rules of a board (control modes, limits, ignored commands), so that clients of boards can be tested on it.
+:mod:`rtf.robot.devices.fake_axes` lists what it does not model.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from rtf import clock
 from rtf.bottle import Bottle, Property, as_float, as_string, to_string
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.device import Device
-from rtf.robot.devices.calibrated import Calibrated
+from rtf.robot.devices.calibrated_board import Calibrated
 from rtf.robot.devices.fake_axes import FakeAxes
 from rtf.robot.devices.fake_board_moves import SPEED_LIMITS, FakeForces, FakeMoves
 from rtf.robot.devices.fake_board_parts import SETTINGS, FakeMotors, FakePids
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import AxisSelection, FloatArray
 
 MAX_JOINTS = 1000
-#: Where a configuration says nothing, in deg.
+#: Default limits of a joint, in deg.
 LIMITS = (0.0, 100.0)
 _TYPES = {"revolute": JointType.REVOLUTE, "prismatic": JointType.PRISMATIC}
 
@@ -63,10 +63,10 @@ class FakeBoard(
     IStateSource,
     Calibrated,
 ):
-    """``fakeMotionControl``: it begins at 0 in position mode, stiff.
+    """``fakeMotionControl``: it starts at 0 deg, in position mode, stiff.
 
-    Groups of its configuration: ``GENERAL`` with ``Joints`` (how many), ``AxisName`` and ``AxisType`` (lists),
-    ``LIMITS`` with ``Min`` and ``Max`` (deg), ``VARIABLES`` with remote variables by name.
+    Configuration groups: ``GENERAL`` with ``Joints`` (their number), ``AxisName`` and ``AxisType`` (lists), ``LIMITS``
+    with ``Min`` and ``Max`` (deg), ``VARIABLES`` with remote variables by name.
     """
 
     def __init__(self, name: str = "", *, network: Network | None = None) -> None:
@@ -91,9 +91,7 @@ class FakeBoard(
             _numbers(limits, key, joints, default) for key, default in zip(("Min", "Max"), LIMITS, strict=True)
         )
         if (minima > maxima).any():
-            raise wrong(
-                limits, "Min", f"joint {int((minima > maxima).argmax())} has its least position above the greatest"
-            )
+            raise wrong(limits, "Min", f"joint {int((minima > maxima).argmax())} has a minimum above its maximum")
         self._names = [as_string(name) for name in names]
         self._types = [_TYPES.get(as_string(kind), JointType.UNKNOWN) for kind in types]
         variables = configuration.find_group("VARIABLES")
@@ -118,7 +116,7 @@ class FakeBoard(
         self._set_up_pids(joints)
 
     def close(self) -> None:
-        """See Device: there is nothing to give back."""
+        """Do nothing: there are no resources."""
 
     # Axes --------------------------------------------------------------------------------------------------------
 
@@ -176,7 +174,7 @@ class FakeBoard(
             chosen = self._chosen(joints)
             for joint, mode in zip(chosen, modes_for(len(chosen), modes), strict=True):
                 if mode is InteractionMode.UNKNOWN:
-                    raise RefusedError(f"joint {joint}: 'unknown' is no interaction mode to ask for")
+                    raise RefusedError(f"joint {joint}: the interaction mode 'unknown' cannot be set")
                 self._interaction[joint] = mode
 
     def last_joint_fault(self, joint: int) -> tuple[int, str]:
@@ -193,7 +191,7 @@ class FakeBoard(
         chosen = self._one(joint)
         least, greatest = values_for(2, (minimum, maximum))
         if least > greatest:
-            raise RefusedError(f"joint {joint}: the limits {minimum:g} and {maximum:g} are the wrong way round")
+            raise RefusedError(f"joint {joint}: the limits {minimum:g} and {maximum:g} are in the wrong order")
         self._axes.minima[chosen], self._axes.maxima[chosen] = least, greatest
 
     def velocity_limits(self, joint: int) -> tuple[float, float]:
@@ -204,11 +202,11 @@ class FakeBoard(
         chosen = self._one(joint)
         least, greatest = values_for(2, (minimum, maximum))
         if not 0 <= least <= greatest:
-            raise RefusedError(f"joint {joint}: {minimum:g} and {maximum:g} are no limits of a speed")
+            raise RefusedError(f"joint {joint}: {minimum:g} and {maximum:g} are not limits of a speed")
         self._speed_limits[chosen] = least, greatest
 
     def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
-        """See IControlCalibration: it is done at once."""
+        """Calibrate a joint, at once."""
         self.set_calibration_parameters(joint, parameters)
         self._calibrated[self._one(joint)] = True
 
@@ -235,18 +233,18 @@ class FakeBoard(
 
 
 def _listed(group: Property, key: str, joints: int) -> Bottle | None:
-    """A list with an element for each joint; None if it is not there."""
+    """Return a list with an element for each joint; None if it is missing."""
     value = group.find(key)
     if value is None:
         return None
     if not isinstance(value, Bottle) or len(value) != joints:
-        raise wrong(group, key, f"{to_string(value)[:60]} is no list of {joints} elements, one for each joint")
+        raise wrong(group, key, f"{to_string(value)[:60]} is not a list of {joints} elements, one for each joint")
     return value
 
 
 def _numbers(group: Property, key: str, joints: int, default: float) -> FloatArray:
-    """A number for each joint."""
+    """Return a number for each joint."""
     values = _listed(group, key, joints) or [default] * joints
     if not all(isinstance(value, int | float) for value in values):
-        raise wrong(group, key, f"{to_string(group.find(key))[:60]} are not all numbers of degrees")
+        raise wrong(group, key, f"{to_string(group.find(key))[:60]} are not all numbers")
     return values_for(joints, [as_float(value) for value in values])

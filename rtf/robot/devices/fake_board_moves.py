@@ -1,4 +1,4 @@
-"""How the joints of a fake board are moved: trajectories, speeds, references, and torques that move nothing."""
+"""The motion interfaces of a fake board: trajectories, speeds, direct positions, and torques without effect."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from rtf.robot.interfaces import (
 if TYPE_CHECKING:
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
 
-#: Where a configuration says nothing: deg/s, Nm, and Nm/deg and Nm s/deg of compliant joints.
+#: Defaults: deg/s, Nm, and Nm/deg and Nm s/deg of compliant joints.
 SPEED_LIMITS, TORQUE_RANGE = (0.0, 50.0), (-100.0, 100.0)
-#: Degrees at which a joint may be said to be.
+#: The largest position of a joint, in deg.
 FARTHEST = 1e6
 IMPEDANCE_LIMITS = (0.0, 1000.0, 0.0, 100.0)
 
 
 class FakeMoves(FakeParts, IEncoders, IPositionControl, IVelocityControl, IPositionDirect):
-    """The joints, as they are moved."""
+    """The encoder and motion interfaces of the joints."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -57,7 +57,7 @@ class FakeMoves(FakeParts, IEncoders, IPositionControl, IVelocityControl, IPosit
     def set_encoders(self, values: Values, joints: AxisSelection = None) -> None:
         chosen, positions = self._given(values, joints)
         if (np.abs(positions) > FARTHEST).any():
-            raise RefusedError(f"no joint is at {positions.tolist()} deg; at most it is at {FARTHEST:g}")
+            raise RefusedError(f"the positions {positions.tolist()} deg are out of range; the limit is {FARTHEST:g}")
         with self._lock:
             self._now().declare(chosen, positions)
 
@@ -87,7 +87,7 @@ class FakeMoves(FakeParts, IEncoders, IPositionControl, IVelocityControl, IPosit
             return self._axes.targets[self._chosen(joints)]
 
     def set_reference_speeds(self, speeds: Values, joints: AxisSelection = None) -> None:
-        """See IPositionControl; a negative speed is the same as a positive one."""
+        """Set the reference speeds; the sign is ignored."""
         chosen, values = self._given(speeds, joints)
         self._axes.reference_speeds[chosen] = np.abs(values)
 
@@ -107,7 +107,7 @@ class FakeMoves(FakeParts, IEncoders, IPositionControl, IVelocityControl, IPosit
             self._now().stop(self._chosen(joints))
 
     def velocity_move(self, velocities: Values, joints: AxisSelection = None) -> None:
-        """See IVelocityControl. Here nobody stops a joint that hears nothing."""
+        """Set target velocities. This board has no watchdog that stops the joint."""
         chosen, speeds = self._given(velocities, joints)
         with self._lock:
             greatest = self._speed_limits[chosen, 1]
@@ -128,7 +128,7 @@ class FakeMoves(FakeParts, IEncoders, IPositionControl, IVelocityControl, IPosit
 
 
 class FakeForces(FakeParts, ITorqueControl, IImpedanceControl, IPWMControl):
-    """Torques, duty cycles and the springs of compliant joints, which are kept."""
+    """The torque, duty cycle and impedance interfaces, whose values are only stored."""
 
     def __init__(self) -> None:
         super().__init__()

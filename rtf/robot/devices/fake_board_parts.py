@@ -1,4 +1,4 @@
-"""The motors, amplifiers and controllers of a fake board: numbers that are kept, and change nothing."""
+"""The motors, amplifiers and controllers of a fake board: values that are stored without effect."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from rtf.robot.interfaces import (
 if TYPE_CHECKING:
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
 
-#: Code of the only fault that a fake board has.
+#: The code of the only fault of a fake board.
 OVER_CURRENT = 1
-#: What the motors begin with: gearboxes, turns, °C, A, per cent, V.
+#: Initial values of the motors: gearbox ratio, counts, °C, A, per cent, V.
 SETTINGS = {
     "gearbox_ratio": 100.0,
     "counts_per_revolution": 4096.0,
@@ -43,7 +43,7 @@ _TEMPERATURE = 25.0
 
 
 class FakeParts:
-    """What all parts of a fake board share. Methods of the parts are called from any thread."""
+    """The state shared by all interfaces of a fake board. The interface methods may be called from any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
@@ -52,7 +52,7 @@ class FakeParts:
         self._faults: dict[int, tuple[int, str]] = {}
 
     def _now(self) -> FakeAxes:
-        """The joints as they are at this moment. With the lock."""
+        """Return the joints at the present time. The caller holds the lock."""
         self._axes.advance(clock.current().now())
         return self._axes
 
@@ -75,7 +75,7 @@ class FakeParts:
 
 
 class FakeMotors(FakeParts, IMotor, IMotorEncoders, IAmplifierControl, ICurrentControl):
-    """One motor a joint, behind a gearbox."""
+    """One motor per joint, behind a gearbox."""
 
     def motor_count(self) -> int:
         return self._axes.count
@@ -133,21 +133,21 @@ class FakeMotors(FakeParts, IMotor, IMotorEncoders, IAmplifierControl, ICurrentC
     # Amplifiers --------------------------------------------------------------------------------------------------
 
     def _request(self, joint: int, mode: int) -> None:
-        """Ask for a mode, by the rules of boards. With the lock."""
+        """Request a mode, by the rules of boards. The caller holds the lock."""
         taken, after = answer(self._axes.modes[joint], mode)
         if taken is Answer.REFUSED:
-            raise RefusedError(f"joint {joint}: nobody may ask for the control mode {mode}")
+            raise RefusedError(f"joint {joint}: the control mode {mode} cannot be requested")
         if after is ControlMode.IDLE:
             self._faults.pop(joint, None)
         self._now().enter(joint, after)
 
     def _fail(self, joint: int, why: str) -> None:
-        """Put a joint into hardware fault. With the lock."""
+        """Put a joint into hardware fault. The caller holds the lock."""
         self._faults[joint] = OVER_CURRENT, why
         self._now().enter(joint, ControlMode.HARDWARE_FAULT)
 
     def enable_amplifier(self, joint: int) -> None:
-        """See IAmplifierControl: an idle joint goes to position mode."""
+        """Enable the amplifier: an idle joint enters position mode."""
         (chosen,) = self._chosen(joint)
         with self._lock:
             if self._axes.modes[chosen] is ControlMode.IDLE:
@@ -163,7 +163,7 @@ class FakeMotors(FakeParts, IMotor, IMotorEncoders, IAmplifierControl, ICurrentC
             return tuple(self._faults.get(joint, (0, ""))[0] for joint in self._chosen(joints))
 
     def currents(self, motors: AxisSelection = None) -> FloatArray:
-        """See IAmplifierControl and ICurrentControl."""
+        """Return the currents, for both IAmplifierControl and ICurrentControl."""
         with self._lock:
             return self._axes.measured(ControlMode.CURRENT)[self._chosen(motors)]
 
@@ -219,7 +219,7 @@ class FakeMotors(FakeParts, IMotor, IMotorEncoders, IAmplifierControl, ICurrentC
 
 
 class FakePids(FakeParts, IPidControl):
-    """Controllers whose gains are kept; they follow perfectly, so that errors and outputs are 0."""
+    """Controllers whose gains are stored; they follow perfectly, so errors and outputs are 0."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -249,7 +249,7 @@ class FakePids(FakeParts, IPidControl):
         return self._pid_references[kind][self._chosen(joints)]
 
     def set_pid_references(self, kind: PidType, values: Values, joints: AxisSelection = None) -> None:
-        """See IPidControl: they are kept, and nothing moves."""
+        """Store references; nothing moves."""
         chosen, references = self._given(values, joints)
         self._pid_references[kind][chosen] = references
 

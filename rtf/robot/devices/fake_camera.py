@@ -1,4 +1,4 @@
-"""A camera that draws its images itself, from the time alone. It does not model noise, exposure or a lens."""
+"""A camera that generates its images from the time alone. It does not model noise, exposure or a lens."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _MAX_SIDE = 8192
 _BLUE = 2
-#: What can be set, with the values at the beginning. The two of the white balance are those of red and of blue.
+#: The features and their initial values. The two of the white balance are those of red and of blue.
 _FEATURES = {
     CameraFeature.BRIGHTNESS: (0.5,),
     CameraFeature.EXPOSURE: (0.5,),
@@ -33,11 +33,11 @@ _FEATURES = {
 
 
 class FakeFrameGrabber(Device, IFrameGrabber, IFrameGrabberControls):
-    """``fakeFrameGrabber``: red grows to the right and green downwards; a blue line goes down, one row each image.
+    """``fakeFrameGrabber``: red increases to the right, green downwards; a blue line moves down one row per image.
 
-    ``width`` and ``height`` are 320 and 240 without them, ``period`` is the seconds between images, 0.033 without it,
-    ``horizontalFov`` and ``verticalFov`` the fields of view in deg. The line is in row (n modulo height) of image n,
-    which is taken at n periods. Of the features MIRROR changes the picture; the others keep what was set.
+    Parameters: ``width`` and ``height`` (default 320 and 240), ``period`` in seconds (default 0.033), ``horizontalFov``
+    and ``verticalFov`` in deg. The line of image n is in row (n modulo height); image n is taken at n periods. The
+    feature MIRROR changes the image; the others are only stored.
     """
 
     def open(self, configuration: Property) -> None:
@@ -54,7 +54,7 @@ class FakeFrameGrabber(Device, IFrameGrabber, IFrameGrabberControls):
         self._background[:, :, 1] = np.linspace(0, 255, self._height).round()[:, np.newaxis]
 
     def close(self) -> None:
-        """See Device."""
+        """Do nothing: there are no resources."""
 
     def width(self) -> int:
         return self._width

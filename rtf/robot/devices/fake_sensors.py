@@ -1,6 +1,6 @@
-"""Sensors that make up what they measure, from the time alone: for tests of everything that carries measurements.
+"""Sensors with generated values, a function of the time alone: for tests of everything that transports readings.
 
-They do not model noise, drift or temperature, nor are their quantities consistent with one another.
+They do not model noise, drift or temperature, and their quantities are not consistent with one another.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ _MAX_CHANNELS = 10_000
 class FakeImu(Device, IMultipleAnalogSensors):
     """``fakeIMU``: a gyroscope, an accelerometer, a magnetometer and an orientation, one of each.
 
-    A counter goes from 0 to 359 and on from 0, one step each ``period`` (ms, 10 without it). All three axes of three of
-    the sensors show it; the accelerometer shows gravity on a body that is pitched by so many degrees. ``constantValue``
-    lets the counter stand at 0; ``sensorName`` and ``frameName`` are what the sensors are called.
+    A counter runs from 0 to 359 and starts over, one step each ``period`` (ms, default 10). All axes of three of the
+    sensors have its value; the accelerometer measures gravity on a body that is pitched by as many degrees.
+    ``constantValue`` keeps the counter at 0; ``sensorName`` and ``frameName`` are the names of the sensors.
     """
 
     def open(self, configuration: Property) -> None:
@@ -57,14 +57,14 @@ class FakeImu(Device, IMultipleAnalogSensors):
         return (self._info,) if category <= SensorCategory.ORIENTATION else ()
 
     def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:
-        """See IMultipleAnalogSensors; it is what ``state`` was set to."""
+        """Return the value of ``state``."""
         self._check(category, index)
         return self.state
 
     def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
         self._check(category, index)
         if self.state is not SensorStatus.OK:
-            raise RefusedError(f"{self.name} is not well: {self.state.name}")
+            raise RefusedError(f"{self.name} has status {self.state.name}")
         now = clock.current().now()
         counter = 0 if self._constant else int(now / self.period) % _TURN
         return SensorReading(_shown(category, counter), now)
@@ -82,9 +82,9 @@ def _shown(category: SensorCategory, counter: int) -> FloatArray:
 
 
 class FakeAnalogSensor(Device, IAnalogSensor):
-    """``fakeAnalogSensor``: as many channels as ``channels`` says, 6 without it.
+    """``fakeAnalogSensor``: ``channels`` channels (default 6).
 
-    Channel c shows c plus the seconds of the minute, less what was made zero.
+    Channel c measures c plus the seconds of the minute, minus its offset.
     """
 
     def open(self, configuration: Property) -> None:
@@ -114,7 +114,7 @@ class FakeAnalogSensor(Device, IAnalogSensor):
 
 
 class FakeBattery(Device, IBattery):
-    """A battery of 40 V that gives 2 A, and goes from full to empty in an hour, again and again."""
+    """A battery of 40 V with a current of 2 A, which discharges from full to empty every hour."""
 
     def open(self, configuration: Property) -> None:
         """See Device; there is nothing to say about it."""

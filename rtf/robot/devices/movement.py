@@ -1,4 +1,4 @@
-"""Bringing joints of a board to a pose, with a limit of time, until somebody says stop."""
+"""Movement of a board's joints to a pose, with a timeout and an abort."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rtf.robot.devices.calibrator_settings import Pose
     from rtf.robot.interfaces import FloatArray
 
-#: Seconds of the robot's clock between two looks at the joints.
+#: Polling period of the joints, in seconds of the robot's clock.
 _LOOK = 0.02
 #: Seconds that a board may take to change the modes of its joints.
 _MODES = 1.0
@@ -27,25 +27,25 @@ _CALIBRATING = frozenset({ControlMode.CALIBRATING, ControlMode.CALIBRATION_DONE}
 
 
 class Movement:
-    """Something that is done with a board, in one thread; ``abort`` may come from another one.
+    """A movement of a board, in one thread; ``abort`` may be called from another one.
 
-    Raises NotSupportedError for a board whose joints cannot be moved.
+    Raises NotSupportedError for a board without the interfaces to move its joints.
     """
 
     def __init__(self, board: Device, what: str) -> None:
         self.what = what
-        self._axes = board.view(IAxisInfo)  # type: ignore[type-abstract]  # it is only looked for
-        self._encoders = board.view(IEncoders)  # type: ignore[type-abstract]  # it is only looked for
-        self._position = board.view(IPositionControl)  # type: ignore[type-abstract]  # it is only looked for
-        self._modes = board.view(IControlMode)  # type: ignore[type-abstract]  # it is only looked for
+        self._axes = board.view(IAxisInfo)  # type: ignore[type-abstract]  # an abstract type is allowed here
+        self._encoders = board.view(IEncoders)  # type: ignore[type-abstract]  # an abstract type is allowed here
+        self._position = board.view(IPositionControl)  # type: ignore[type-abstract]  # an abstract type is allowed here
+        self._modes = board.view(IControlMode)  # type: ignore[type-abstract]  # an abstract type is allowed here
         self._aborted = threading.Event()
 
     def abort(self) -> None:
-        """Have whoever waits here stop soon, with DeviceError."""
+        """Make ``wait`` raise DeviceError soon."""
         self._aborted.set()
 
     def wait(self, over: Callable[[], bool], seconds: float) -> bool:
-        """Wait until something is so, for so many s of the robot's clock at most; returns whether it is."""
+        """Wait until a condition holds, at most ``seconds`` of the robot's clock; return whether it holds."""
         time = clock.current()
         end = time.now() + seconds
         while not over():
@@ -60,20 +60,20 @@ class Movement:
         return True
 
     def named(self, joints: Sequence[int]) -> str:
-        """Joints with their numbers and names."""
+        """Return joints as text, with their numbers and names."""
         return ", ".join(f"joint {joint} ({self._name(joint)})" for joint in joints)
 
     def _name(self, joint: int) -> str:
         try:
             return self._axes.axis_name(joint)
-        except RobotError:  # what it is called is not worth an error
+        except RobotError:  # a missing name is not worth an error
             return "without a name"
 
     def go(self, joints: Sequence[int], pose: Pose, thresholds: FloatArray, *, wake: bool = False) -> dict[int, str]:
-        """Bring joints to a pose; returns those that did not get there, each with a sentence about it.
+        """Move joints to a pose; return those that did not arrive, each with a sentence about it.
 
-        Joints without power stay as they are: somebody may have had a reason. ``wake``: those that are idle get power,
-        as after a calibration, at whose end some boards leave them so.
+        Joints without power are not moved: the reason is unknown. ``wake``: idle joints get power, as after a
+        calibration, at whose end some boards leave them idle.
         """
         without = POWERLESS - {ControlMode.IDLE} if wake else POWERLESS
         self.wait(lambda: not {*self._modes.control_modes(joints)} & _CALIBRATING, _MODES)
@@ -92,7 +92,7 @@ class Movement:
         self.wait(lambda: {*self._modes.control_modes(joints)} == {ControlMode.POSITION}, _MODES)
 
     def _settled(self, joints: list[int], pose: Pose, thresholds: FloatArray) -> bool:
-        """Whether all have arrived; one that a fault or somebody took out of the mode never will."""
+        """Return whether all have arrived. A joint that left position mode, by a fault or a request, is not awaited."""
         modes = zip(joints, self._modes.control_modes(joints), strict=True)
         moving = [joint for joint, mode in modes if mode is ControlMode.POSITION]
         if not moving:
@@ -110,16 +110,16 @@ class Movement:
         return found
 
     def stop(self, joints: Sequence[int]) -> None:
-        """Have joints stay where they are."""
+        """Stop joints where they are."""
         self._position.stop(list(joints))
 
     def power_off(self, joints: Sequence[int]) -> None:
-        """Have joints be without power; one that is in fault stays so."""
+        """Switch joints off; one in fault stays in fault."""
         if joints:
             self._modes.set_control_modes(ControlMode.IDLE, list(joints))
 
     def leave_faults(self, joints: Sequence[int]) -> None:
-        """Bring joints that are in fault out of it; they are idle then."""
+        """Reset joints that are in fault; they are idle then."""
         broken = [joint for joint in joints if self._modes.control_mode(joint) is ControlMode.HARDWARE_FAULT]
         if broken:
             self._modes.set_control_modes(ControlMode.FORCE_IDLE, broken)

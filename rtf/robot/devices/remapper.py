@@ -1,7 +1,7 @@
-"""Axes of several boards as one board: picked by their names or by ranges, in any order.
+"""A remapper of boards: axes of several boards as one board, selected by name or by ranges, in any order.
 
-A call for several axes becomes one call to each board that has some of them. The boards are called one after the other,
-and when one of them raises an error those before it have done what they were asked.
+A call for several axes becomes one call to each board that has some of them. The boards are called in sequence; when
+one raises an error, those before it have already executed their call.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from rtf.robot import parameters
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError, NoAnswerError, NotSupportedError, RefusedError, RobotError
 from rtf.robot.extended_state import MAX_AXES
-from rtf.robot.forwarding import ForwardedBoard
+from rtf.robot.forwarded_board import ForwardedBoard
 from rtf.robot.interfaces import IAxisInfo, IRemoteCalibrator, IRemoteVariables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from rtf.bottle import Property
-    from rtf.robot.forwarding import Plural
+    from rtf.robot.forwarded_board import Plural
     from rtf.robot.interfaces import AxisSelection
 
 R = TypeVar("R")
 _RANGE_NUMBERS = 4
-#: What is done instead for each axis of a board of which only some belong here, so that the others keep still.
+#: The replacements, for each axis, of calls to a board of which only some axes belong here; the other axes do not move.
 _FOR_EACH = {
     "calibrate_part": IRemoteCalibrator.calibrate_joint,
     "home_part": IRemoteCalibrator.home_joint,
@@ -35,14 +35,14 @@ _FOR_EACH = {
 
 
 class Place(NamedTuple):
-    """Where an axis is: the board, and its number there."""
+    """The place of an axis: its board, and its number there."""
 
     board: Device
     joint: int
 
 
 class _Share(NamedTuple):
-    """Which of the axes that are asked for a board has: their places among those, and their numbers there."""
+    """The part of a selection on one board: the indexes in the selection, and the axis numbers of the board."""
 
     board: Device
     places: list[int]
@@ -50,22 +50,22 @@ class _Share(NamedTuple):
 
 
 class RemappedBoard(ForwardedBoard, IRemoteVariables):
-    """A board whose axes are those of others. It has none until ``places`` are set."""
+    """A board whose axes are those of other boards. It has no axes until ``places`` is set."""
 
     name: str
     places: tuple[Place, ...] = ()
 
     def axes(self) -> int:
-        """See IAxisInfo. Raises DeviceError when there is no board behind it."""
+        """Return the number of axes. Raises DeviceError if it is attached to no board."""
         if not self.places:
             raise DeviceError(f"{self.name} is attached to no board")
         return len(self.places)
 
     def boards(self) -> list[Device]:
-        """The boards, in the order in which their first axes stand."""
+        """Return the boards, in the order of their first axes."""
         return [*{id(place.board): place.board for place in self.places}.values()]
 
-    # Passing on ---------------------------------------------------------------------------------------------------
+    # Forwarding ---------------------------------------------------------------------------------------------------
 
     def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
         chosen = self.chosen(axes)
@@ -92,7 +92,7 @@ class RemappedBoard(ForwardedBoard, IRemoteVariables):
         return _bound(place.board, method)(*of, place.joint, *arguments)
 
     def forward_whole(self, method: Callable[..., R]) -> R:
-        """See ForwardedBoard. Every board is asked; of several answers the first one that is no yes counts."""
+        """Call every board. The result is the first false answer, or the first one if all are true."""
         answers = [self._whole(share, method) for share in self._shares(self.chosen(None))]
         return next((answer for answer in answers if not answer), answers[0])
 
@@ -104,7 +104,7 @@ class RemappedBoard(ForwardedBoard, IRemoteVariables):
         return _bound(share.board, method)()
 
     def _shares(self, axes: Sequence[int]) -> Iterator[_Share]:
-        """The boards that have some of the axes, each once."""
+        """Return the part of each board that has some of the axes."""
         shares: dict[int, _Share] = {}
         for index, axis in enumerate(axes):
             board, joint = self.places[axis]
@@ -118,14 +118,14 @@ class RemappedBoard(ForwardedBoard, IRemoteVariables):
     # Remote variables: of the boards, not of the axes ---------------------------------------------------------------
 
     def variable(self, key: str) -> Bottle:
-        """See IRemoteVariables: what the boards say that know the name, one after the other."""
+        """Return the values of all boards that have the variable, one after the other."""
         values = [value for board, keys in self._keys() if key in keys for value in board.variable(key)]
         if not values:
             raise RefusedError(f"{self.name}: none of {self._board_names()} knows a variable {key!r}")
         return Bottle(values)
 
     def set_variable(self, key: str, value: Bottle) -> None:
-        """See IRemoteVariables: set where it is."""
+        """Refuse: a variable is set at its own board."""
         raise NotSupportedError(f"{self.name} does not set {key!r} to {value}; set it at the board that it belongs to")
 
     def variables(self) -> tuple[str, ...]:
@@ -135,7 +135,7 @@ class RemappedBoard(ForwardedBoard, IRemoteVariables):
         return (*dict.fromkeys(key for _, keys in known for key in keys),)
 
     def _keys(self) -> list[tuple[IRemoteVariables, tuple[str, ...]]]:
-        """The boards that have variables, with the names of these."""
+        """Return the boards with remote variables, and the names of these."""
         found = []
         for board in self.boards():
             with suppress(NotSupportedError):
@@ -148,7 +148,7 @@ class RemappedBoard(ForwardedBoard, IRemoteVariables):
 
 
 def _bound(board: Device, method: Callable[..., R]) -> Callable[..., R]:
-    """A method of an interface, of this board. Raises NotSupportedError when it has none."""
+    """Return a board's method. Raises NotSupportedError if it has none."""
     found: Callable[..., R] | None = getattr(board, method.__name__, None)
     if found is None:
         raise NotSupportedError(f"{board.name} ({type(board).__name__}) has no {method.__qualname__}")
@@ -159,14 +159,14 @@ def _bound(board: Device, method: Callable[..., R]) -> Callable[..., R]:
 
 
 def find_axes(names: Sequence[str], boards: Mapping[str, Device], whose: str) -> tuple[Place, ...]:
-    """Where the axes of these names are. Raises DeviceError for one that no board has, or several."""
+    """Find axes by name. Raises DeviceError for one that no board has, or several."""
     known: dict[str, list[Place]] = {}
     looked_at = []
     for label, board in boards.items():
         try:
             axes = board.view(IAxisInfo).axis_names()  # type: ignore[type-abstract]
         except RobotError as error:
-            raise DeviceError(f"{whose}: {label} does not tell its axes: {error}") from error
+            raise DeviceError(f"{whose}: {label} cannot list its axes: {error}") from error
         looked_at.append(f"{label} ({', '.join(axes)})")
         for joint, axis in enumerate(axes):
             known.setdefault(axis, []).append(Place(board, joint))
@@ -174,12 +174,12 @@ def find_axes(names: Sequence[str], boards: Mapping[str, Device], whose: str) ->
     for name in names:
         if len(known.get(name, ())) != 1:
             which = "no board has an axis" if name not in known else "several boards have an axis"
-            raise DeviceError(f"{whose}: {which} {name!r}; looked at were {where}")
+            raise DeviceError(f"{whose}: {which} {name!r}; the boards are {where}")
     return tuple(known[name][0] for name in names)
 
 
 class Range(NamedTuple):
-    """Axes ``first`` to ``last`` are those of the board of this name from ``start`` on."""
+    """A range of axes: ``first`` to ``last`` are the axes of a board from ``start`` on."""
 
     board: str
     first: int
@@ -188,9 +188,9 @@ class Range(NamedTuple):
 
 
 def read_ranges(configuration: Property) -> tuple[Range, ...]:
-    """``networks``, ``joints``, and for each network ``(first last boardFirst boardLast)``. Raises ConfigurationError.
+    """Read ``networks``, ``joints``, and a range ``(first last boardFirst boardLast)`` for each network.
 
-    Together the ranges cover every axis once.
+    Together the ranges must cover every axis once. Raises ConfigurationError.
     """
     joints = parameters.count(configuration, "joints", 0, MAX_AXES)
     ranges = tuple(_range(configuration, network) for network in parameters.names(configuration, "networks"))
@@ -210,17 +210,17 @@ def _range(configuration: Property, network: str) -> Range:
         raise parameters.wrong(configuration, network, "four numbers are needed: (first last boardFirst boardLast)")
     first, last, start, end = map(as_int, numbers)
     if not 0 <= first <= last < MAX_AXES or start < 0 or end - start != last - first:
-        raise parameters.wrong(configuration, network, f"({first} {last} {start} {end}) are no ranges of one length")
+        raise parameters.wrong(configuration, network, f"({first} {last} {start} {end}) are not ranges of equal length")
     return Range(network, first, last, start)
 
 
 def place_ranges(ranges: Sequence[Range], boards: Mapping[str, Device], whose: str) -> tuple[Place, ...]:
-    """Where the axes of the ranges are. Raises DeviceError for a board that is not there, or has too few axes."""
+    """Find the axes of ranges. Raises DeviceError for a missing board, or one with too few axes."""
     places: dict[int, Place] = {}
     for one in ranges:
         board = boards.get(one.board)
         if board is None:
-            raise DeviceError(f"{whose}: there is no board {one.board!r}; looked at were {', '.join(boards) or 'none'}")
+            raise DeviceError(f"{whose}: there is no board {one.board!r}; the boards are {', '.join(boards) or 'none'}")
         axes = board.view(IAxisInfo).axes()  # type: ignore[type-abstract]
         end = one.start + one.last - one.first
         if end >= axes:
@@ -231,7 +231,7 @@ def place_ranges(ranges: Sequence[Range], boards: Mapping[str, Device], whose: s
 
 
 def read_axis_names(configuration: Property) -> tuple[str, ...]:
-    """The parameter ``axesNames``. Raises ConfigurationError for none, and for one that is there twice."""
+    """Read the parameter ``axesNames``. Raises ConfigurationError if it is empty, or has a name twice."""
     names = parameters.names(configuration, "axesNames")
     if not names:
         raise parameters.wrong(configuration, "axesNames", "it is a list of the axes, such as (l_elbow r_elbow)")
@@ -242,7 +242,7 @@ def read_axis_names(configuration: Property) -> tuple[str, ...]:
 
 
 class ControlBoardRemapper(RemappedBoard, Device):
-    """A board of axes of the boards that it is attached to: ``axesNames``, or ``networks``, ``joints`` and ranges."""
+    """A board made of axes of the attached boards: by ``axesNames``, or by ``networks``, ``joints`` and ranges."""
 
     _names: tuple[str, ...] = ()
     _ranges: tuple[Range, ...] = ()
@@ -254,7 +254,7 @@ class ControlBoardRemapper(RemappedBoard, Device):
             self._names, self._ranges = (), read_ranges(configuration)
 
     def attach(self, devices: Mapping[str, Device]) -> None:
-        """See Device. The boards belong to whoever opened them. Raises DeviceError for axes that are not found."""
+        """Attach the boards, which their owner closes. Raises DeviceError for axes that are not found."""
         if not self._names and not self._ranges:
             raise DeviceError(f"{self.name} is not open; open it before it is attached")
         if self._names:

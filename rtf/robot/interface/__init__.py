@@ -1,5 +1,5 @@
-"""The robot interface: starts a robot from its configuration, watches over what it does, and ends it in order.
+"""The robot interface: it starts a robot from its configuration, supervises the run, and shuts it down in order.
 
-``read_robot`` makes a ``Robot`` of XML files, ``RobotInterface`` opens its devices and goes through its phases,
-``open_service`` answers questions about it, and ``draw_text`` and ``draw_svg`` show what would be done.
+``read_robot`` creates a ``Robot`` from XML files, ``RobotInterface`` opens its devices and runs its phases,
+``open_service`` opens the RPC port, and ``draw_text`` and ``draw_svg`` show the plan.
 """

@@ -1,4 +1,4 @@
-"""What the kinds of actions do with devices."""
+"""The implementation of the actions on devices."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from rtf.robot.device import Calibrator, Device
 from rtf.robot.errors import NotSupportedError
+from rtf.robot.interface.action_targets import attachments, is_describing, target
 from rtf.robot.interface.model import ActionKind
-from rtf.robot.interface.targets import attachments, is_describing, target
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -18,30 +18,30 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class OffersCustom(Protocol):
-    """A device with actions of its own, which the configuration asks for by ``type="custom"``."""
+    """A device with custom actions, requested by ``type="custom"``."""
 
     def custom(self, parameters: Property) -> object:
-        """Do what the action's parameters say; by habit ``name`` says which of several things. Raises RobotError."""
+        """Execute a custom action; by convention the parameter ``name`` selects it. Raises RobotError."""
 
 
 @runtime_checkable
 class OffersConfigure(Protocol):
-    """A device that can be told more while it is open, by ``type="configure"``."""
+    """A device that can be reconfigured while it is open, by ``type="configure"``."""
 
     def configure(self, parameters: Property) -> object:
-        """Take over the parameters of the action. Raises RobotError."""
+        """Apply the parameters of the action. Raises RobotError."""
 
 
 @runtime_checkable
 class TakesCalibrator(Protocol):
-    """A device that others ask for calibration, and that is given a calibrator for that."""
+    """A board that passes calibration requests on to a calibrator."""
 
     def set_calibrator(self, calibrator: Calibrator) -> object:
-        """Ask this one from now on."""
+        """Use this calibrator from now on."""
 
 
 class Description(Device):
-    """The devices of the robot, for those that tell others: ``devices`` are names and types."""
+    """The list of the robot's devices, for devices that publish it: ``devices`` are names and types."""
 
     def __init__(self, robot: Robot) -> None:
         super().__init__("robotDescription")
@@ -49,21 +49,21 @@ class Description(Device):
         self.devices = tuple((entry.name, entry.kind) for entry in robot.devices)
 
     def open(self, configuration: Property) -> None:
-        """There is nothing to open."""
+        """Do nothing: there are no resources."""
 
     def close(self) -> None:
-        """There is nothing to close."""
+        """Do nothing: there are no resources."""
 
 
 class Job(NamedTuple):
-    """What is to be called for an action, which blocks, and the calibrator that can be told to stop it."""
+    """The blocking call of an action, and the calibrator that can abort it."""
 
     run: Callable[[], object]
     calibrator: Calibrator | None = None
 
 
 def job_of(robot: Robot, action: Action, devices: Mapping[str, Device]) -> Job:
-    """What an action means. Raises RobotError for what its device is not able to, or what names no device."""
+    """Return the call of an action. Raises RobotError if the device does not support it, or a device is missing."""
     device = devices[action.device]
     if not action.kind.moves:
         return Job(_call_of(robot, action, device, devices))
@@ -88,7 +88,7 @@ def _call_of(robot: Robot, action: Action, device: Device, devices: Mapping[str,
         case ActionKind.CUSTOM if isinstance(device, OffersCustom):
             return lambda: device.custom(_handed(action))
         case ActionKind.CUSTOM:
-            raise NotSupportedError(f"{device.name} ({type(device).__name__}) has no actions of its own")
+            raise NotSupportedError(f"{device.name} ({type(device).__name__}) has no custom actions")
     return _nothing
 
 
@@ -98,7 +98,7 @@ def _handed(action: Action) -> Property:
 
 def _calibrator(device: Device) -> Calibrator:
     if not isinstance(device, Calibrator):
-        raise NotSupportedError(f"{device.name} ({type(device).__name__}) is no calibrator")
+        raise NotSupportedError(f"{device.name} ({type(device).__name__}) is not a calibrator")
     return device
 
 
@@ -109,4 +109,4 @@ def _calibrate(calibrator: Calibrator, moved: Device) -> None:
 
 
 def _nothing() -> None:
-    """What is done where a device has nothing to abort or to configure, as robots' files take for granted."""
+    """Do nothing: robot files use abort and configure on devices without them."""

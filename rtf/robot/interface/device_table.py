@@ -1,4 +1,4 @@
-"""The devices of a robot while it runs: opened in the order of the document, closed in the reverse one."""
+"""The devices of a running robot: opened in the order of the document, closed in reverse order."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from rtf.clock import Deadline
 from rtf.robot.device import Device, find_device
 from rtf.robot.errors import DeviceError
-from rtf.robot.interface.tasks import DeviceThread, Patience, StopRequests, Task, sentence_of
-from rtf.robot.interface.telling import Tell, Weight, seconds
+from rtf.robot.interface.device_thread import DeviceThread, Patience, StopRequests, Task, sentence_of
+from rtf.robot.interface.log import Level, Log, seconds
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 class DeviceTable:
-    """Holds the devices. For one thread, but for ``devices``, which only grows while they are opened.
+    """The open devices. For one thread, except for ``devices``, which only grows while they are opened.
 
-    ``failures`` are sentences about those that could not be opened or closed, ``hanging`` names those that still hang.
+    ``failures`` are messages about devices that could not be opened or closed; ``hanging`` names calls that still hang.
     """
 
     def __init__(
-        self, robot: Robot, network: Network | None, patience: Patience, stop_requests: StopRequests, tell: Tell
+        self, robot: Robot, network: Network | None, patience: Patience, stop_requests: StopRequests, log: Log
     ) -> None:
         self.devices: dict[str, Device] = {}
         self.failures: list[str] = []
@@ -32,21 +32,21 @@ class DeviceTable:
         self._network = network
         self._patience = patience
         self._stop_requests = stop_requests
-        self._tell = tell
+        self._log = log
         self._threads = {entry.name: DeviceThread(entry.name) for entry in robot.devices}
         self._made: dict[str, Device] = {}
         self._closing: list[Task] = []
 
     @property
     def hanging(self) -> list[str]:
-        """What has not come to an end: a sentence for each."""
+        """The names of calls that have not returned."""
         tasks = [*(thread.busy_with for thread in self._threads.values()), *self._closing]
         return [task.name for task in tasks if task is not None and not task.done]
 
     # Opening -----------------------------------------------------------------------------------------------------
 
     def open_all(self) -> bool:
-        """Open every device, until somebody asks for the end; returns whether all are open."""
+        """Open every device, until a stop request; return whether all are open."""
         for number, entry in enumerate(self._robot.devices, 1):
             if self._stop_requests.count:
                 break
@@ -71,25 +71,25 @@ class DeviceTable:
             )
             self._fail(f"{entry.location}: the opening of {who} {why}")
         elif task.error is not None:
-            self._made.pop(entry.name, None)  # a device whose opening failed holds nothing
+            self._made.pop(entry.name, None)  # a device whose open() failed holds no resources
             self._fail(f"{entry.location}: {who} cannot be opened: {sentence_of(task.error)}")
         else:
             self.devices[entry.name] = self._made[entry.name]
-            self._tell(Weight.INFO, f"opened {who} in {seconds(task.duration)} [{count}]")
+            self._log(Level.INFO, f"opened {who} in {seconds(task.duration)} [{count}]")
 
-    # Asking ------------------------------------------------------------------------------------------------------
+    # Calls -------------------------------------------------------------------------------------------------------
 
     def submit(self, name: str, what: str, job: Callable[[], object]) -> Task:
-        """Have a device do something in its thread. Raises DeviceError when it still hangs in something before."""
+        """Run a call of a device in its thread. Raises DeviceError while an earlier call hangs."""
         busy = self._threads[name].busy_with
         if busy is not None:
             raise DeviceError(f"{busy.name} still hangs")
         return self._threads[name].submit(Task(what, job, self._stop_requests))
 
     def wait_for(self, task: Task, patience: float) -> None:
-        """Wait until it is done or its time is up. The second request for the end and each further one cut it short.
+        """Wait until a task is done, or its time is up. From the second stop request on, each one cuts the wait short.
 
-        What only takes a moment is waited for even so: a device that is not closed may leave a motor on.
+        Even then it gets a short time: a device that is not closed may leave a motor on.
         """
         heard = max(self._stop_requests.count, _CUT - 1)
         deadline = Deadline.after(patience)
@@ -99,7 +99,7 @@ class DeviceTable:
     # Closing -----------------------------------------------------------------------------------------------------
 
     def close_all(self) -> None:
-        """Close every device that was opened, or hangs in it, in reverse order. One that hangs holds up nobody."""
+        """Close every device that was opened, or hangs in open, in reverse order. One that hangs delays no other."""
         for entry in reversed(self._robot.devices):
             device = self._made.pop(entry.name, None)
             if device is not None:
@@ -112,7 +112,7 @@ class DeviceTable:
         task = Task(f"the closing of {who}", device.close, self._stop_requests)
         if self._threads[entry.name].busy_with is None:
             self._threads[entry.name].submit(task)
-        else:  # its own thread hangs; a device may be closed in any state, and this may set it free
+        else:  # its own thread hangs; close() is allowed in any state, and may end that
             self._closing.append(task.start())
         self.wait_for(task, self._patience.close)
         if not task.done:
@@ -120,12 +120,12 @@ class DeviceTable:
         elif task.error is not None:
             self._fail(f"{entry.location}: {who} cannot be closed: {sentence_of(task.error)}")
         else:
-            self._tell(Weight.INFO, f"closed {who} in {seconds(task.duration)}")
+            self._log(Level.INFO, f"closed {who} in {seconds(task.duration)}")
 
     def _fail(self, sentence: str) -> None:
         self.failures.append(sentence)
-        self._tell(Weight.ERROR, sentence)
+        self._log(Level.ERROR, sentence)
 
 
-#: The request for the end from which on nobody waits for devices that take long.
+#: The number of the stop request from which on long calls are not awaited.
 _CUT = 2

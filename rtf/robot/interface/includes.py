@@ -1,6 +1,6 @@
-"""The files of a robot as one tree: each ``xi:include`` is replaced by the first element of the file that it names.
+"""The files of a robot as one tree: each ``xi:include`` is replaced by the first element of the named file.
 
-Only files below the folder of the configuration are read, links in it are followed and judged by where they lead.
+Only files below the folder of the configuration are read; symbolic links are resolved before the check.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rtf.errors import Location
-from rtf.robot.interface import markup
+from rtf.robot.interface import xml_tree
 from rtf.robot.interface.problems import RobotFileError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rtf.robot.interface.markup import Document, Element
     from rtf.robot.interface.problems import ProblemLog
+    from rtf.robot.interface.xml_tree import Document, Element
 
 INCLUDE = "xi:include"
 #: The document type line of a robot's file.
@@ -35,22 +35,22 @@ _READ, _DEPRECATED, _NEVER_SUPPORTED = 3, 1, 2
 
 @dataclass(frozen=True, slots=True)
 class Tags:
-    """The words that switch parts of a robot on and off. ``everything`` switches all on."""
+    """The tags that include or exclude parts of a robot. ``everything`` enables all."""
 
     enabled: frozenset[str] = frozenset()
     disabled: frozenset[str] = frozenset()
     everything: bool = False
 
     def include(self, enabled_by: str | None, disabled_by: str | None) -> bool:
-        """Whether something is part of the robot that is there with one of some words, or not there with others."""
+        """Return whether an element with these ``enabled_by`` and ``disabled_by`` attributes is included."""
         wanted = enabled_by is None or self.everything or not self.enabled.isdisjoint(enabled_by.split())
         return wanted and self.disabled.isdisjoint((disabled_by or "").split())
 
 
 def load(path: Path, tags: Tags, problems: ProblemLog, *, allow_deprecated: bool = False) -> Element:
-    """The tree of a file and of all that it includes; a file that cannot be included is a problem and left out.
+    """Return the tree of a file with all includes. A file that cannot be included is a problem and left out.
 
-    Raises RobotFileError when the first file itself cannot be read.
+    Raises RobotFileError if the first file cannot be read.
     """
     try:
         folder = path.parent.resolve()
@@ -62,7 +62,7 @@ def load(path: Path, tags: Tags, problems: ProblemLog, *, allow_deprecated: bool
 
 
 class _Loader:
-    """Reads files, and counts what they come to."""
+    """Reads files, and enforces the limits on their total."""
 
     def __init__(self, folder: Path, tags: Tags, problems: ProblemLog, *, allow_deprecated: bool) -> None:
         self._folder = folder
@@ -74,11 +74,11 @@ class _Loader:
         self._elements = 0
 
     def load(self, path: Path, trail: tuple[Path, ...], asked: Location) -> Element:
-        """The tree of one file, whose real place is the end of the trail. Raises RobotFileError."""
-        document = markup.scan(self._read(path, trail[-1], asked), str(path))
+        """Return the tree of one file; its resolved path is the last of ``trail``. Raises RobotFileError."""
+        document = xml_tree.scan(self._read(path, trail[-1], asked), str(path))
         self._elements += document.elements
-        if self._elements > markup.MAX_ELEMENTS:
-            raise RobotFileError.of(asked, f"the files of the robot have more than {markup.MAX_ELEMENTS} elements")
+        if self._elements > xml_tree.MAX_ELEMENTS:
+            raise RobotFileError.of(asked, f"the files of the robot have more than {xml_tree.MAX_ELEMENTS} elements")
         old = self._version(document) == _DEPRECATED
         if document.root.tag == INCLUDE:
             raise RobotFileError.of(document.root.location, f"a file cannot begin with <{INCLUDE}>")
@@ -100,7 +100,7 @@ class _Loader:
         return data
 
     def _replace_includes(self, element: Element, path: Path, trail: tuple[Path, ...], old: str | None) -> None:
-        """``old`` is the attribute by which any element of a file of version 1 stands for that of another file."""
+        """Replace the includes below an element. ``old``: the attribute that includes a file in version 1."""
         children: list[Element] = []
         for child in element.children:
             if child.tag != INCLUDE and old not in child.attributes:
@@ -111,7 +111,7 @@ class _Loader:
         element.children = children
 
     def _included(self, node: Element, path: Path, trail: tuple[Path, ...]) -> list[Element]:
-        """What stands in its place: one element, none if that was not possible, which has been told."""
+        """Return the replacement of an include: one element, or none after an error, which is recorded."""
         try:
             return [self._follow(node, path, trail)]
         except RobotFileError as error:
@@ -130,7 +130,7 @@ class _Loader:
         return self.load(target, (*trail, real), node.location)
 
     def _locate(self, node: Element, path: Path) -> tuple[Path, Path]:
-        """The file that is meant as it is written, and its real place, which is in the folder."""
+        """Return the path of an include as written, and its resolved path, which is in the folder."""
         href = node.attributes.get("href" if node.tag == INCLUDE else "file", "").strip()
         if not href:
             raise RobotFileError.of(node.location, f"<{INCLUDE}> names no file", 'write href="FILE.xml"')
@@ -138,7 +138,7 @@ class _Loader:
         try:
             real = target.resolve()
         except (OSError, RuntimeError, ValueError) as error:
-            raise RobotFileError.of(node.location, f"{href[:200]!r} is no path: {error}") from None
+            raise RobotFileError.of(node.location, f"{href[:200]!r} is not a path: {error}") from None
         if not real.is_relative_to(self._folder):
             leads = "" if real == target.absolute() else f" (it leads to {real})"
             raise RobotFileError.of(
@@ -149,7 +149,7 @@ class _Loader:
         return target, real
 
     def _version(self, document: Document) -> int:
-        """The version of the format, which is noted as an error when it is not understood."""
+        """Return the version of the format. An unsupported one is recorded as an error."""
         root = document.root
         if not document.doctype:
             self._problems.warn(root.location, "the file has no document type, 3.0 is assumed", f"begin with {DOCTYPE}")
@@ -160,7 +160,7 @@ class _Loader:
         version = _PUBLIC.fullmatch(document.public_id)
         if version is None:
             self._problems.error(
-                place, f"{document.public_id!r} is no document type of robots", f"begin with {DOCTYPE}"
+                place, f"{document.public_id!r} is not a document type of robots", f"begin with {DOCTYPE}"
             )
             return _READ
         major = int(version[1])
@@ -175,8 +175,8 @@ class _Loader:
 
 
 def _bytes_of(path: Path) -> bytes:
-    """What is in a file, and a byte more than it may have. Raises OSError, also for what is no file but a pipe, say."""
+    """Read a file, up to one byte more than allowed. Raises OSError, also for anything but a regular file."""
     if not path.is_file():
         raise FileNotFoundError("there is no such file")
     with path.open("rb") as stream:
-        return stream.read(markup.MAX_BYTES + 1)
+        return stream.read(xml_tree.MAX_BYTES + 1)

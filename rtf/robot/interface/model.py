@@ -1,4 +1,4 @@
-"""What the files of a robot say: devices with their configurations, and what is done with them in which phase."""
+"""The data model of a robot's files: devices with their configurations, and the actions of each phase."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Phase(StrEnum):
-    """What a robot interface is at; the names are those of its port and of the attribute ``phase``."""
+    """The phase of a robot interface. The values are the names at its port and in the attribute ``phase``."""
 
     UNKNOWN = "unknown"
     STARTUP = "startup"
@@ -25,14 +25,14 @@ class Phase(StrEnum):
     SHUTDOWN = "shutdown"
 
 
-#: What is done on the first, second and third request for the end.
+#: The phases of the first, second and third stop request.
 INTERRUPTS = (Phase.INTERRUPT1, Phase.INTERRUPT2, Phase.INTERRUPT3)
-#: The phases that have actions, in the order in which they come.
+#: The phases with actions, in their order.
 ACTING = (Phase.STARTUP, *INTERRUPTS, Phase.SHUTDOWN)
 
 
 class ActionKind(StrEnum):
-    """What is done with a device; the names are those of the attribute ``type``."""
+    """A kind of action on a device. The values are those of the attribute ``type``."""
 
     ATTACH = "attach"
     DETACH = "detach"
@@ -44,13 +44,13 @@ class ActionKind(StrEnum):
 
     @property
     def moves(self) -> bool:
-        """Whether it moves the robot: such actions of a level go on at the same time, each in a thread of its own."""
+        """Whether it moves the robot. Such actions of a level run in parallel, each in a thread of its own."""
         return self in (ActionKind.CALIBRATE, ActionKind.PARK)
 
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """One thing to be done. ``timeout`` is in seconds, None for what is usual for its kind."""
+    """An action on a device. ``timeout`` is in seconds; None: the default of its kind."""
 
     device: str
     phase: Phase
@@ -61,13 +61,13 @@ class Action:
     location: Location = field(default_factory=Location)
 
     def __str__(self) -> str:
-        """Say it, such as ``attach of head_nws (startup, level 5)``."""
+        """Return a text such as ``attach of head_nws (startup, level 5)``."""
         return f"{self.kind} of {self.device} ({self.phase}, level {self.level})"
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceEntry:
-    """A device: its name, its type, what it is opened with, and what is done with it."""
+    """A device: its name, its type, its configuration, and its actions."""
 
     name: str
     kind: str
@@ -78,7 +78,7 @@ class DeviceEntry:
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """A whole robot. ``devices`` are in the order of the document, in which they are opened."""
+    """A robot. ``devices`` are in the order of the document, in which they are opened."""
 
     name: str
     portprefix: str
@@ -94,21 +94,21 @@ class Robot:
 
     @property
     def port_name(self) -> str:
-        """The name of the port that answers questions about it; a prefix without a slash gets one."""
+        """The name of the robot interface's RPC port; a prefix without a slash gets one."""
         return (
             f"/{self.portprefix.strip('/')}/yarprobotinterface" if self.portprefix.strip("/") else "/yarprobotinterface"
         )
 
     def device(self, name: str) -> DeviceEntry | None:
-        """The device of a name."""
+        """Return a device by name, or None."""
         return self._by_name.get(name)
 
     def actions(self, phase: Phase) -> Iterator[Action]:
-        """The actions of a phase in the order of the document."""
+        """Return the actions of a phase in the order of the document."""
         return (action for device in self.devices for action in device.actions if action.phase is phase)
 
     def levels(self, phase: Phase) -> list[tuple[int, list[Action]]]:
-        """The actions of a phase by level, in the order in which the levels come."""
+        """Return the actions of a phase by level, in the order of execution."""
         found: dict[int, list[Action]] = {}
         for action in self.actions(phase):
             found.setdefault(action.level, []).append(action)

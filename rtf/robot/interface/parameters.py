@@ -1,7 +1,7 @@
-"""The parameters of devices and actions: from elements to a configuration.
+"""The parameters of devices and actions: conversion of elements to a configuration.
 
-A ``param`` is a key with the values that its text stands for, a ``group`` a key with lists of a key and its values. A
-``paramlist`` is a key with a list of names, and each of these a key of its own. Groups of one name are put together.
+A ``param`` is a key with the values in its text, a ``group`` a key with lists of a key and its values. A ``paramlist``
+is a key with a list of names, each of which is a key, too. Groups of the same name are merged.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from rtf.errors import Location
-    from rtf.robot.interface.markup import Element
     from rtf.robot.interface.problems import ProblemLog
+    from rtf.robot.interface.xml_tree import Element
 
-#: Elements that are parameters.
+#: The tags of parameter elements.
 TAGS = frozenset({"params", "param", "group", "paramlist"})
-#: Keys that a device is given in any case.
+#: Keys that every device gets.
 AUTOMATIC = ("id", "device", "robotName")
 _VARIABLE = re.compile(r"\$\{([^{}]{1,64})\}")
 
@@ -37,7 +37,7 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """A key and what stands in it."""
+    """A key and its settings."""
 
     name: str
     settings: tuple[Setting | Group, ...]
@@ -49,9 +49,9 @@ Settings = tuple[Setting | Group, ...]
 
 @dataclass(slots=True)
 class ParameterReader:
-    """Reads elements. ``variables`` replace ``${name}``, ``given`` is what the command line says.
+    """Reads parameter elements. ``variables`` replace ``${name}``; ``given`` are the command line's parameters.
 
-    ``asked`` are the keys that ``extern-name`` asked for, whether they were given or not.
+    ``asked`` are the keys in ``extern-name`` attributes, whether they were given or not.
     """
 
     problems: ProblemLog
@@ -60,7 +60,7 @@ class ParameterReader:
     asked: set[str] = field(default_factory=set)
 
     def read(self, element: Element) -> Settings:
-        """The parameters of an element that is one of ``TAGS``."""
+        """Return the parameters of an element with a tag in ``TAGS``."""
         match element.tag:
             case "param":
                 return self._setting(element, element.attributes.get("extern-name"))
@@ -113,7 +113,7 @@ class ParameterReader:
         return (Setting(name, values, element.location),) if name else ()
 
     def _external(self, element: Element, values: Bottle) -> tuple[Value, ...]:
-        """What the command line says: several values are a list, a text is read as that of the file would be."""
+        """Return a value from the command line: several values are a list, a text is parsed like that of the file."""
         if len(values) > 1:
             return (values,)
         return self._parse(element, values[0]) if len(values) and isinstance(values[0], str) else tuple(values)
@@ -122,7 +122,7 @@ class ParameterReader:
         def replace(match: re.Match[str]) -> str:
             if match[1] not in self.variables:
                 known = ", ".join(f"${{{name}}}" for name in self.variables)
-                self.problems.warn(element.location, f"{match[0]} stays as it is; known are {known}")
+                self.problems.warn(element.location, f"{match[0]} is not replaced; the known variables are {known}")
             return self.variables.get(match[1], match[0])
 
         return _VARIABLE.sub(replace, element.text)
@@ -139,20 +139,22 @@ class ParameterReader:
         self.problems.error(element.location, f"the value of {name!r} cannot be read: {reason}", "fix the value")
         return ()
 
-    # What every element has to be asked --------------------------------------------------------------------------
+    # Checks of elements ------------------------------------------------------------------------------------------
 
     def name_of(self, element: Element) -> str:
-        """Its attribute ``name``; without one an error is noted, and it is empty."""
+        """Return the attribute ``name``; empty, with an error recorded, if it is missing."""
         name = element.attributes.get("name", "").strip()
         if not name:
             self.problems.error(element.location, f"<{element.tag}> has no name", 'write name="…"')
         elif not name.isprintable():
-            self.problems.error(element.location, f"{name!r} is no name", "write one of letters, digits and signs")
+            self.problems.error(
+                element.location, f"{name!r} is not a valid name", "write one of letters, digits and signs"
+            )
             return ""
         return name
 
     def check_attributes(self, element: Element, *known: str) -> None:
-        """Warn of attributes that say nothing, and refuse the includes of old."""
+        """Warn of unknown attributes, and refuse includes by the attribute ``file``."""
         for name in element.attributes:
             if name == "file":
                 self.problems.error(
@@ -165,19 +167,19 @@ class ParameterReader:
                 self.problems.warn(element.location, f"the attribute {name!r} of <{element.tag}> has no meaning")
 
     def check_text(self, element: Element) -> None:
-        """Warn of text that says nothing."""
+        """Warn of text without meaning."""
         if element.text:
             self.problems.warn(element.location, f"the text {element.text[:40]!r} in <{element.tag}> has no meaning")
 
     def unexpected(self, child: Element, element: Element, known: Iterable[str]) -> None:
-        """Refuse an element."""
+        """Record an error for an element that is not allowed here."""
         may = ", ".join(f"<{tag}>" for tag in sorted(known))
-        hint = f"what can stand here is {may}" if may else "only text can stand here"
-        self.problems.error(child.location, f"<{child.tag[:40]}> has no place in <{element.tag}>", hint)
+        hint = f"allowed here: {may}" if may else "only text is allowed here"
+        self.problems.error(child.location, f"<{child.tag[:40]}> is not allowed in <{element.tag}>", hint)
 
 
 def to_property(settings: Sequence[Setting | Group], problems: ProblemLog, whose: str) -> Property:
-    """A configuration of these parameters. A key that is given twice is an error, groups of one name are one."""
+    """Convert parameters to a configuration. A duplicate key is an error; groups of the same name are merged."""
     made = Property()
     for one in _merged(settings):
         first = made.location(one.name)
@@ -191,7 +193,7 @@ def to_property(settings: Sequence[Setting | Group], problems: ProblemLog, whose
 
 
 def _merged(settings: Iterable[Setting | Group]) -> list[Setting | Group]:
-    """The parameters, with all groups of one name where the first of them is."""
+    """Merge groups of the same name, at the position of the first one."""
     inner: dict[str, list[Setting | Group]] = {}
     found: list[Setting | Group] = []
     for one in settings:
@@ -203,7 +205,7 @@ def _merged(settings: Iterable[Setting | Group]) -> list[Setting | Group]:
 
 
 def _bottle(group: Group, problems: ProblemLog, whose: str) -> Bottle:
-    """The group as a list. Of a key that is given twice the first counts, as for everybody who looks it up."""
+    """Convert a group to a list. The first of duplicate keys counts, as in look-ups."""
     made = Bottle([group.name])
     names: set[str] = set()
     for one in _merged(group.settings):

@@ -1,18 +1,18 @@
-"""What would be done with a robot, in order: the columns that the drawings show."""
+"""The plan of a robot: the columns, steps and lines that the drawings show."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rtf.robot.interface.action_targets import attachments, is_describing, target
+from rtf.robot.interface.log import printable
 from rtf.robot.interface.model import ACTING, Action, ActionKind, Phase, Robot
-from rtf.robot.interface.targets import attachments, is_describing, target
-from rtf.robot.interface.telling import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_WHAT_IT_DOES = {
+_NOTES = {
     Phase.INTERRUPT1: "the first signal, or quit",
     Phase.INTERRUPT2: "the second signal",
     Phase.INTERRUPT3: "the third signal",
@@ -21,7 +21,7 @@ _WHAT_IT_DOES = {
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One thing that is done. ``parallel``: together with the others of its step that are so."""
+    """A line of the plan. ``parallel``: it runs in parallel with the other such lines of its step."""
 
     text: str
     place: str
@@ -30,7 +30,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Things that are done before the next step begins."""
+    """A step: lines that are done before the next step begins."""
 
     title: str
     lines: tuple[Line, ...]
@@ -38,7 +38,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A phase, with what it is for in half a line."""
+    """A phase, with a short note."""
 
     title: str
     note: str
@@ -46,7 +46,7 @@ class Column:
 
 
 def columns(robot: Robot) -> Iterator[Column]:
-    """Opening, the phases, closing; phases without actions are left out, but for those that everybody looks for."""
+    """Return the columns: open, the phases, close. Phases without actions are omitted, except startup and shutdown."""
     devices = [Line(printable(f"{entry.name} ({entry.kind})"), str(entry.location)) for entry in robot.devices]
     yield Column("open", "one after the other", _steps("devices", devices))
     for phase in ACTING:
@@ -55,7 +55,7 @@ def columns(robot: Robot) -> Iterator[Column]:
             for level, actions in robot.levels(phase)
         )
         if steps or phase in (Phase.STARTUP, Phase.SHUTDOWN):
-            yield Column(str(phase), _WHAT_IT_DOES.get(phase, "level by level"), steps)
+            yield Column(str(phase), _NOTES.get(phase, "level by level"), steps)
         if phase is Phase.STARTUP:
             yield Column(str(Phase.RUN), "until a signal, or quit", ())
     yield Column("close", "one after the other", _steps("devices", devices[::-1]))

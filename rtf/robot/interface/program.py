@@ -1,4 +1,4 @@
-"""The robot interface as a program: its port, its signals, what it prints, and how it ends."""
+"""The robot interface as a program: its port, its signals, its output, and its exit code."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from rtf import clock
 from rtf.middleware.errors import ConnectError, MiddlewareError
 from rtf.middleware.names import Contact
 from rtf.middleware.remote import exists
-from rtf.robot.interface.machine import Outcome, RobotInterface
+from rtf.robot.interface.log import Level, printable, seconds
+from rtf.robot.interface.robot_interface import Outcome, RobotInterface
 from rtf.robot.interface.service import open_service
-from rtf.robot.interface.signals import heard_signals
-from rtf.robot.interface.telling import Weight, printable, seconds
+from rtf.robot.interface.signals import signal_listener
 
 if TYPE_CHECKING:
     import signal
@@ -21,71 +21,71 @@ if TYPE_CHECKING:
 
     from rtf.middleware.network import Network
     from rtf.middleware.rpc import RpcServer
+    from rtf.robot.interface.device_thread import Patience
     from rtf.robot.interface.model import Robot
-    from rtf.robot.interface.tasks import Patience
 
 FINE, FAILED, WRONG = 0, 1, 4
 
 
-class Teller:
-    """Prints what is told, a line each with what it weighs; nobody who reads it is no reason to end."""
+class ConsoleLog:
+    """Prints log messages, one per line with its level. A closed output stream is ignored."""
 
     def __init__(self, stream: TextIO | None = None, *, verbose: bool = False) -> None:
         self._stream = sys.stderr if stream is None else stream
         self._verbose = verbose
 
-    def __call__(self, weight: Weight, sentence: str) -> None:
-        """Print it. From any thread."""
-        if weight is Weight.DEBUG and not self._verbose:
+    def __call__(self, level: Level, sentence: str) -> None:
+        """Print a message. May be called from any thread."""
+        if level is Level.DEBUG and not self._verbose:
             return
         text = "\n        ".join(map(printable, sentence.rstrip().splitlines()))
         with contextlib.suppress(OSError, ValueError):
-            self._stream.write(f"[{weight}] {text}\n")
+            self._stream.write(f"[{level}] {text}\n")
             self._stream.flush()
 
 
 def run_program(
-    robot: Robot, *, network: Network, tell: Teller, patience: Patience, autoclose: bool = False
+    robot: Robot, *, network: Network, log: ConsoleLog, patience: Patience, autoclose: bool = False
 ) -> tuple[int, bool]:
-    """Run a robot until a signal or a question to its port ends it. For the main thread.
+    """Run a robot until a signal or a request at its port ends it. For the main thread.
 
-    Returns the exit code, and whether something still hangs in this process, which then can only be left at once.
+    Return the exit code, and whether a call still hangs in this process, which then must be exited without clean-up.
     """
-    interface = RobotInterface(robot, network=network, patience=patience, tell=tell, autoclose=autoclose)
+    interface = RobotInterface(robot, network=network, patience=patience, log=log, autoclose=autoclose)
     began = clock.monotonic()
 
     def on_signal(number: signal.Signals) -> None:
-        tell(Weight.WARNING, f"{number.name}: asked to end")
+        log(Level.WARNING, f"{number.name}: stop requested")
         interface.interrupt()
 
-    with heard_signals(on_signal):
+    with signal_listener(on_signal):
         try:
             port = _open_port(interface, network)
         except MiddlewareError as error:
-            tell(Weight.ERROR, f"FAILED: {robot.name} was not started: {error}")
+            log(Level.ERROR, f"FAILED: {robot.name} was not started: {error}")
             return FAILED, False
-        tell(Weight.INFO, f"port {port.name} answers questions")
+        log(Level.INFO, f"port {port.name} answers questions")
         try:
             outcome = interface.run()
         finally:
             port.close()
-        _tell_verdict(robot, outcome, clock.monotonic() - began, tell)
+        _log_result(robot, outcome, clock.monotonic() - began, log)
     return (FINE if outcome.good else FAILED), bool(outcome.hanging)
 
 
 def _open_port(interface: RobotInterface, network: Network) -> RpcServer:
-    """Open the port, unless there is one: two programs that move one robot do not know of each other."""
+    """Open the port, unless it exists already: two programs that move one robot do not know of each other."""
     name = interface.robot.port_name
     if exists(network, Contact(name)):
-        raise ConnectError(f"there is a port {name} already; end the robot interface that has it, or use --portprefix")
+        raise ConnectError(f"the port {name} exists already; end the robot interface that owns it, or use --portprefix")
     return open_service(interface, network)
 
 
-def _tell_verdict(robot: Robot, outcome: Outcome, duration: float, tell: Teller) -> None:
+def _log_result(robot: Robot, outcome: Outcome, duration: float, log: ConsoleLog) -> None:
     for name in outcome.hanging:
-        tell(Weight.ERROR, f"{name} has not come to an end; the process ends without it")
+        log(Level.ERROR, f"{name} has not returned; the process exits without it")
     how = "ran and was closed in order" if outcome.ready else "was never ready; what was open is closed"
     count = len(outcome.failures)
     failures = f"; {count} {'failure' if count == 1 else 'failures'}, the first: {outcome.failures[0]}" if count else ""
-    weight = Weight.INFO if outcome.good else Weight.ERROR
-    tell(weight, f"{'FINE' if outcome.good else 'FAILED'}: {robot.name} {how} ({seconds(duration)}){failures}")
+    level = Level.INFO if outcome.good else Level.ERROR
+    log(level, f"{'FINE' if outcome.good else 'FAILED'}: {robot.name} {how} ({seconds(duration)}){failures}")

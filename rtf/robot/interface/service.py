@@ -1,4 +1,4 @@
-"""The port of a robot interface: what it is at, whether it is ready, and the request that it ends."""
+"""The RPC port of a robot interface: its phase and level, whether it is ready, and the request to quit."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from rtf.middleware.types.service import Function, Service
 
 if TYPE_CHECKING:
     from rtf.middleware.network import Network
-    from rtf.robot.interface.machine import RobotInterface
+    from rtf.robot.interface.robot_interface import RobotInterface
 
 _CLASS = "yarprobotinterfaceRpc"
-#: As it is worded by those whose tools show it.
+#: The wording of YARP's program.
 _READY = "Returns true if yarprobotinterface is ready (all startup actions\nperformed and no interrupt called)."
 
 
 def make_service(interface: RobotInterface) -> Service:
-    """The functions of the port, in the order in which ``help`` lists them."""
+    """Return the functions of the port, in the order in which ``help`` lists them."""
 
     def end() -> str:
         interface.quit()

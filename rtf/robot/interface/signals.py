@@ -1,4 +1,4 @@
-"""Signals that ask for the end, counted without a handler that could meet a lock."""
+"""A listener for termination signals, without a handler that could deadlock on a lock."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @contextmanager
-def heard_signals(on_signal: Callable[[signal.Signals], object]) -> Iterator[None]:
-    """Have ``on_signal`` called for each signal, in a thread of its own, as long as the block lasts.
+def signal_listener(on_signal: Callable[[signal.Signals], object]) -> Iterator[None]:
+    """Call ``on_signal`` for each signal, in a thread of its own, while the block runs.
 
-    For the main thread of a program that has nothing more to do then: the signals are ignored from then on, so that one
-    that comes late does not spoil its end. One that was ignored before stays so. Programs that are started meanwhile
-    take signals as ever.
+    For the main thread of a program that ends afterwards: the signals stay ignored after the block, so that a late one
+    does not disturb the exit. A signal that was ignored before stays ignored. Child processes started meanwhile get the
+    default handling.
     """
     reading, writing = os.pipe2(os.O_CLOEXEC)
     os.set_blocking(writing, False)
@@ -31,7 +31,7 @@ def heard_signals(on_signal: Callable[[signal.Signals], object]) -> Iterator[Non
                 if number in taken:
                     on_signal(signal.Signals(number))
 
-    # The interpreter writes the number of each signal to the pipe, whichever thread it comes to and whatever that does.
+    # The interpreter writes the number of each signal to the pipe, whichever thread receives it.
     former = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
     taken = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
     for number in taken:
@@ -50,4 +50,4 @@ def heard_signals(on_signal: Callable[[signal.Signals], object]) -> Iterator[Non
 
 
 def _take(_number: int, _frame: object) -> None:
-    """The thread that listens has heard it."""
+    """Do nothing: the listening thread handles the signal."""

@@ -1,11 +1,11 @@
-"""What can be asked of a device, as abstract classes. A test uses these, whatever stands behind them.
+"""The interfaces of devices, as abstract classes. Tests use these, whatever the implementation.
 
-Units are the iCub's: degrees, seconds, newton-metres, amperes, volts, per cent of duty cycle, degrees Celsius.
-Joints and motors are numbered from 0 within their device. Where a method takes ``joints`` (or ``motors``), None means
-all of them in order, a number one, a sequence these in its order; values are given for as many, a single one for one.
-What is read comes as an array of one value for each. Every method may raise :class:`~rtf.robot.errors.RefusedError`
-(the device says no: also for a joint that it does not have), ``NotSupportedError`` (the device has not got this), and
-through the network ``StaleStateError`` and ``NoAnswerError``. All may be called from any thread.
+Units are the iCub's: degrees, seconds, newton-metres, amperes, volts, per cent of duty cycle, degrees Celsius. Joints
+and motors are numbered from 0 within their device. Where a method takes ``joints`` (or ``motors``), None means all of
+them in order, a number one, a sequence these in its order; values are given for as many, a single number for one.
+Results are arrays with one value for each. Every method may raise :class:`~rtf.robot.errors.RefusedError` (also for a
+joint that the device does not have), ``NotSupportedError`` (the device does not implement it), and through the network
+``StaleStateError`` and ``NoAnswerError``. All may be called from any thread.
 """
 
 from rtf.robot.interfaces.axes import AxisSelection, FloatArray, IAxisInfo, JointType, Values, selected, values_for

@@ -1,4 +1,4 @@
-"""Axes: how joints are chosen, how values are given for them, and what a device says of them."""
+"""Axes: the selection of joints, the values for them, and the information about them."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from rtf.bottle import Vocab
 from rtf.robot.errors import RefusedError
 
 FloatArray: TypeAlias = NDArray[np.float64]
-#: None: all; a number: one; a sequence: these, in its order.
+#: The selection of axes. None: all; a number: one; a sequence: these, in its order.
 AxisSelection: TypeAlias = int | Sequence[int] | None
-#: One value for each axis chosen; a single number for a single axis.
+#: One value for each selected axis; a single number for a single axis.
 Values: TypeAlias = float | Sequence[float] | FloatArray
 
 
 class JointType(IntEnum):
-    """What an axis does; the value is the packed word that travels."""
+    """The type of a joint; the value is the packed word that is sent."""
 
     REVOLUTE = Vocab("atrv").value
     PRISMATIC = Vocab("atpr").value
@@ -29,41 +29,41 @@ class JointType(IntEnum):
 
 
 class IAxisInfo(ABC):
-    """How many axes there are, and what they are called."""
+    """The number of axes, their names and types."""
 
     @abstractmethod
     def axes(self) -> int:
-        """How many joints the device has."""
+        """Return the number of joints."""
 
     @abstractmethod
     def axis_name(self, joint: int) -> str:
-        """The name of a joint, such as ``l_elbow``."""
+        """Return the name of a joint, such as ``l_elbow``."""
 
     @abstractmethod
     def joint_type(self, joint: int) -> JointType:
-        """Whether it turns or slides."""
+        """Return whether a joint is revolute or prismatic."""
 
     def axis_names(self) -> tuple[str, ...]:
-        """The names of all joints in order."""
+        """Return the names of all joints in order."""
         return tuple(self.axis_name(joint) for joint in range(self.axes()))
 
 
 def selected(axes: int, chosen: AxisSelection, what: str = "joint") -> list[int]:
-    """The numbers of the axes chosen out of so many. Raises RefusedError, naming the one that does not exist."""
+    """Return the numbers of selected axes out of ``axes``. Raises RefusedError, naming one that does not exist."""
     if chosen is None:
         return list(range(axes))
     numbers = [chosen] if isinstance(chosen, (int, np.integer)) else [int(number) for number in chosen]
     for number in numbers:
         if not 0 <= number < axes:
-            raise RefusedError(f"there is no {what} {number}; they go from 0 to {axes - 1}")
+            raise RefusedError(f"there is no {what} {number}; they are numbered from 0 to {axes - 1}")
     return [int(number) for number in numbers]
 
 
 def values_for(count: int, values: Values) -> FloatArray:
-    """The values as an array of ``count``. Raises RefusedError for another number, and for what is not finite."""
+    """Return values as an array of ``count``. Raises RefusedError for another number, and unless all are finite."""
     given = np.atleast_1d(np.asarray(values, dtype=np.float64))
     if given.shape != (count,):
-        raise RefusedError(f"{count} values are needed, {given.size} were given")
+        raise RefusedError(f"{count} values are needed, not {given.size}")
     if not np.isfinite(given).all():
         raise RefusedError(f"{given.tolist()} are not all finite numbers")
     return given

@@ -1,4 +1,4 @@
-"""Calibration: of single axes by a board, and of whole parts by a calibrator that is asked through the network."""
+"""Calibration: of single axes by a board, and of whole parts by a calibrator behind the board."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class CalibrationParameters(NamedTuple):
-    """How an axis is calibrated: the type of procedure, its parameters, and the zero."""
+    """The calibration of an axis: the type of procedure, its parameters, and the zero."""
 
     kind: int = 0
     param1: float = 0.0
@@ -19,27 +19,27 @@ class CalibrationParameters(NamedTuple):
 
 
 class IControlCalibration(ABC):
-    """Calibration as boards do it."""
+    """Calibration by the board itself."""
 
     @abstractmethod
     def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
-        """Start to calibrate an axis."""
+        """Start the calibration of an axis."""
 
     @abstractmethod
     def set_calibration_parameters(self, joint: int, parameters: CalibrationParameters) -> None:
-        """Keep the parameters for later."""
+        """Store the parameters of a later calibration."""
 
     @abstractmethod
     def calibration_done(self, joint: int) -> bool:
-        """Whether an axis knows where it is."""
+        """Return whether an axis is calibrated."""
 
 
 class IRemoteCalibrator(ABC):
-    """A calibrator that stands behind a board. The calls return when it is done."""
+    """The calibrator of a board. The calls return when the movement is done."""
 
     @abstractmethod
     def has_calibrator(self) -> bool:
-        """Whether there is one."""
+        """Return whether the board has a calibrator."""
 
     @abstractmethod
     def calibrate_joint(self, joint: int) -> None:
@@ -47,28 +47,28 @@ class IRemoteCalibrator(ABC):
 
     @abstractmethod
     def calibrate_part(self) -> None:
-        """Calibrate all."""
+        """Calibrate all joints."""
 
     @abstractmethod
     def home_joint(self, joint: int) -> None:
-        """Bring one joint to its home pose."""
+        """Move one joint to its home pose."""
 
     @abstractmethod
     def home_part(self) -> None:
-        """Bring all there."""
+        """Move all joints to their home pose."""
 
     @abstractmethod
     def park_joint(self, joint: int) -> None:
-        """Bring one joint to its parking pose."""
+        """Move one joint to its parking pose."""
 
     @abstractmethod
     def park_part(self) -> None:
-        """Bring all there."""
+        """Move all joints to their parking pose."""
 
     @abstractmethod
     def quit_calibrate(self) -> None:
-        """End a calibration that is going on."""
+        """Abort the calibration in progress."""
 
     @abstractmethod
     def quit_park(self) -> None:
-        """End a parking that is going on."""
+        """Abort the parking in progress."""

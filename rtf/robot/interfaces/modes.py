@@ -1,4 +1,4 @@
-"""Modes of joints: how they are controlled, how they react to who pushes them, and what is wrong with them."""
+"""Modes of joints: control modes, interaction modes, and faults."""
 
 from __future__ import annotations
 
@@ -20,50 +20,50 @@ class IControlMode(ABC):
 
     @abstractmethod
     def control_modes(self, joints: AxisSelection = None) -> tuple[ControlMode, ...]:
-        """The modes that the joints are in now."""
+        """Return the present control modes of the joints."""
 
     @abstractmethod
     def set_control_modes(self, modes: ControlMode | Sequence[ControlMode], joints: AxisSelection = None) -> None:
-        """Ask for modes, one for all the joints or one for each.
+        """Request control modes, one for all the joints or one for each.
 
-        A mode that nobody may ask for is refused. One that the state of a joint forbids is ignored: read it back.
+        A mode that users may not request is refused. One that the state of a joint forbids is ignored: read it back.
         """
 
     def control_mode(self, joint: int) -> ControlMode:
-        """The mode of one joint."""
+        """Return the control mode of one joint."""
         return self.control_modes(joint)[0]
 
 
 class IInteractionMode(ABC):
-    """Stiff or compliant, for each joint, whatever its control mode."""
+    """The interaction mode of each joint, stiff or compliant, independent of its control mode."""
 
     @abstractmethod
     def interaction_modes(self, joints: AxisSelection = None) -> tuple[InteractionMode, ...]:
-        """The interaction modes of the joints."""
+        """Return the interaction modes of the joints."""
 
     @abstractmethod
     def set_interaction_modes(
         self, modes: InteractionMode | Sequence[InteractionMode], joints: AxisSelection = None
     ) -> None:
-        """Set them, one for all the joints or one for each. A joint that cannot be compliant refuses it."""
+        """Set interaction modes, one for all the joints or one for each. A joint that cannot be compliant refuses."""
 
     def interaction_mode(self, joint: int) -> InteractionMode:
-        """The interaction mode of one joint."""
+        """Return the interaction mode of one joint."""
         return self.interaction_modes(joint)[0]
 
 
 class IJointFault(ABC):
-    """What is wrong with a joint."""
+    """The faults of joints."""
 
     @abstractmethod
     def last_joint_fault(self, joint: int) -> tuple[int, str]:
-        """The code and the sentence of the last fault of a joint; 0 and nothing when there was none."""
+        """Return the code and the text of the last fault of a joint; 0 and an empty text if there was none."""
 
 
 def modes_for(count: int, modes: M | Sequence[M]) -> list[M]:
-    """So many modes: the one that is given for each, or those that are. Raises RefusedError for another number."""
+    """Return ``count`` modes: the given one for each, or the given ones. Raises RefusedError for another number."""
     if not isinstance(modes, Sequence):
         return [modes] * count
     if len(modes) != count:
-        raise RefusedError(f"{count} modes are needed, {len(modes)} were given")
+        raise RefusedError(f"{count} modes are needed, not {len(modes)}")
     return list(modes)

@@ -1,4 +1,4 @@
-"""Moving: positions, velocities, torques, currents and duty cycles."""
+"""Motion: positions, velocities, torques, currents and duty cycles."""
 
 from __future__ import annotations
 
@@ -14,70 +14,70 @@ class IPositionControl(ABC):
 
     @abstractmethod
     def position_move(self, targets: Values, joints: AxisSelection = None) -> None:
-        """Start to move to these positions; targets beyond the limits are cut off there. Returns at once.
+        """Start moves to positions; targets beyond the limits are clipped. Returns at once.
 
-        A joint that is in no mode that takes it (position, mixed) does nothing.
+        A joint in another mode than position or mixed ignores the command.
         """
 
     @abstractmethod
     def relative_move(self, distances: Values, joints: AxisSelection = None) -> None:
-        """The same, so far from the present reference."""
+        """Start moves by distances from the present setpoints. Otherwise like ``position_move``."""
 
     @abstractmethod
     def motion_done(self, joints: AxisSelection = None) -> bool:
-        """Whether all these joints have come to the end of their trajectories."""
+        """Return whether the trajectories of all these joints have ended."""
 
     @abstractmethod
     def target_positions(self, joints: AxisSelection = None) -> FloatArray:
-        """Where the joints were last told to move."""
+        """Return the targets of the last moves."""
 
     @abstractmethod
     def set_reference_speeds(self, speeds: Values, joints: AxisSelection = None) -> None:
-        """The speeds of moves from now on."""
+        """Set the speeds of later moves."""
 
     @abstractmethod
     def reference_speeds(self, joints: AxisSelection = None) -> FloatArray:
-        """The speeds of moves."""
+        """Return the speeds of moves."""
 
     @abstractmethod
     def set_reference_accelerations(self, accelerations: Values, joints: AxisSelection = None) -> None:
-        """The accelerations of velocity moves from now on."""
+        """Set the accelerations of later velocity moves."""
 
     @abstractmethod
     def reference_accelerations(self, joints: AxisSelection = None) -> FloatArray:
-        """The accelerations of velocity moves."""
+        """Return the accelerations of velocity moves."""
 
     @abstractmethod
     def stop(self, joints: AxisSelection = None) -> None:
-        """Stop trajectories and velocities; the joints hold where they are."""
+        """Stop trajectories and velocities; the joints hold their positions."""
 
 
 class IVelocityControl(ABC):
-    """Moves at a speed until told otherwise (deg/s). Boards stop a joint that hears nothing for a while."""
+    """Moves at a speed until the next command (deg/s). Boards stop a joint without commands after a while."""
 
     @abstractmethod
     def velocity_move(self, velocities: Values, joints: AxisSelection = None) -> None:
-        """Move at these speeds, reached with the reference accelerations. Ignored in modes that do not take it."""
+        """Move at speeds, reached with the reference accelerations. Ignored in modes without velocity control."""
 
     @abstractmethod
     def target_velocities(self, joints: AxisSelection = None) -> FloatArray:
-        """The speeds that were last asked for."""
+        """Return the last commanded speeds."""
 
 
 class IPositionDirect(ABC):
-    """Positions that are followed at once, without a trajectory: for those who make their own, at a high rate (deg)."""
+    """Immediate position setpoints, without a trajectory: for clients that stream their own, at a high rate (deg)."""
 
     @abstractmethod
     def set_positions(self, positions: Values, joints: AxisSelection = None) -> None:
-        """The references from now on. Ignored by joints that are not in this mode."""
+        """Set the position setpoints. Ignored by joints that are not in this mode."""
 
     @abstractmethod
     def reference_positions(self, joints: AxisSelection = None) -> FloatArray:
-        """The last references."""
+        """Return the last setpoints."""
 
 
 class MotorTorqueParameters(NamedTuple):
-    """How torque comes from duty cycle in a motor: back-EMF, torque constant, and friction of both directions."""
+    """The motor model from duty cycle to torque: back-EMF, torque constant, and friction in both directions."""
 
     bemf: float = 0.0
     bemf_scale: float = 0.0
@@ -95,51 +95,51 @@ class ITorqueControl(ABC):
 
     @abstractmethod
     def torques(self, joints: AxisSelection = None) -> FloatArray:
-        """The torques that are measured or estimated."""
+        """Return the measured or estimated torques."""
 
     @abstractmethod
     def torque_range(self, joint: int) -> tuple[float, float]:
-        """The least and the greatest torque that can be measured."""
+        """Return the range of torques that can be measured."""
 
     @abstractmethod
     def set_reference_torques(self, torques: Values, joints: AxisSelection = None) -> None:
-        """The torques to be exerted. Ignored by joints that are not in torque mode."""
+        """Set the torque setpoints. Ignored by joints that are not in torque mode."""
 
     @abstractmethod
     def reference_torques(self, joints: AxisSelection = None) -> FloatArray:
-        """The last references."""
+        """Return the last setpoints."""
 
     @abstractmethod
     def motor_torque_parameters(self, joint: int) -> MotorTorqueParameters:
-        """The model of the motor."""
+        """Return the parameters of the motor model."""
 
     @abstractmethod
     def set_motor_torque_parameters(self, joint: int, parameters: MotorTorqueParameters) -> None:
-        """Change it."""
+        """Set the parameters of the motor model."""
 
 
 class IImpedanceControl(ABC):
-    """How a compliant joint gives way: stiffness in Nm/deg, damping in Nm s/deg, offset in Nm."""
+    """The impedance of a compliant joint: stiffness in Nm/deg, damping in Nm s/deg, offset in Nm."""
 
     @abstractmethod
     def impedance(self, joint: int) -> tuple[float, float]:
-        """Stiffness and damping."""
+        """Return the stiffness and the damping."""
 
     @abstractmethod
     def set_impedance(self, joint: int, stiffness: float, damping: float) -> None:
-        """Change them; beyond the limits it is refused."""
+        """Set the stiffness and the damping; values beyond the limits are refused."""
 
     @abstractmethod
     def impedance_offset(self, joint: int) -> float:
-        """The torque that is added."""
+        """Return the torque offset."""
 
     @abstractmethod
     def set_impedance_offset(self, joint: int, offset: float) -> None:
-        """Change it."""
+        """Set the torque offset."""
 
     @abstractmethod
     def impedance_limits(self, joint: int) -> tuple[float, float, float, float]:
-        """Least and greatest stiffness, least and greatest damping."""
+        """Return the minimum and maximum stiffness, and the minimum and maximum damping."""
 
 
 class ICurrentControl(ABC):
@@ -147,52 +147,52 @@ class ICurrentControl(ABC):
 
     @abstractmethod
     def currents(self, motors: AxisSelection = None) -> FloatArray:
-        """The currents that are measured."""
+        """Return the measured currents."""
 
     @abstractmethod
     def current_range(self, motor: int) -> tuple[float, float]:
-        """The least and the greatest current."""
+        """Return the range of currents."""
 
     @abstractmethod
     def set_reference_currents(self, currents: Values, motors: AxisSelection = None) -> None:
-        """The currents to be driven. Ignored by joints that are not in current mode."""
+        """Set the current setpoints. Ignored by joints that are not in current mode."""
 
     @abstractmethod
     def reference_currents(self, motors: AxisSelection = None) -> FloatArray:
-        """The last references."""
+        """Return the last setpoints."""
 
 
 class IPWMControl(ABC):
-    """Duty cycles of motors (per cent, -100 to 100): the motor without any control around it."""
+    """Duty cycles of motors (per cent, -100 to 100): the motor without feedback control."""
 
     @abstractmethod
     def set_reference_duty_cycles(self, duties: Values, motors: AxisSelection = None) -> None:
-        """The duty cycles to be driven. Ignored by joints that are not in PWM mode."""
+        """Set the duty cycle setpoints. Ignored by joints that are not in PWM mode."""
 
     @abstractmethod
     def reference_duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
-        """The last references."""
+        """Return the last setpoints."""
 
     @abstractmethod
     def duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
-        """What the motors are driven with now, in whatever mode."""
+        """Return the present duty cycles of the motors, in any mode."""
 
 
 class IControlLimits(ABC):
-    """The limits of the software: positions in deg, speeds in deg/s."""
+    """The software limits: positions in deg, speeds in deg/s."""
 
     @abstractmethod
     def limits(self, joint: int) -> tuple[float, float]:
-        """The least and the greatest position."""
+        """Return the minimum and maximum position."""
 
     @abstractmethod
     def set_limits(self, joint: int, minimum: float, maximum: float) -> None:
-        """Change them."""
+        """Set the minimum and maximum position."""
 
     @abstractmethod
     def velocity_limits(self, joint: int) -> tuple[float, float]:
-        """The least and the greatest speed."""
+        """Return the minimum and maximum speed."""
 
     @abstractmethod
     def set_velocity_limits(self, joint: int, minimum: float, maximum: float) -> None:
-        """Change them."""
+        """Set the minimum and maximum speed."""

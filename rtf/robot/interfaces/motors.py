@@ -10,23 +10,23 @@ if TYPE_CHECKING:
 
 
 class IEncoders(ABC):
-    """Where the joints are (deg, deg/s, deg/s²)."""
+    """Joint encoders (deg, deg/s, deg/s²)."""
 
     @abstractmethod
     def encoders(self, joints: AxisSelection = None) -> FloatArray:
-        """The positions."""
+        """Return the positions."""
 
     @abstractmethod
     def encoder_speeds(self, joints: AxisSelection = None) -> FloatArray:
-        """The speeds."""
+        """Return the speeds."""
 
     @abstractmethod
     def encoder_accelerations(self, joints: AxisSelection = None) -> FloatArray:
-        """The accelerations."""
+        """Return the accelerations."""
 
     @abstractmethod
     def encoder_times(self, joints: AxisSelection = None) -> FloatArray:
-        """When the positions were measured, in seconds of the robot's clock."""
+        """Return the times of the positions, in seconds of the robot's clock."""
 
     @abstractmethod
     def set_encoders(self, values: Values, joints: AxisSelection = None) -> None:
@@ -37,28 +37,28 @@ class IEncoders(ABC):
         """Declare that the joints are at zero."""
 
     def encoder(self, joint: int) -> float:
-        """The position of one joint."""
+        """Return the position of one joint."""
         return float(self.encoders(joint)[0])
 
 
 class IMotorEncoders(ABC):
-    """Where the rotors of the motors are (deg of the rotor, deg/s, deg/s²)."""
+    """Motor encoders (deg of the rotor, deg/s, deg/s²)."""
 
     @abstractmethod
     def motor_encoder_count(self) -> int:
-        """How many there are."""
+        """Return the number of motor encoders."""
 
     @abstractmethod
     def motor_encoders(self, motors: AxisSelection = None) -> FloatArray:
-        """The positions."""
+        """Return the positions."""
 
     @abstractmethod
     def motor_encoder_speeds(self, motors: AxisSelection = None) -> FloatArray:
-        """The speeds."""
+        """Return the speeds."""
 
     @abstractmethod
     def motor_encoder_accelerations(self, motors: AxisSelection = None) -> FloatArray:
-        """The accelerations."""
+        """Return the accelerations."""
 
     @abstractmethod
     def set_motor_encoders(self, values: Values, motors: AxisSelection = None) -> None:
@@ -70,11 +70,11 @@ class IMotorEncoders(ABC):
 
     @abstractmethod
     def counts_per_revolution(self, motor: int) -> float:
-        """How many ticks a turn of the rotor has."""
+        """Return the encoder counts per revolution of the rotor."""
 
     @abstractmethod
     def set_counts_per_revolution(self, motor: int, counts: float) -> None:
-        """Change it."""
+        """Set the encoder counts per revolution of the rotor."""
 
 
 class IMotor(ABC):
@@ -82,27 +82,27 @@ class IMotor(ABC):
 
     @abstractmethod
     def motor_count(self) -> int:
-        """How many there are."""
+        """Return the number of motors."""
 
     @abstractmethod
     def temperatures(self, motors: AxisSelection = None) -> FloatArray:
-        """The temperatures."""
+        """Return the temperatures."""
 
     @abstractmethod
     def temperature_limit(self, motor: int) -> float:
-        """The temperature at which a motor is switched off."""
+        """Return the temperature at which a motor is switched off."""
 
     @abstractmethod
     def set_temperature_limit(self, motor: int, limit: float) -> None:
-        """Change it."""
+        """Set the temperature at which a motor is switched off."""
 
     @abstractmethod
     def gearbox_ratio(self, motor: int) -> float:
-        """How many turns of the rotor make one of the joint; negative when they turn the other way."""
+        """Return the turns of the rotor per turn of the joint; negative if the directions are opposite."""
 
     @abstractmethod
     def set_gearbox_ratio(self, motor: int, ratio: float) -> None:
-        """Change what the board reckons with."""
+        """Set the gearbox ratio that the board calculates with."""
 
 
 class IAmplifierControl(ABC):
@@ -110,56 +110,56 @@ class IAmplifierControl(ABC):
 
     @abstractmethod
     def enable_amplifier(self, joint: int) -> None:
-        """Switch it on."""
+        """Switch the amplifier on."""
 
     @abstractmethod
     def disable_amplifier(self, joint: int) -> None:
-        """Switch it off: the joint becomes idle."""
+        """Switch the amplifier off: the joint becomes idle."""
 
     @abstractmethod
     def amplifier_status(self, joints: AxisSelection = None) -> tuple[int, ...]:
-        """Its state; 0 is in order, anything else is a fault."""
+        """Return the status of the amplifiers; 0 is no fault."""
 
     @abstractmethod
     def currents(self, motors: AxisSelection = None) -> FloatArray:
-        """The currents that are measured."""
+        """Return the measured currents."""
 
     @abstractmethod
     def max_current(self, joint: int) -> float:
-        """The current at which the joint goes into hardware fault."""
+        """Return the current at which the joint enters hardware fault."""
 
     @abstractmethod
     def set_max_current(self, joint: int, current: float) -> None:
-        """Change it. At 0 the joint goes into fault at once."""
+        """Set the current at which the joint enters hardware fault; 0 causes the fault at once."""
 
     @abstractmethod
     def nominal_current(self, motor: int) -> float:
-        """The current that a motor bears for ever."""
+        """Return the nominal current, which a motor can carry continuously."""
 
     @abstractmethod
     def set_nominal_current(self, motor: int, current: float) -> None:
-        """Change it."""
+        """Set the nominal current."""
 
     @abstractmethod
     def peak_current(self, motor: int) -> float:
-        """The current that it bears for a moment."""
+        """Return the peak current, which a motor can carry for a moment."""
 
     @abstractmethod
     def set_peak_current(self, motor: int, current: float) -> None:
-        """Change it."""
+        """Set the peak current."""
 
     @abstractmethod
     def pwm(self, motor: int) -> float:
-        """What it is driven with now."""
+        """Return the present duty cycle."""
 
     @abstractmethod
     def pwm_limit(self, motor: int) -> float:
-        """The greatest duty cycle."""
+        """Return the maximum duty cycle."""
 
     @abstractmethod
     def set_pwm_limit(self, motor: int, limit: float) -> None:
-        """Change it."""
+        """Set the maximum duty cycle."""
 
     @abstractmethod
     def supply_voltage(self, motor: int) -> float:
-        """The voltage it is supplied with."""
+        """Return the supply voltage."""

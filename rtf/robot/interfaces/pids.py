@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class PidType(IntEnum):
-    """What is controlled; the value is the packed word that travels."""
+    """The controlled quantity of a PID; the value is the packed word that is sent."""
 
     POSITION = Vocab("pos").value
     VELOCITY = Vocab("vel").value
@@ -25,7 +25,7 @@ class PidType(IntEnum):
 
 
 class Pid(NamedTuple):
-    """Gains and limits, in the order in which YARP 3 sends them. Outputs are in per cent of duty cycle."""
+    """Gains and limits, in YARP 3's order. Outputs are in per cent of duty cycle."""
 
     kp: float = 0.0
     kd: float = 0.0
@@ -40,62 +40,62 @@ class Pid(NamedTuple):
 
 
 class IPidControl(ABC):
-    """Controllers: deg, deg/s, Nm or A for references and errors, as the type says."""
+    """PID controllers. References and errors are in deg, deg/s, Nm or A, depending on the type."""
 
     @abstractmethod
     def pid(self, kind: PidType, joint: int) -> Pid:
-        """The gains of a joint."""
+        """Return the gains of a joint."""
 
     @abstractmethod
     def set_pid(self, kind: PidType, joint: int, pid: Pid) -> None:
-        """Change them, at once."""
+        """Set the gains of a joint, effective at once."""
 
     def pids(self, kind: PidType) -> tuple[Pid, ...]:
-        """The gains of all joints."""
+        """Return the gains of all joints."""
         return tuple(self.pid(kind, joint) for joint in range(self.pid_count()))
 
     def set_pids(self, kind: PidType, pids: Sequence[Pid]) -> None:
-        """Change those of all joints. As many as there are; RefusedError otherwise, and nothing is changed."""
+        """Set the gains of all joints. Raises RefusedError, before any change, for a wrong number of them."""
         if len(pids) != self.pid_count():
-            raise RefusedError(f"gains of {self.pid_count()} joints are needed, of {len(pids)} were given")
+            raise RefusedError(f"gains of {self.pid_count()} joints are needed, not of {len(pids)}")
         for joint, pid in enumerate(pids):
             self.set_pid(kind, joint, pid)
 
     @abstractmethod
     def pid_count(self) -> int:
-        """How many joints have a controller."""
+        """Return the number of joints with a controller."""
 
     @abstractmethod
     def pid_references(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """What the controllers follow now."""
+        """Return the present references of the controllers."""
 
     @abstractmethod
     def set_pid_references(self, kind: PidType, values: Values, joints: AxisSelection = None) -> None:
-        """Give them references directly."""
+        """Set the references of the controllers directly."""
 
     @abstractmethod
     def pid_errors(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """Reference minus measurement."""
+        """Return the control errors: reference minus measurement."""
 
     @abstractmethod
     def pid_outputs(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """What they give out now, in per cent of duty cycle."""
+        """Return the present outputs, in per cent of duty cycle."""
 
     @abstractmethod
     def pid_error_limits(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """The errors at which a joint goes into fault; 0 for never."""
+        """Return the errors at which a joint enters fault; 0 means never."""
 
     @abstractmethod
     def set_pid_error_limits(self, kind: PidType, values: Values, joints: AxisSelection = None) -> None:
-        """Change them."""
+        """Set the errors at which a joint enters fault; 0 means never."""
 
     @abstractmethod
     def set_pid_offset(self, kind: PidType, joint: int, offset: float) -> None:
-        """Change the constant part of the output."""
+        """Set the constant offset of the output."""
 
     @abstractmethod
     def reset_pid(self, kind: PidType, joint: int) -> None:
-        """Forget the integral; the reference becomes what is measured."""
+        """Reset the integral; the reference becomes the measured value."""
 
     @abstractmethod
     def enable_pid(self, kind: PidType, joint: int) -> None:
@@ -107,4 +107,4 @@ class IPidControl(ABC):
 
     @abstractmethod
     def pid_enabled(self, kind: PidType, joint: int) -> bool:
-        """Whether a controller is on."""
+        """Return whether a controller is on."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class SensorCategory(IntEnum):
-    """The kinds of sensors, in the order in which they travel."""
+    """The categories of sensors, in the order of the messages."""
 
     GYROSCOPE = 0  # deg/s
     ACCELEROMETER = 1  # m/s²
@@ -31,7 +31,7 @@ class SensorCategory(IntEnum):
 
 
 class SensorStatus(IntEnum):
-    """How a sensor is."""
+    """The status of a sensor."""
 
     OK = 0
     ERROR = 1
@@ -42,7 +42,7 @@ class SensorStatus(IntEnum):
 
 
 class SensorInfo(NamedTuple):
-    """What a sensor is called, and the frame it measures in."""
+    """The name of a sensor, and the frame it measures in."""
 
     name: str
     frame: str = ""
@@ -50,7 +50,7 @@ class SensorInfo(NamedTuple):
 
 
 class SensorReading(NamedTuple):
-    """What a sensor measured: shape (k,), in the units of its category, and when, by the robot's clock (s)."""
+    """A reading: values of shape (k,), in the units of the category, and the time in s of the robot's clock."""
 
     values: FloatArray
     time: float
@@ -61,15 +61,15 @@ class IMultipleAnalogSensors(ABC):
 
     @abstractmethod
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
-        """The sensors of a category; they are read by their place in it."""
+        """Return the sensors of a category; their index in it identifies them."""
 
     @abstractmethod
     def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:
-        """How one is."""
+        """Return the status of a sensor."""
 
     @abstractmethod
     def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
-        """What one measured last. Raises RefusedError unless its status is OK, StaleStateError when it is too old."""
+        """Return the latest reading. Raises RefusedError unless the status is OK, StaleStateError if it is too old."""
 
 
 class IAnalogSensor(ABC):
@@ -77,19 +77,19 @@ class IAnalogSensor(ABC):
 
     @abstractmethod
     def channels(self) -> int:
-        """How many there are."""
+        """Return the number of channels."""
 
     @abstractmethod
     def read(self) -> SensorReading:
-        """All channels. Errors as for ``IMultipleAnalogSensors.read_sensor``."""
+        """Read all channels. Errors as for ``IMultipleAnalogSensors.read_sensor``."""
 
     @abstractmethod
     def calibrate(self, channel: int | None = None, value: float | None = None) -> None:
-        """Make what is measured now the zero (or ``value``), of one channel or of all."""
+        """Make the present value zero (or ``value``), of one channel or of all."""
 
 
 class CameraFeature(IntEnum):
-    """What may be set on a camera."""
+    """A feature of a camera."""
 
     BRIGHTNESS = 0
     EXPOSURE = 1
@@ -121,55 +121,55 @@ class IFrameGrabber(ABC):
 
     @abstractmethod
     def width(self) -> int:
-        """Pixels in a row."""
+        """Return the pixels per row."""
 
     @abstractmethod
     def height(self) -> int:
-        """Rows."""
+        """Return the number of rows."""
 
     @abstractmethod
     def image(self) -> tuple[Image, float]:
-        """The newest image, and when it was taken (s, robot's clock)."""
+        """Return the latest image, and its time (s, robot's clock)."""
 
     @abstractmethod
     def field_of_view(self) -> tuple[float, float]:
-        """The horizontal and the vertical field of view in deg."""
+        """Return the horizontal and the vertical field of view in deg."""
 
 
 class IFrameGrabberControls(ABC):
-    """What may be set on a camera; values are fractions of the range, from 0 to 1."""
+    """The features of a camera; values are fractions of the range, from 0 to 1."""
 
     @abstractmethod
     def camera_description(self) -> tuple[int, str]:
-        """The kind of bus, and a text."""
+        """Return the kind of bus, and a text."""
 
     @abstractmethod
     def has_feature(self, feature: CameraFeature) -> bool:
-        """Whether it has it."""
+        """Return whether the camera has a feature."""
 
     @abstractmethod
     def feature(self, feature: CameraFeature) -> tuple[float, ...]:
-        """The value, or the two of the white balance."""
+        """Return the value of a feature; two values for the white balance."""
 
     @abstractmethod
     def set_feature(self, feature: CameraFeature, *values: float) -> None:
-        """Change it."""
+        """Set the value of a feature."""
 
     @abstractmethod
     def is_active(self, feature: CameraFeature) -> bool:
-        """Whether it is switched on."""
+        """Return whether a feature is switched on."""
 
     @abstractmethod
     def set_active(self, feature: CameraFeature, *, active: bool) -> None:
-        """Switch it on or off."""
+        """Switch a feature on or off."""
 
     @abstractmethod
     def is_automatic(self, feature: CameraFeature) -> bool:
-        """Whether the camera sets it by itself."""
+        """Return whether the camera controls a feature automatically."""
 
     @abstractmethod
     def set_automatic(self, feature: CameraFeature, *, automatic: bool) -> None:
-        """Let it, or not."""
+        """Let the camera control a feature automatically, or not."""
 
 
 class IBattery(ABC):
@@ -177,16 +177,16 @@ class IBattery(ABC):
 
     @abstractmethod
     def voltage(self) -> float:
-        """What it gives."""
+        """Return the voltage."""
 
     @abstractmethod
     def current(self) -> float:
-        """What is drawn."""
+        """Return the current."""
 
     @abstractmethod
     def charge(self) -> float:
-        """How full it is."""
+        """Return the charge."""
 
     @abstractmethod
     def temperature(self) -> float:
-        """How warm it is."""
+        """Return the temperature."""

@@ -1,4 +1,4 @@
-"""Remote variables: what a board tells of itself by name, such as its coupling matrices."""
+"""Remote variables: named values of a board, such as its coupling matrices."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ class IRemoteVariables(ABC):
 
     @abstractmethod
     def variable(self, key: str) -> Bottle:
-        """The value of a name. Raises RefusedError for one that is not known."""
+        """Return the value of a variable. Raises RefusedError for an unknown one."""
 
     @abstractmethod
     def set_variable(self, key: str, value: Bottle) -> None:
-        """Change it; most are refused."""
+        """Set a variable; most refuse it."""
 
     @abstractmethod
     def variables(self) -> tuple[str, ...]:
-        """The names."""
+        """Return the names of all variables."""

@@ -1,1 +1,1 @@
-"""Servers: what puts a device on the network."""
+"""Servers: they put a device on the network."""

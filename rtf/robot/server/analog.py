@@ -1,4 +1,4 @@
-"""The older server of sensors: channels of numbers, as one stream or divided among several."""
+"""The older sensor server: channels of numbers, as one stream or divided among several."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from rtf.middleware.types import FAIL, VECTOR
 from rtf.robot import parameters
 from rtf.robot.errors import ConfigurationError, RobotError
 from rtf.robot.interfaces import IAnalogSensor
-from rtf.robot.server.publishing import PublishingDevice
-from rtf.robot.server.streaming import StreamServer
+from rtf.robot.server.publishing_device import PublishingDevice
+from rtf.robot.server.stream_server import StreamServer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from rtf.robot.server.outlets import Outlets
 
 _IANALOG, _ALL, _CHANNEL = Vocab("iana"), Vocab("cal"), Vocab("calc")
-#: What is answered to a calibration: how it went.
+#: The answers to a calibration request.
 _DONE, _ERROR = 0, 1
-_RANGE = 4  # the numbers that say which channels go where
+_RANGE = 4  # numbers of a channel range
 _MAX_CHANNELS = 100_000
 
 
 class PortChannels(NamedTuple):
-    """A port, and which channels of a sensor it shows: ``size`` of them from ``first`` on, its own from ``at`` on."""
+    """A port and its channels: ``size`` channels of the sensor from ``first`` on, sent from index ``at`` on."""
 
     name: str
     first: int
@@ -41,9 +41,9 @@ class PortChannels(NamedTuple):
 
 
 class AnalogServer(StreamServer["FloatArray"]):
-    """Publishes a device's channels at ``NAME``, or at the ``ports`` that share them, and answers at ``NAME/rpc:i``.
+    """Publishes a device's channels at ``NAME``, or at the ``ports`` that share them; RPC port: ``NAME/rpc:i``.
 
-    Raises ConfigurationError for channels that the device has not got, ConnectError and AddressError.
+    Raises ConfigurationError for channels that the device does not have, ConnectError and AddressError.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class AnalogServer(StreamServer["FloatArray"]):
         self._shares = [*ports] or [PortChannels(name, 0, channels)]
         for share in self._shares:
             if share.first + share.size > channels:
-                raise ConfigurationError(f"{share.name} wants more channels than the {channels} that the sensor has")
+                raise ConfigurationError(f"{share.name} needs more channels than the {channels} of the sensor")
         self._whole = self._shares == [PortChannels(self._shares[0].name, 0, channels)]
         self.open_ports([share.name for share in self._shares], VECTOR, f"{name}/rpc:i", self._answer)
 
@@ -71,7 +71,7 @@ class AnalogServer(StreamServer["FloatArray"]):
         return self._device.read().values, now
 
     def send(self, value: FloatArray, envelope: str) -> None:
-        if self._whole:  # as nearly always
+        if self._whole:  # the usual case
             self._ports[0].write(value, envelope=envelope)
             return
         for share, port in zip(self._shares, self._ports, strict=True):
@@ -109,11 +109,11 @@ def _shown(values: FloatArray, share: PortChannels) -> FloatArray:
 
 
 class AnalogDevice(PublishingDevice):
-    """``analogServer``: the server in a configuration; ``period`` in ms, 20 without it.
+    """``analogServer``: the server as a device of a configuration; ``period`` in ms (default 20).
 
-    ``ports (left right)`` divides the channels; for each of these names there is a parameter of that name with the
-    first and the last channel of the port and the first and the last of the sensor: ``left 0 5 0 5``. The ports are
-    then ``NAME/left`` and ``NAME/right``, or what a name that begins with ``/`` says.
+    ``ports (left right)`` divides the channels. For each name there is a parameter with the first and last channel of
+    the port and those of the sensor: ``left 0 5 0 5``. The ports are then ``NAME/left`` and ``NAME/right``; a name that
+    begins with ``/`` is used as it is.
     """
 
     unit = 1e-3
@@ -133,15 +133,15 @@ class AnalogDevice(PublishingDevice):
         at, last_at, first, last = map(as_int, numbers) if sound else (0, 0, 0, -1)
         if not sound or last < first or last_at - at != last - first:
             raise parameters.wrong(
-                configuration, word, "it says which channels a port shows, such as (0 5 0 5): its own, and the sensor's"
+                configuration, word, "it is the channels of the port and those of the sensor, such as (0 5 0 5)"
             )
         name = as_string(group.get(0))
         return PortChannels(name if name.startswith("/") else f"{prefix}/{name}", first, last - first + 1, at)
 
     def serve(self, device: Device) -> AnalogServer:
-        """See the base. Raises ConnectError for names that a living port has: it would lose them to this one."""
+        """Open the server. Raises ConnectError for names of existing ports, which it would take over."""
         sensor = device.view(IAnalogSensor)  # type: ignore[type-abstract]  # it is only looked for
         for name in (*([share.name for share in self._ports] or [self.port_name]), f"{self.port_name}/rpc:i"):
             if exists(self.network, Contact(name)):
-                raise ConnectError(f"there is a port {name} already")
+                raise ConnectError(f"the port {name} exists already")
         return AnalogServer(sensor, self.port_name, network=self.network, period=self.period, ports=self._ports)

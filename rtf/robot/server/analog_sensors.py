@@ -1,4 +1,4 @@
-"""Sensors of all categories on the network: their measurements as a stream, and on request what they are called."""
+"""The sensor server: a stream of readings of all categories, and the names of the sensors on request."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from rtf.middleware.types import Function, Record, Service
 from rtf.robot.interfaces import IMultipleAnalogSensors, SensorCategory
 from rtf.robot.measurements import DeviceMeasurements, IMeasurementsSource
 from rtf.robot.sensor_message import SENSOR_MESSAGE, Measurements
-from rtf.robot.server.publishing import PublishingDevice
-from rtf.robot.server.streaming import StreamServer
+from rtf.robot.server.publishing_device import PublishingDevice
+from rtf.robot.server.stream_server import StreamServer
 
 if TYPE_CHECKING:
     from rtf.middleware.network import Network
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 
 class AnalogSensorsServer(StreamServer[Measurements]):
-    """Publishes the sensors of a device at ``NAME/measures:o``, and answers at ``NAME/rpc:o``.
+    """Publishes the sensors of a device at ``NAME/measures:o``; the RPC port is ``NAME/rpc:o``.
 
-    ``categories`` is how many are told of: 12, or 10 for what readers up to YARP 3.10 expect. The sensors of the
-    device are those that it has now. While one of them is not well nothing is sent. A device that is an
-    IMeasurementsSource is asked for all at once. Raises ConnectError, AddressError.
+    ``categories`` is the number of categories: 12, or 10 for readers up to YARP 3.10. The list of sensors is that of
+    the device at construction. Nothing is sent while the status of a sensor is not OK. A device that is an
+    IMeasurementsSource is read with one call. Raises ConnectError, AddressError.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class AnalogSensorsServer(StreamServer[Measurements]):
 
 
 class AnalogSensorsDevice(PublishingDevice):
-    """``multipleanalogsensorsserver``: the server in a configuration; ``period`` is in ms and must be given."""
+    """``multipleanalogsensorsserver``: the server as a device of a configuration; ``period`` (required) is in ms."""
 
     unit = 1e-3
 

@@ -1,4 +1,4 @@
-"""Which of the two servers of a control board it is: that of YARP 3, or the service of YARP 4."""
+"""The choice between the two servers of a control board: that of YARP 3, or the service of YARP 4."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def serve_board(
     outlets: Outlets | None = None,
     service: bool | None = None,
 ) -> BoardServer:
-    """Open the ports of a board. ``service``: those of YARP 4; None: as the dialect of the network is.
+    """Open the server of a board. ``service``: that of YARP 4; None: by the dialect of the network.
 
-    Raises what the servers do.
+    Raises the errors of the servers.
     """
     if service is None:
         service = network.dialect is Dialect.YARP4

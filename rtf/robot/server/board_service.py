@@ -1,4 +1,4 @@
-"""Answers what clients of YARP 4.0 ask of a control board, whatever the port is that they ask at."""
+"""The service of a YARP 4.0 control board: answers calls of its functions, independent of the port."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
     from rtf.robot.service_rows import Message
 
-#: The version of the service, and the release whose service it is.
+#: The version of the protocol, and the release that it belongs to.
 VERSION = ProtocolVersion(0, 4, 0, 0)
 
 
 class BoardService:
-    """The functions of a board. ``answer`` is what an RPC server does with a question, in whatever thread.
+    """The functions of a board. ``answer`` is the handler of an RPC server, and may be called in any thread.
 
-    What the device raises becomes the code of the answer; an error that is none of a robot's is reported, too.
+    An error of the device becomes the code of the answer; one that is not a RobotError is reported, too.
     """
 
     def __init__(self, device: object, name: str, *, network: Network) -> None:
@@ -42,23 +42,23 @@ class BoardService:
         self._version = Service({"getRemoteProtocolVersion": Function(lambda: VERSION)})
 
     def answer(self, question: Bottle) -> object:
-        """What is answered; ``[fail]`` for a function that there is not, or arguments of other kinds."""
+        """Answer a call; ``[fail]`` for an unknown function, or arguments of a wrong type."""
         elements = question.elements()
         name = elements[0] if elements else None
         run = self._runs.get(name) if isinstance(name, str) else None
-        if run is not None:  # as programs call functions; looking for one in words takes longer than all the rest
+        if run is not None:  # the form that programs use; matching words takes longer than all the rest
             try:
                 return answered(run(*elements[1:]))
             except BottleError:
                 return FAIL
-        if name == "getRemoteProtocolVersion":  # not among the functions that ``help`` tells of
+        if name == "getRemoteProtocolVersion":  # not listed by ``help``
             return self._version.answer(question)
         return self._service.answer(question)
 
     def _running(self, message: Message) -> Callable[..., object]:
-        """What carries out a function, and gives its answer: how it went, and the results.
+        """Return the implementation of a function, which returns the code and the results.
 
-        It raises BottleError for arguments of other kinds.
+        It raises BottleError for arguments of a wrong type.
         """
         device, takes, run = self._device, message.takes, message.run
         missing = message.interface is not None and not isinstance(device, message.interface)
@@ -68,13 +68,13 @@ class BoardService:
                 arguments = read_all(takes, elements)
             except RefusedError:
                 return _failed(message, ReturnValue.METHOD_FAILED)
-            if missing or not all(map(_finite, arguments)):  # of a missing interface YARP's servers say this, too
+            if missing or not all(map(_finite, arguments)):  # as YARP's servers answer for a missing interface
                 return _failed(message, ReturnValue.METHOD_FAILED)
             try:
                 return _succeeded(message, run(device, *arguments))
             except RobotError as error:
                 return _failed(message, _code_of(error))
-            except Exception as error:  # noqa: BLE001 - whatever a driver does, the port goes on, and it is told
+            except Exception as error:  # noqa: BLE001 - the port must survive errors of a driver; they are reported
                 self._network.report(f"{self._name}: {message.name} failed: {type(error).__name__}: {error}")
                 return _failed(message, ReturnValue.GENERIC)
 
@@ -82,14 +82,14 @@ class BoardService:
 
 
 def _succeeded(message: Message, found: Any) -> object:
-    """The answer with what a method has given, which is of as many kinds as there are."""
+    """Return the answer with the results of a method."""
     if not message.gives:
         return ReturnValue.OK
     return (ReturnValue.OK, *write_all(message.gives, [*found] if len(message.gives) > 1 else [found]))
 
 
 def _failed(message: Message, code: ReturnValue) -> object:
-    """The answer that has nothing to tell; its reader finds as much in it as always."""
+    """Return the answer of a failure, with default values for all results."""
     if not message.gives:
         return code
     return (code, *write_all(message.gives, [kind.default for kind in message.gives]))
@@ -106,7 +106,7 @@ def _code_of(error: RobotError) -> ReturnValue:
 
 
 def _finite(argument: object) -> bool:
-    """Whether it has no number that is infinite or none: such a one moves no robot."""
+    """Return whether all numbers are finite: no other may reach a robot."""
     if isinstance(argument, (list, tuple)):
         return all(map(_finite, argument))
     return not isinstance(argument, float) or math.isfinite(argument)

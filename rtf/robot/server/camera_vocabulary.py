@@ -1,8 +1,8 @@
-"""What can be asked of a camera on the network, and how it is answered.
+"""The request vocabulary of cameras, and the answers.
 
-The first word says which part of a camera is asked: ``fgi`` its colour image, ``fgir`` its image as the sensor gives
-it, ``visr`` its optics, ``fgc`` its controls, ``fgfw`` what only cameras on FireWire have. What it has not got is
-answered ``[fail]``; a question about another part, ``[nak]``.
+The first word names the part of a camera: ``fgi`` its colour image, ``fgir`` its raw image, ``visr`` its optics,
+``fgc`` its controls, ``fgfw`` the features of FireWire cameras. A request for something that the camera lacks is
+answered ``[fail]``; one for an unknown part ``[nak]``.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 
 COLOUR, RAW, OPTICS, CONTROLS, FIREWIRE = (Vocab(word) for word in ("fgi", "fgir", "visr", "fgc", "fgfw"))
 GET, SET, HAS, IS, FEATURE = (Vocab(word) for word in ("get", "set", "has", "is", "feat"))
-#: Whether a feature is set by the camera's user or by the camera.
+#: The setting of a feature: by the user, or by the camera.
 MANUAL, AUTOMATIC = 1, 2
 NAK = Bottle([Vocab("nak")])
-_CORNERS = 4  # the numbers that a rectangle is given by
-#: How a part of an image is asked for: as a rectangle; some programs give the number of its corners instead.
+_CORNERS = 4  # numbers of a rectangle
+#: The codes of a rectangle in a crop request; some programs send the number of its corners, 2, instead of 0.
 _RECTANGLE = (0, 2)
 _WORDS_OF_CROP = 5
 _FIREWIRE = frozenset(f"DR2{letter}" for letter in "abcdefghijklmnopqrstuvwxyzABCDEFIJKLMNO")
 
 
 class CameraResponder:
-    """Answers for a camera; ``controls`` is None for one that has none. ``period`` is how often it publishes, s.
+    """Answers requests to a camera. ``controls`` is None if it has none; ``period`` is the image period in s.
 
-    ``answer`` may raise RobotError and BottleError, which both mean ``[fail]``.
+    ``answer`` may raise RobotError and BottleError, which both mean the answer ``[fail]``.
     """
 
     def __init__(self, camera: IFrameGrabber, controls: IFrameGrabberControls | None, period: float) -> None:
@@ -49,7 +49,7 @@ class CameraResponder:
         }
 
     def answer(self, question: Bottle) -> object:
-        """The answer to a question, ready to be sent."""
+        """Return the answer to a request."""
         part = self._parts.get(as_vocab(question.get(0)))
         return NAK if part is None else part(question)
 
@@ -104,7 +104,7 @@ class CameraResponder:
         raise RefusedError(f"a camera's optics have no {word!r}")
 
     def _set_optics(self, word: str, question: Bottle) -> bool:
-        """Whether it was set: of a camera of this interface only the mirror can be."""
+        """Set a value of the optics. Return whether it was set: with these interfaces only the mirror can be."""
         if word not in ("res", "fov", "mirr"):
             raise RefusedError(f"of a camera's optics {word!r} cannot be set")
         if word != "mirr" or not self._mirrors():
@@ -145,7 +145,7 @@ def _feature(question: Bottle) -> CameraFeature:
 
 
 def _has(controls: IFrameGrabberControls, word: str, feature: CameraFeature) -> bool:
-    """Whether a feature is there, and can be switched on and off, set by the camera, by hand, or once by the camera."""
+    """Return whether a feature exists, and can be switched, set by the camera, by hand, or once by the camera."""
     if word not in ("feat", "onof", "auto", "man", "onep"):
         raise RefusedError(f"a feature has no {word!r}")
     if word == "onep" or not controls.has_feature(feature):
@@ -174,11 +174,11 @@ def _get(controls: IFrameGrabberControls, word: str, feature: CameraFeature) -> 
 
 
 def _set(controls: IFrameGrabberControls, word: str, feature: CameraFeature, values: Bottle) -> bool:
-    """Set it; False if the camera refuses."""
+    """Set a feature. Return False if the camera refuses."""
     numbers = [as_float(value) for value in values]
     needed = {"feat": 1, "fea2": 2, "actv": 1, "mode": 1, "onep": 0}.get(word)
     if needed is None or len(numbers) != needed or not all(map(math.isfinite, numbers)):
-        raise RefusedError(f"{word!r} of a feature is not set so")
+        raise RefusedError(f"invalid values for {word!r} of a feature")
     try:
         if word in ("feat", "fea2"):
             controls.set_feature(feature, *numbers)
@@ -194,13 +194,13 @@ def _set(controls: IFrameGrabberControls, word: str, feature: CameraFeature, val
 
 
 def _firewire(question: Bottle) -> Bottle:
-    """A camera of this interface is none on FireWire: 0 is the answer to everything that could be asked of one."""
+    """Answer a FireWire request: 0, because a camera with this interface is not on FireWire."""
     words = {as_vocab(value).text for value in question[1:3]}
     return Bottle([0]) if words & _FIREWIRE else FAIL
 
 
 def _cropped(image: Image, corners: object) -> Image:
-    """The part between two corners, both of which belong to it. Raises RefusedError, and BottleError."""
+    """Return the part of an image between two corners, inclusive. Raises RefusedError, and BottleError."""
     if not isinstance(corners, Bottle) or len(corners) != _CORNERS:
         raise BottleError("a rectangle is given by two corners, (x0 y0 x1 y1)")
     x0, y0, x1, y1 = map(as_int, corners)
@@ -211,7 +211,7 @@ def _cropped(image: Image, corners: object) -> Image:
 
 
 def pinhole(width: int, height: int, horizontal: float, vertical: float) -> Property:
-    """The intrinsic parameters of a camera without distortion, of fields of view in deg; lengths in pixels."""
+    """Return the intrinsic parameters of a camera without distortion. Fields of view in deg, lengths in pixels."""
     return Property(
         {
             "physFocalLength": 0.0,
@@ -219,7 +219,7 @@ def pinhole(width: int, height: int, horizontal: float, vertical: float) -> Prop
             "focalLengthY": height / 2 / math.tan(math.radians(vertical) / 2),
             "principalPointX": (width - 1) / 2,
             "principalPointY": (height - 1) / 2,
-            "retificationMatrix": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],  # spelt as it travels
+            "retificationMatrix": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],  # the protocol's spelling
             "distortionModel": "none",
             **dict.fromkeys(("k1", "k2", "k3", "t1", "t2"), 0.0),
         }

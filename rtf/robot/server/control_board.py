@@ -1,4 +1,4 @@
-"""A control board on the network, as YARP 3 has it: questions, streamed commands, and the streams of its state."""
+"""The server of a YARP 3 control board: requests, streamed commands, and the streams of its state."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rtf.robot.device import Device, make_device
 from rtf.robot.errors import DeviceError, NotSupportedError
 from rtf.robot.interfaces import IAxisInfo
 from rtf.robot.parameters import flag, port_name, positive
-from rtf.robot.periodic import PeriodicThread
+from rtf.robot.periodic_thread import PeriodicThread
 from rtf.robot.server.control_board_commands import StreamedCommands
 from rtf.robot.server.control_board_questions import Questions
 from rtf.robot.server.control_board_state import StateStreams
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from rtf.robot.server.board_server import BoardServer
     from rtf.robot.server.outlets import Outlets
 
-#: Seconds between two messages where nothing else is said.
+#: Default period of the state, in seconds.
 DEFAULT_PERIOD = 0.02
 
 
 class ControlBoardServer:
-    """The ports of a device: ``NAME/rpc:i``, ``NAME/command:i``, ``NAME/state:o`` and ``NAME/stateExt:o``.
+    """The ports of a board: ``NAME/rpc:i``, ``NAME/command:i``, ``NAME/state:o`` and ``NAME/stateExt:o``.
 
-    They are open from its making to ``close``. Somebody calls ``publish`` every ``period`` seconds. ``outlets``
-    are told of at :class:`StateStreams`. Raises NotSupportedError for a device that does not say how many axes it has,
-    and the middleware's errors when the ports cannot be opened.
+    They are open from construction to ``close``. The owner calls ``publish`` every ``period`` seconds. ``outlets`` is
+    explained at :class:`StateStreams`. Raises NotSupportedError for a device without the number of its axes, and the
+    middleware's errors if the ports cannot be opened.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class ControlBoardServer:
         outlets: Outlets | None = None,
     ) -> None:
         if not isinstance(device, IAxisInfo):
-            raise NotSupportedError(f"{name}: a {type(device).__name__} is no control board: it has no IAxisInfo")
+            raise NotSupportedError(f"{name}: a {type(device).__name__} is not a control board: it has no IAxisInfo")
         self.name = name
         self.period = period
 
@@ -66,23 +66,23 @@ class ControlBoardServer:
             self._opened = opened.pop_all()
 
     def publish(self, now: float) -> None:
-        """See Publisher."""
+        """Publish the state."""
         self._state.publish(now)
 
     def settle(self) -> None:
-        """Wait until what was published has been sent, as far as the ports know."""
+        """Wait until everything published is sent, as far as the ports know."""
         self._state.settle()
 
     def close(self) -> None:
-        """Close the ports; what is carried out at the moment is waited for. Doing so again changes nothing."""
+        """Close the ports after the commands in progress. A second call has no effect."""
         self._opened.close()
 
 
 class ControlBoardDevice(Device):
-    """``controlBoard_nws_yarp``: serves the device that it is attached to, from a thread of its own.
+    """``controlBoard_nws_yarp``: serves the device that it is attached to, with a thread of its own.
 
-    Parameters: ``name``, the beginning of its ports' names, ``period`` in seconds, and ``service``, yes or no: whether
-    it speaks as boards of YARP 4 do. Without it that goes by the dialect of the network.
+    Parameters: ``name``, the prefix of its ports, ``period`` in seconds, and ``service``, yes or no: whether it speaks
+    YARP 4's protocol. The default follows the dialect of the network.
     """
 
     _unit = 1.0  # seconds
@@ -101,7 +101,7 @@ class ControlBoardDevice(Device):
         self._service = flag(configuration, "service") if configuration.check("service") else None
 
     def attach(self, devices: Mapping[str, Device]) -> None:
-        """See Device: to one board."""
+        """Serve one board."""
         if len(devices) != 1:
             raise DeviceError(f"{self.name} serves one device, not {len(devices)} ({', '.join(devices)})")
         self._serve(*devices.values())
@@ -109,7 +109,7 @@ class ControlBoardDevice(Device):
     def _serve(self, device: Device) -> None:
         if self._server is not None:
             raise DeviceError(f"{self.name} serves a device already; detach it first")
-        from rtf.robot.server.board_server import serve_board  # it knows this module, too
+        from rtf.robot.server.board_server import serve_board  # circular import
 
         try:
             self._server = serve_board(
@@ -134,10 +134,10 @@ class ControlBoardDevice(Device):
 
 
 class ControlBoardWrapperDevice(ControlBoardDevice):
-    """``controlboardwrapper2``, the older type: its period is in milliseconds, and it can make several boards one.
+    """``controlboardwrapper2``, the older type: its period is in milliseconds, and it can combine several boards.
 
-    With ``networks`` and ``joints`` it serves the boards it is attached to as a :class:`ControlBoardRemapper` of them;
-    with ``subdevice`` a device of that type that it makes itself, with the same configuration.
+    With ``networks`` and ``joints`` it serves the attached boards as a :class:`ControlBoardRemapper` of them; with
+    ``subdevice`` a device of that type, which it creates with the same configuration.
     """
 
     _unit = 0.001  # milliseconds
@@ -162,7 +162,7 @@ class ControlBoardWrapperDevice(ControlBoardDevice):
                 raise
 
     def attach(self, devices: Mapping[str, Device]) -> None:
-        """See Device: to one board, or to those that ``networks`` names."""
+        """Serve one board, or those in ``networks``."""
         if not isinstance(self._configuration.find("networks"), Bottle):
             super().attach(devices)
             return
@@ -179,7 +179,7 @@ class ControlBoardWrapperDevice(ControlBoardDevice):
         self._own = remapper
 
     def detach(self) -> None:
-        """See Device. A device that it made itself it keeps."""
+        """Stop serving. The ``subdevice`` that it created is kept."""
         super().detach()
         if self._own is not None and not self._configuration.check("subdevice"):
             self._own.close()

@@ -1,4 +1,4 @@
-"""Takes the commands that are streamed to a control board: pairs of a head, which says what, and the values."""
+"""The receiver of streamed commands of a control board: pairs of a header, which names the command, and values."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 class StreamedCommands:
-    """Has a device carry out what arrives, in the thread of the connection, before it is acknowledged.
+    """Executes commands on a device, in the thread of the connection, before they are acknowledged.
 
-    So the commands of a client are carried out in its order, and none is lost. One that makes no sense, or that the
-    device refuses, is left out and told of by ``report``; the same sentence again is not.
+    The commands of a client are thus executed in order, and none is lost. An invalid command, or one that the device
+    refuses, is skipped and passed to ``report``; the same message is not repeated.
     """
 
     def __init__(self, device: object, report: Callable[[str], None]) -> None:
@@ -31,32 +31,32 @@ class StreamedCommands:
         self._said = ""
 
     def take(self, delivery: IncomingMessage) -> None:
-        """Carry out one message."""
+        """Execute one message."""
         try:
             command = delivery.read(COMMAND)
             self.carry_out(command.first, command.second)
         except RtfError as error:
-            self._tell(f"a command of {delivery.sender or 'a caller'} is left out: {error}")
-        except Exception as error:  # noqa: BLE001 - a device's fault, which its port survives
+            self._tell(f"a command of {delivery.sender or 'a caller'} is skipped: {error}")
+        except Exception as error:  # noqa: BLE001 - the port must survive errors of a device
             self._tell(f"a command of {delivery.sender or 'a caller'} failed: {type(error).__name__}: {error}")
 
     def carry_out(self, head: Bottle, values: FloatArray) -> None:
-        """Do what a head says with the values. Raises RefusedError, and what the device raises."""
+        """Execute a command with its values. Raises RefusedError, and the errors of the device."""
         command, axes, count = self._find(head)
         if values.size != count or not count:
-            raise RefusedError(f"{head.to_text()[:60]!r} takes {count} values, {values.size} came")
+            raise RefusedError(f"{head.to_text()[:60]!r} takes {count} values, got {values.size}")
         if not isinstance(self._device, command.interface):
             raise NotSupportedError(f"the device has no {command.interface.__name__}")
         getattr(self._device, command.method)(values, axes)
 
     def _find(self, head: Bottle) -> tuple[Streamed, int | list[int] | None, int]:
-        """The command, the axes it is for, and how many these are."""
+        """Return the command, the selection of its axes, and their number."""
         words = [as_vocab(value).text for value in head[:2]]
         for length in (1, 2):
             command = STREAMED.get((*words[:length],))
             if command is not None:
                 return command, *self._axes(command.shape, head[length:])
-        raise RefusedError(f"{head.to_text()[:60]!r} is no command")
+        raise RefusedError(f"{head.to_text()[:60]!r} is not a command")
 
     def _axes(self, shape: Shape, arguments: Bottle) -> tuple[int | list[int] | None, int]:
         if shape is Shape.ALL:

@@ -1,7 +1,6 @@
-"""Answers the questions that are put to a control board of YARP 3, by the table in :mod:`rtf.robot.vocabulary`.
+"""The request handler of a YARP 3 control board, driven by the table in :mod:`rtf.robot.vocabulary`.
 
-Each row of the table becomes a function when the server is made: what the row says is looked up once, and not with
-every question.
+Each row of the table becomes a function when the server is created, so a request needs no further look-ups in the row.
 """
 
 from __future__ import annotations
@@ -41,9 +40,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
 T = TypeVar("T")
-#: Makes the elements of an answer, or the data in it, of the elements of a question; raises what the device does.
+#: Converts the elements of a request to those of an answer, or to its data; raises the device's errors.
 Answer: TypeAlias = "Callable[[list[Value]], list[Value]]"
-#: Does what the elements of a question say.
+#: Executes the request with these elements.
 Doing: TypeAlias = "Callable[[list[Value]], object]"
 
 _LEAST = 2
@@ -52,10 +51,10 @@ _NO_WORD = Vocab(0)
 
 
 class Questions:
-    """Answers for one device, from any thread. ``report`` is told when a method of the device fails unexpectedly.
+    """Answers requests to one device, in any thread. ``report`` gets unexpected errors of its methods.
 
-    What the device refuses, what it has not got and what nobody understands is answered ``[fail]``, a single word
-    ``[nak]``. Stamps are counted from 0, also for questions that fail, and give the robot's time.
+    A request that is refused, not supported or not understood is answered ``[fail]``, a single word ``[nak]``. Stamps
+    count from 0, including failed requests, and have the robot's time.
     """
 
     def __init__(self, device: object, report: Callable[[str], None]) -> None:
@@ -68,14 +67,14 @@ class Questions:
             {word(text): self._refusing(family) for text, family in FAMILIES.items() if text},
         )
         self._getting[PROTOCOL_VERSION] = lambda _: [PROTOCOL_VERSION, *vocabulary.PROTOCOL, OK]
-        one_mode = self._setter(TOPICS["icmd", "cmod"])  # old clients say what mode it is instead, for one joint
+        one_mode = self._setter(TOPICS["icmd", "cmod"])  # old clients send the mode in place of this word
         self._setting = _by_first(
             ((topic, self._setter(topic)) for topic in TOPICS.values() if topic.set), {word("icmd"): one_mode}
         )
         self._commands = {word(text): self._command(topic) for text, topic in COMMANDS.items()}
 
     def answer(self, question: Bottle) -> Bottle:
-        """The answer to a question, whatever it is. Flat: each call of a function here is felt in the round trip."""
+        """Answer a request. No helper functions: each call adds to the round trip."""
         words = question.elements()
         if len(words) < _LEAST:
             return Bottle.adopt([NAK])
@@ -92,28 +91,28 @@ class Questions:
             return Bottle.adopt(self._commands.get(verb, _refuse)(words))
         except RobotError:
             return Bottle.adopt([FAIL])
-        except Exception as error:  # noqa: BLE001 - a device's fault, which its port survives
+        except Exception as error:  # noqa: BLE001 - the port must survive errors of a device
             self._report(f"[{question.to_text()[:100]}] failed: {type(error).__name__}: {error}")
             return Bottle.adopt([FAIL])
 
-    # Whole answers ---------------------------------------------------------------------------------------------------
+    # Complete answers ------------------------------------------------------------------------------------------------
 
     def _getter(self, topic: Topic) -> Answer:
-        """What gets a topic: behind its echo, and before its stamp."""
+        """Return the handler that gets a topic: echo, data and stamp."""
         echo, stamped, _ = topic.family
         find, count = self._finding(topic, 1 + len(topic.words)), self._count
         begin = [] if echo is Echo.NOTHING else [IS]
         echoed = _echoed(echo, topic)
 
         def answer(words: list[Value]) -> list[Value]:
-            stamp = (STAMP, next(count), current().now()) if stamped else ()  # counted for what fails, too
+            stamp = (STAMP, next(count), current().now()) if stamped else ()  # failed requests count, too
             data = find(words)
             return [*begin, *words[echoed], *data, *stamp, OK]
 
         return answer
 
     def _refusing(self, family: Family) -> Answer:
-        """What becomes of a topic that a family has not got; it is counted like one that it has."""
+        """Return the handler of unknown topics of a family; they are counted like known ones."""
         count = self._count if family.stamped else iter(())
 
         def answer(words: list[Value]) -> list[Value]:
@@ -123,7 +122,7 @@ class Questions:
         return answer
 
     def _setter(self, topic: Topic, verbs: int = 1) -> Answer:
-        """What sets a topic. It stands behind so many words that say what is to be done with it."""
+        """Return the handler that sets a topic, whose words follow ``verbs`` words."""
         do = self._doing(topic, verbs + len(topic.words))
 
         def answer(words: list[Value]) -> list[Value]:
@@ -133,16 +132,16 @@ class Questions:
         return answer
 
     def _command(self, topic: Topic) -> Answer:
-        """What carries out a word that stands alone."""
+        """Return the handler of a command without get or set."""
         if not topic.get:
             return self._setter(topic, 0)
         method = self._method(topic, topic.get)
         return lambda words: [OK if method(_joint(words, 1)) else FAIL]
 
-    # What rows of the table do; ``at`` is where the arguments of a question begin ----------------------------------
+    # Handlers of table rows; ``at`` is the index of the first argument of a request ---------------------------------
 
     def _finding(self, topic: Topic, at: int) -> Answer:
-        """What makes the data of an answer."""
+        """Return the function that computes the data of an answer."""
         method = self._method(topic, topic.get)
         if topic.family.typed:
             return _for_each_type(lambda lead: self._found(topic, partial(method, lead), at + 1), at)
@@ -161,7 +160,7 @@ class Questions:
         return lambda _: write(method())
 
     def _doing(self, topic: Topic, at: int) -> Doing:
-        """What carries out what is set."""
+        """Return the function that executes a ``set`` request."""
         method = self._method(topic, topic.set)
         if topic.family.typed:
             return _for_each_type(lambda lead: self._done(topic, partial(method, lead), at + 1), at)
@@ -178,13 +177,13 @@ class Questions:
         select, behind = _selecting(shape), at + _SELECTION[shape]
         if topic.kind is NOTHING:
             return lambda words: method(select(words, at))
-        if shape is Shape.ONE:  # how many values there must be is the device's to judge, here and below
+        if shape is Shape.ONE:  # the device checks the number of values, here and below
             return lambda words: method([read([value])[0] for value in words[behind:]], _joint(words, at))
         return lambda words: method([read([value])[0] for value in _listed(words, behind)], select(words, at))
 
     # The device ------------------------------------------------------------------------------------------------------
 
-    def _method(self, topic: Topic, name: str) -> Callable[..., Any]:  # each row of the table knows what it gives
+    def _method(self, topic: Topic, name: str) -> Callable[..., Any]:  # Any: the result depends on the row of the table
         if isinstance(self._device, topic.interface):
             return getattr(self._device, name)  # type: ignore[no-any-return]
         return partial(_missing, topic.interface)
@@ -199,14 +198,14 @@ class Questions:
 
 
 def _spoken(value: Value) -> Vocab:
-    """The word that somebody typed as a string, of which four letters count, or as a number."""
+    """Convert an element to a word: a typed string, of which four letters count, or a number."""
     return as_vocab(value) if isinstance(value, _WORDS) else _NO_WORD
 
 
 def _by_first(answers: Iterable[tuple[Topic, Answer]], otherwise: dict[Vocab, Answer]) -> dict[Vocab, Answer]:
-    """What answers, by the second word of a question; that of a family looks at the third word itself.
+    """Index the handlers by the second word of a request; the handler of a family uses the third word.
 
-    What it does not know there it gives to the family's own of ``otherwise``.
+    Words unknown to a family go to its handler in ``otherwise``.
     """
     found: dict[Vocab, Answer] = {}
     families: dict[Vocab, dict[Vocab, Answer]] = defaultdict(dict)
@@ -222,7 +221,7 @@ def _by_first(answers: Iterable[tuple[Topic, Answer]], otherwise: dict[Vocab, An
 
 
 def _by_method(methods: dict[Vocab, Answer], otherwise: Answer) -> Answer:
-    """What answers by the third word of a question."""
+    """Return a handler that selects by the third word of a request."""
 
     def answer(words: list[Value]) -> list[Value]:
         method = words[2] if len(words) > _LEAST else _NO_WORD
@@ -234,13 +233,13 @@ def _by_method(methods: dict[Vocab, Answer], otherwise: Answer) -> Answer:
 
 
 def _for_each_type(make: Callable[[PidType], Callable[[list[Value]], T]], at: int) -> Callable[[list[Value]], T]:
-    """What does the same for each type of controller, which stands before the other arguments."""
+    """Return a function that selects by the type of PID, the first argument."""
     made = {kind: make(kind) for kind in PidType}
     return lambda words: made[PID_TYPE.read(words[at : at + 1])[0]](words)
 
 
 def _found_of_axes(topic: Topic, method: Callable[..., Any], at: int) -> Answer:
-    """What makes the data of an answer by a method that takes any choice of axes."""
+    """Return the function that computes the data of a method with any selection of axes."""
     shape, write, select = topic.shape, topic.kind.write, _selecting(topic.shape)
     if topic.together:
         return lambda words: write(method(select(words, at)))
@@ -259,7 +258,7 @@ def _missing(interface: type[Any], *_: object) -> None:
 
 # Axes ----------------------------------------------------------------------------------------------------------------
 
-#: How many arguments say which axes are meant.
+#: The number of arguments that select axes.
 _SELECTION = {Shape.ALL: 0, Shape.ONE: 1, Shape.GROUP: 2}
 
 
@@ -268,7 +267,7 @@ def _joint(words: list[Value], at: int) -> int:
 
 
 def _listed(words: list[Value], at: int) -> Bottle:
-    """The list of values that is the last of the arguments."""
+    """Return the list of values, the last of the arguments."""
     return inner(words[at] if len(words) == at + 1 else None)
 
 
@@ -278,14 +277,14 @@ def _group(words: list[Value], at: int) -> list[int]:
 
 
 def _selecting(shape: Shape) -> Callable[[list[Value], int], int | list[int] | None]:
-    """What finds the axes that a question chooses."""
+    """Return the function that reads the selection of axes from a request."""
     if shape is Shape.ALL:
         return lambda _words, _at: None
     return _joint if shape is Shape.ONE else _group
 
 
 def _echoed(echo: Echo, topic: Topic) -> slice:
-    """The words of a question that its answer repeats."""
+    """Return the words of a request that its answer repeats."""
     if echo is Echo.TOPIC:
         return slice(1, 2)
     if echo is Echo.METHOD:

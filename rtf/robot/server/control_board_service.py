@@ -1,4 +1,4 @@
-"""A control board on the network, as YARP 4.0 has it: a service, streamed commands, and the streams of its state."""
+"""The server of a YARP 4.0 control board: a service, streamed commands, and the streams of its state."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 
 class ControlBoardServiceServer:
-    """The ports of a device: ``NAME/nws/rpc:i``, ``NAME/command:i``, ``NAME/state:o`` and ``NAME/stateExt:o``.
+    """The ports of a board: ``NAME/nws/rpc:i``, ``NAME/command:i``, ``NAME/state:o`` and ``NAME/stateExt:o``.
 
-    They speak YARP 4.0, whatever the network does. With ``questions`` there is ``NAME/rpc:i`` as well, so that clients
-    of YARP 3 are served at the same time; of the streams there is one of each in any case, which then speak what the
-    network does.
+    They speak YARP 4.0, whatever the dialect of the network. With ``questions`` there is ``NAME/rpc:i`` as well, so
+    that clients of YARP 3 are served at the same time; the streams, of which there is one each in any case, then have
+    the dialect of the network.
 
-    They are open from its making to ``close``. Somebody calls ``publish`` every ``period`` seconds. ``outlets``
-    are told of at :class:`StateStreams`; they have a network of their own. Raises NotSupportedError for a device that
-    does not say how many axes it has, and the middleware's errors when the ports cannot be opened.
+    They are open from construction to ``close``. The owner calls ``publish`` every ``period`` seconds. ``outlets`` is
+    explained at :class:`StateStreams`; outlets have a network of their own. Raises NotSupportedError for a device
+    without the number of its axes, and the middleware's errors if the ports cannot be opened.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class ControlBoardServiceServer:
         questions: bool = False,
     ) -> None:
         if not isinstance(device, IAxisInfo):
-            raise NotSupportedError(f"{name}: a {type(device).__name__} is no control board: it has no IAxisInfo")
+            raise NotSupportedError(f"{name}: a {type(device).__name__} is not a control board: it has no IAxisInfo")
         self.name = name
         self.period = period
         streaming = network if questions else in_its_dialect(network)
@@ -61,13 +61,13 @@ class ControlBoardServiceServer:
             self._opened = opened.pop_all()
 
     def publish(self, now: float) -> None:
-        """See Publisher."""
+        """Publish the state."""
         self._streams.publish(now)
 
     def settle(self) -> None:
-        """Wait until what was published in step has been dealt with."""
+        """Wait until all readers that acknowledge have processed what was published."""
         self._streams.settle()
 
     def close(self) -> None:
-        """Close the ports; what is carried out at the moment is waited for. Doing so again changes nothing."""
+        """Close the ports after the commands in progress. A second call has no effect."""
         self._opened.close()

@@ -1,4 +1,4 @@
-"""Publishes the state of a control board: its positions alone, and everything that it measures."""
+"""The state streams of a control board: its positions alone, and all measurements."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rtf.middleware.types.vector import VECTOR
 from rtf.robot.errors import StaleStateError
 from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState, Field, InterfaceState, IStateSource
 from rtf.robot.server.outlets import BackgroundOutlets
-from rtf.robot.server.stamping import Stamping
+from rtf.robot.server.stamp_counter import StampCounter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -22,12 +22,12 @@ _POSITIONS = Field.JOINT_POSITIONS
 
 
 class StateStreams:
-    """The ports ``NAME/state:o`` and ``NAME/stateExt:o`` of a device with so many axes.
+    """The ports ``NAME/state:o`` and ``NAME/stateExt:o`` of a device with ``axes`` axes.
 
-    Readers are served in the background, and one that is slow misses messages, unless ``outlets`` opens the ports in
-    another way: :class:`~rtf.robot.server.outlets.PostingOutlets` send in the thread that publishes, and ``settle``
-    waits until every reader that acknowledges has dealt with it.
-    ``report`` is told when the joints' times are too far apart, whereupon nothing is published.
+    Messages are sent in the background, and a slow reader misses some, unless ``outlets`` opens other ports: those of
+    :class:`~rtf.robot.server.outlets.PipelinedOutlets` send in the thread that publishes, and ``settle`` waits until
+    every reader that acknowledges has processed the message. ``report`` is called when the joints' times are too far
+    apart; then nothing is published.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class StateStreams:
         self._report = report or network.report
         self._name = name
         self._state = ExtendedState(axes)
-        self._stamping = Stamping()
+        self._stamps = StampCounter()
         self._stale = False
         outlets = outlets or BackgroundOutlets(network)
         self._positions = outlets.open(f"{name}/state:o", VECTOR)
@@ -55,7 +55,7 @@ class StateStreams:
             raise
 
     def publish(self, now: float) -> None:
-        """Send what the device measures, stamped with the mean time of its encoders, or ``now`` if it has none."""
+        """Publish the state, stamped with the mean time of its encoders, or ``now`` if it has none."""
         to_positions, to_extended = self._positions.outputs, self._extended.outputs
         if not (to_positions or to_extended):
             return
@@ -68,14 +68,14 @@ class StateStreams:
             self._stale = True
             return
         self._stale = False
-        envelope = self._stamping.next(now if math.isnan(time) else time)
+        envelope = self._stamps.next(now if math.isnan(time) else time)
         if to_positions and state.valid[_POSITIONS]:
             self._positions.write(state.joint_positions.copy(), envelope=envelope)
         if to_extended:
             self._extended.write(state.copy() if _is_shared(to_extended) else state, envelope=envelope)
 
     def settle(self) -> None:
-        """Wait until what was published has been sent, as far as the ports know."""
+        """Wait until everything published is sent, as far as the ports know."""
         self._positions.settle()
         self._extended.settle()
 
@@ -86,7 +86,7 @@ class StateStreams:
 
 
 def _is_shared(outputs: Sequence[Output]) -> bool:
-    """Whether there are readers of this process: they may be handed the object itself, and keep it."""
+    """Return whether there are ``local`` readers: they get the object itself, and may store it."""
     for output in outputs:  # noqa: SIM110 - a generator costs as much as the message
         if output.carrier == "local":
             return True

@@ -1,4 +1,4 @@
-"""A camera on the network: its images as a stream, and an answer to whatever is asked of it."""
+"""The camera server: a stream of images, and answers to requests."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from rtf.robot import parameters
 from rtf.robot.errors import NotSupportedError
 from rtf.robot.interfaces import IFrameGrabber, IFrameGrabberControls
 from rtf.robot.server.camera_vocabulary import CameraResponder
-from rtf.robot.server.publishing import PublishingDevice
-from rtf.robot.server.streaming import StreamServer
+from rtf.robot.server.publishing_device import PublishingDevice
+from rtf.robot.server.stream_server import StreamServer
 
 if TYPE_CHECKING:
     from rtf.bottle import Property
@@ -23,11 +23,10 @@ _CAPABILITIES = ("COLOR", "RAW")
 
 
 class FrameGrabberServer(StreamServer[Image]):
-    """Publishes the images of a camera at ``NAME``, stamped with when they were taken, and answers at ``NAME/rpc``.
+    """Publishes the images of a camera at ``NAME``, stamped with their time; the RPC port is ``NAME/rpc``.
 
-    An image is taken only when somebody reads, and sent once. ``raw`` sends it as the camera gives it, otherwise it
-    becomes one of ``rgb`` pixels. ``controls`` is what is set on the camera, None if nothing can be.
-    Raises ConnectError and AddressError.
+    An image is taken only while there are readers, and sent once. ``raw`` sends it unchanged; otherwise it is converted
+    to ``rgb``. ``controls`` are the settings of the camera, None if it has none. Raises ConnectError and AddressError.
     """
 
     def __init__(
@@ -60,10 +59,10 @@ class FrameGrabberServer(StreamServer[Image]):
 
 
 class FrameGrabberDevice(PublishingDevice):
-    """``frameGrabber_nws_yarp``: the server in a configuration.
+    """``frameGrabber_nws_yarp``: the server as a device of a configuration.
 
-    ``name`` is ``/grabber`` without it, ``period`` in s, 0.033 without it; ``capabilities`` COLOR or RAW; ``no_drop``:
-    no image is skipped for a slow reader, the camera waits for it.
+    ``name`` (default ``/grabber``); ``period`` in s (default 0.033); ``capabilities``: COLOR or RAW; ``no_drop``: no
+    image is skipped, the camera waits for slow readers.
     """
 
     default_name = "/grabber"

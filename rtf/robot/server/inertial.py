@@ -1,4 +1,4 @@
-"""The oldest server of an inertial sensor: twelve numbers, and no questions."""
+"""The oldest inertial sensor server: twelve numbers, without an RPC port."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from rtf.robot import parameters
 from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import IMultipleAnalogSensors, SensorCategory, SensorStatus
 from rtf.robot.measurements import IMeasurementsSource
-from rtf.robot.server.publishing import PublishingDevice
-from rtf.robot.server.streaming import StreamServer
+from rtf.robot.server.publishing_device import PublishingDevice
+from rtf.robot.server.stream_server import StreamServer
 
 if TYPE_CHECKING:
     from rtf.bottle import Property
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.server.outlets import Outlets
 
-#: The sensors in the order in which they stand in the message, three numbers each.
+#: The sensors in the order of the message, three numbers each.
 ORDER = (
     SensorCategory.ORIENTATION,
     SensorCategory.ACCELEROMETER,
@@ -35,8 +35,8 @@ _NUMBERS = AXES * len(ORDER)
 class InertialServer(StreamServer["FloatArray"]):
     """Publishes the first orientation, accelerometer, gyroscope and magnetometer of a device at ``NAME``.
 
-    Of a sensor that the device has not got there are zeros. A device that is an IMeasurementsSource and has no others
-    is asked for all at once. Raises ConnectError and AddressError.
+    The values of a missing sensor are zeros. A device that is an IMeasurementsSource and has no other sensors is read
+    with one call. Raises ConnectError and AddressError.
     """
 
     def __init__(
@@ -68,13 +68,13 @@ class InertialServer(StreamServer["FloatArray"]):
         for place, category in self._places:
             state = self._device.sensor_status(category, 0)
             if state != SensorStatus.OK:
-                raise DeviceError(f"the {category.name} is not well: {SensorStatus(state).name}")
+                raise DeviceError(f"the {category.name} has status {SensorStatus(state).name}")
             values[place] = self._device.read_sensor(category, 0).values
         return values, now
 
 
 class InertialDevice(PublishingDevice):
-    """``inertial``: the server in a configuration; ``period`` in s, 0.005 without it, ``strict`` to skip no message."""
+    """``inertial``: the server as a device; ``period`` in s (default 0.005), ``strict`` to skip no message."""
 
     default_period = 0.005
 

@@ -1,4 +1,4 @@
-"""Where servers send their streams: ports that serve slow readers in the background, unless a simulator has its own."""
+"""Outlets: the ports through which servers send streams, in the background or in lockstep with a simulator."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ if TYPE_CHECKING:
 
 
 class Outlet(Protocol):
-    """A port that a server sends a stream through."""
+    """A port through which a server sends a stream."""
 
     @property
     def outputs(self) -> Sequence[Output]:
-        """Who is connected."""
+        """The connected readers."""
 
     def write(self, value: Any, *, envelope: str) -> object:  # Any: an object of the codec that it was opened with
-        """Send an object with its stamp. It may be changed afterwards, except by readers of this process."""
+        """Send an object with its stamp. It may be changed afterwards, except while a ``local`` reader uses it."""
 
     def settle(self, timeout: float | None = None) -> bool:
-        """Wait until everybody has got what was written; False when that takes longer, in s of the machine's clock."""
+        """Wait until all readers have received it; False after ``timeout`` s of real time."""
 
     def close(self) -> None:
         """Close the port."""
 
 
 class Outlets(Protocol):
-    """What opens outlets."""
+    """A factory of outlets."""
 
     def open(self, name: str, codec: Codec[Any]) -> Outlet:
         """Open a port for objects of a codec. Raises the middleware's errors."""
 
 
 class BackgroundOutlets:
-    """Outlets of a robot in real time: a reader that is slow misses messages, and nobody waits for it.
+    """Outlets for real time: a slow reader misses messages, and the server does not wait for it.
 
-    ``strict``: no message is skipped; each waits until all readers have got the one before.
+    ``strict``: no message is skipped; each waits until all readers have received the previous one.
     """
 
     def __init__(self, network: Network, *, strict: bool = False) -> None:
@@ -55,7 +55,7 @@ class BackgroundOutlets:
 
 
 class BackgroundOutlet:
-    """One of them."""
+    """An outlet that sends in the background."""
 
     def __init__(self, name: str, codec: Codec[Any], *, network: Network, strict: bool) -> None:
         self.port: BufferedPort[Any] = BufferedPort(name, codec, network=network, inputs=False)
@@ -79,8 +79,8 @@ class BackgroundOutlet:
         self.port.close()
 
 
-class PostingOutlets:
-    """Outlets for who publishes in step with something: ``write`` sends at once, ``settle`` waits for everybody."""
+class PipelinedOutlets:
+    """Outlets for lockstep publishing: ``write`` sends at once, ``settle`` waits for all readers."""
 
     def __init__(self, network: Network) -> None:
         self._network = network

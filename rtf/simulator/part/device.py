@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rtf.robot.devices.calibrated import Calibrated
+from rtf.robot.devices.calibrated_board import Calibrated
 from rtf.robot.extended_state import IStateSource
 from rtf.simulator.part.motion import PartMotion
 from rtf.simulator.part.motors import PartMotors

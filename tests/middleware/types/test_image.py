@@ -245,7 +245,5 @@ def test_a_receiver_gets_the_pixels_it_asked_for():
     assert ImageCodec("mono").decode(data, THREE) == Image(COLORS).to("mono")
     assert ImageCodec("bgr").adopt(data, THREE).code == "bgr"
     assert ImageCodec("rgb").decode_from(data, THREE) == (Image(COLORS), len(data))
-    with pytest.raises(
-        BottleTypeError, match="'rgb' cannot be converted to 'dec'; conversions exist between rgb, bgr"
-    ):
+    with pytest.raises(BottleTypeError, match="'rgb' cannot be converted to 'dec'; conversions exist between rgb, bgr"):
         ImageCodec("dec").decode(data, THREE)

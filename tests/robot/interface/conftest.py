@@ -12,9 +12,9 @@ from rtf.bottle import Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.network import Network
 from rtf.robot import device
-from rtf.robot.interface.machine import Outcome, RobotInterface
-from rtf.robot.interface.reading import Reading, read_robot
-from rtf.robot.interface.tasks import Patience
+from rtf.robot.interface.device_thread import Patience
+from rtf.robot.interface.robot_interface import Outcome, RobotInterface
+from rtf.robot.interface.robot_reader import ReadResult, read_robot
 from waiting import eventually, open_descriptors
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class Bench:
         self.told: list[tuple[str, str]] = []
         self.calls = scripted_devices.CALLS
 
-    def read(self, inside: str, attributes: str = 'build="1" portprefix="/bot"', **given: object) -> Reading:
+    def read(self, inside: str, attributes: str = 'build="1" portprefix="/bot"', **given: object) -> ReadResult:
         """Read a robot with this inside."""
         path = self.folder / "robot.xml"
         path.write_text(scripted_devices.robot_xml(inside, attributes), encoding="utf-8")
@@ -56,7 +56,7 @@ class Bench:
             self.read(inside, attributes).robot,
             network=self.network,
             patience=self.patience,
-            tell=lambda weight, sentence: self.told.append((str(weight), sentence)),
+            log=lambda level, sentence: self.told.append((str(level), sentence)),
             autoclose=autoclose,
         )
 
@@ -66,7 +66,7 @@ class Bench:
 
     def errors(self) -> list[str]:
         """What was told as an error."""
-        return [sentence for weight, sentence in self.told if weight == "ERROR"]
+        return [sentence for level, sentence in self.told if level == "ERROR"]
 
 
 @pytest.fixture

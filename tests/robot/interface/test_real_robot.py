@@ -9,8 +9,8 @@ from rtf.bottle import Bottle
 from rtf.middleware.names import Contact
 from rtf.middleware.remote import exists
 from rtf.middleware.rpc import RpcClient
-from rtf.robot.interface.machine import RobotInterface
-from rtf.robot.interface.reading import read_robot
+from rtf.robot.interface.robot_interface import RobotInterface
+from rtf.robot.interface.robot_reader import read_robot
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def test_the_recorded_robot_runs(network: Network, started: Callable[[RobotInter
     """Its ports answer as those of the real program did, and all of them are gone afterwards."""
     told: list[tuple[str, str]] = []
     robot = read_robot(RECORDED).robot
-    running = started(RobotInterface(robot, network=network, tell=lambda *words: told.append(words)))
+    running = started(RobotInterface(robot, network=network, log=lambda *words: told.append(words)))
     eventually(lambda: running.interface.ready or running.outcome, f"it does not become ready: {told}")
     assert running.outcome is None, told
     for part, axes in (("head", 6), ("left_arm", 16)):

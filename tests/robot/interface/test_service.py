@@ -11,8 +11,8 @@ from replaying import VERSIONS, receive, recordings, segments
 from rtf.bottle import Bottle
 from rtf.middleware import wire
 from rtf.middleware.rpc import RpcClient
-from rtf.robot.interface.machine import RobotInterface
 from rtf.robot.interface.model import Phase, Robot
+from rtf.robot.interface.robot_interface import RobotInterface
 from rtf.robot.interface.service import make_service, open_service
 from scripted_devices import action_xml as action
 from scripted_devices import device_xml as device

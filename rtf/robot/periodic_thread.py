@@ -1,4 +1,4 @@
-"""Doing something again and again, by the robot's clock."""
+"""Periodic publishing, by the robot's clock."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ if TYPE_CHECKING:
 
 
 class Publisher(Protocol):
-    """What is published regularly: every ``period`` seconds, by a thread of its own or by a simulator's loop."""
+    """Something that is published every ``period`` seconds, by a thread or by a simulator's loop."""
 
     period: float
 
     def publish(self, now: float) -> None:
-        """Send what there is at ``now``, seconds of the robot's clock."""
+        """Publish the data at ``now``, in seconds of the robot's clock."""
 
 
 class PeriodicThread:
-    """Publishes in a thread of its own until it is stopped.
+    """Calls a publisher in a thread of its own until it is stopped.
 
-    A moment that was missed is left out, not made up for. An error ends the thread's work for that moment only and goes
-    to ``report``, the same sentence once.
+    A missed period is skipped. An error ends the work of its period only; it is passed to ``report``, the same message
+    once.
     """
 
     def __init__(self, publisher: Publisher, *, name: str, report: Callable[[str], None]) -> None:
@@ -44,7 +44,7 @@ class PeriodicThread:
             self._wait_until(due, time)
 
     def _wait_until(self, due: float, time: clock.Clock) -> None:
-        """By the machine's clock the wait can be ended at once; by others it ends with the period."""
+        """Wait. By the machine's clock ``stop`` ends the wait at once, by others it lasts for the period."""
         if isinstance(time, clock.SystemClock):
             self._ended.wait(max(0.0, due - time.now()))
         else:
@@ -53,14 +53,14 @@ class PeriodicThread:
     def _publish(self, now: float) -> None:
         try:
             self._publisher.publish(now)
-        except Exception as error:  # noqa: BLE001 - whatever it is, the next moment may be better, and it is told
+        except Exception as error:  # noqa: BLE001 - the next period may succeed, and the error is reported
             sentence = f"{type(error).__name__}: {error}"
             if sentence != self._said:
                 self._said = sentence
                 self._report(sentence)
 
     def stop(self) -> None:
-        """End; returns when the thread is gone. A thread that publishes may stop itself."""
+        """Stop and join the thread. The publishing thread may call it, too."""
         self._ended.set()
         if self._thread is not threading.current_thread():
             self._thread.join()

@@ -1,4 +1,4 @@
-"""Reads the files of a robot: from elements to devices, their configurations and their actions."""
+"""The reader of robot files: from elements to devices, their configurations and their actions."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from rtf.bottle import Bottle, Property, as_float, to_string
+from rtf.robot.interface.action_targets import check_targets
 from rtf.robot.interface.includes import Tags, load
 from rtf.robot.interface.model import ACTING, Action, ActionKind, DeviceEntry, Phase, Robot
 from rtf.robot.interface.parameters import AUTOMATIC, TAGS, ParameterReader, Settings, to_property
 from rtf.robot.interface.problems import Problem, ProblemLog, RobotFileError
-from rtf.robot.interface.targets import check_targets
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Iterator
 
-    from rtf.robot.interface.markup import Element
+    from rtf.robot.interface.xml_tree import Element
 
 MAX_LEVEL = 1_000_000
 MAX_BUILD = (1 << 32) - 1
 MAX_DEVICES = 1000
 MAX_ACTIONS = 10_000
-#: Parameters of ``devices``, which each device in it is given.
+#: The largest number of parameters of ``devices``, which each device inside gets.
 MAX_SHARED = 1000
-#: The longest time that can be given for an action, in seconds.
+#: The longest timeout of an action, in seconds.
 MAX_TIMEOUT = 86400.0
 
 E = TypeVar("E", Phase, ActionKind)
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
-    """A robot, what somebody should look at in its files, and the keys that they ask the command line for."""
+class ReadResult:
+    """A robot, the warnings about its files, and the keys in their ``extern-name`` attributes."""
 
     robot: Robot
     warnings: tuple[Problem, ...]
@@ -43,12 +43,12 @@ class Reading:
 
 def read_robot(
     path: str | os.PathLike[str], given: Property | None = None, *, allow_deprecated_dtd: bool = False
-) -> Reading:
-    """Read a robot from its file and the files in its folder that this includes.
+) -> ReadResult:
+    """Read a robot from a file and the files in its folder that this one includes.
 
-    ``given`` is what the command line says: ``portprefix`` replaces that of the file, ``enable_tags``, ``disable_tags``
-    and ``enable_all`` choose what is included, and what a parameter's ``extern-name`` names replaces its text. Raises
-    RobotFileError with everything that is wrong.
+    ``given`` are the command line's parameters: ``portprefix`` replaces that of the file, ``enable_tags``,
+    ``disable_tags`` and ``enable_all`` select what is included, and those in ``extern-name`` attributes replace the
+    text of the parameter. Raises RobotFileError with all problems.
     """
     given = Property() if given is None else given
     problems = ProblemLog()
@@ -65,7 +65,7 @@ def read_robot(
         raise _all_of(problems, error) from None
     problems.judge()
     assert robot is not None
-    return Reading(robot, tuple(problems.warnings), frozenset(reader.asked))
+    return ReadResult(robot, tuple(problems.warnings), frozenset(reader.asked))
 
 
 def _all_of(problems: ProblemLog, last: RobotFileError) -> RobotFileError:
@@ -84,7 +84,7 @@ def _words(given: Property, key: str) -> Iterator[str]:
 
 
 class _Reader:
-    """Reads one robot. What is wrong is noted, and what can be read still is."""
+    """Reads one robot. Errors are recorded, and reading continues."""
 
     def __init__(self, problems: ProblemLog, given: Property) -> None:
         self._problems = problems
@@ -97,11 +97,11 @@ class _Reader:
 
     @property
     def asked(self) -> set[str]:
-        """The keys that the command line was asked for."""
+        """The keys in ``extern-name`` attributes."""
         return self._parameters.asked
 
     def robot(self, root: Element) -> Robot | None:
-        """The robot; None when the file holds something else, which has been noted."""
+        """Return the robot; None if the file has another root element, which is recorded as an error."""
         if root.tag != "robot":
             self._problems.error(root.location, f"the file holds <{root.tag[:40]}>", "a robot begins with <robot>")
             return None
@@ -140,7 +140,7 @@ class _Reader:
             prefix = to_string(self._given.find("portprefix"))
         if any(map(str.isspace, prefix)) or not prefix.isprintable():
             self._problems.error(
-                root.location, f"the prefix {prefix[:100]!r} is no name of ports", "write it without blanks"
+                root.location, f"the prefix {prefix[:100]!r} is not a port name", "write it without blanks"
             )
         elif not prefix.startswith("/"):
             self._problems.warn(
@@ -152,7 +152,7 @@ class _Reader:
         text = element.attributes.get(name, "").strip()
         if text.isascii() and text.isdigit() and len(text) <= len(str(most)) and int(text) <= most:
             return int(text)
-        said = f"{text[:40]!r} is none" if name in element.attributes else "there is none"
+        said = f"{text[:40]!r} is not" if name in element.attributes else "there is none"
         self._problems.error(element.location, f"the {name} of <{element.tag}> is a whole number from 0; {said}")
         return None
 
@@ -167,7 +167,7 @@ class _Reader:
         found = next((one for one in choices if one == text), None)
         if found is None or found is Phase.UNKNOWN:
             known = ", ".join(ACTING if choices is Phase else choices)
-            said = f"{text[:40]!r} is none" if text else "there is none"
+            said = f"{text[:40]!r} is not" if text else "there is none"
             self._problems.error(element.location, f"the {name} of <{element.tag}> is one of {known}; {said}")
             return None
         return found
@@ -175,7 +175,7 @@ class _Reader:
     # Elements ----------------------------------------------------------------------------------------------------
 
     def _content(self, element: Element, above: Settings) -> Settings:
-        """Read what stands in ``robot`` or ``devices``; returns the parameters. Those above are every device's, too."""
+        """Read the content of ``robot`` or ``devices``. Return its parameters. Each device gets ``above``, too."""
         self._parameters.check_text(element)
         settings: list[Settings] = []
         for child in element.children:
@@ -222,7 +222,7 @@ class _Reader:
             self._devices[name] = entry
 
     def _complete(self, configuration: Property, name: str, kind: str) -> Property:
-        """The configuration with what every device is told."""
+        """Add the automatic keys to a device's configuration."""
         made = Property()
         for key, value in zip(AUTOMATIC, (name, kind, self._prefix), strict=True):
             place = configuration.location(key)

@@ -1,8 +1,7 @@
-"""A control board that does nothing itself: every method of every interface, made of a few ways of passing it on.
+"""A control board that forwards every method of every interface, through five methods of its subclass.
 
-A client passes the methods on through the network, a remapper to other boards. Each says how in five methods; they are
-told which method of an interface it is, as the function itself. What a method takes and gives is what its interface
-says, so that calls are checked as those of any other board.
+A client forwards them through the network, a remapper to other boards. The five methods get the interface's method as a
+function object. Signatures are those of the interfaces, so calls are type-checked like those of any other board.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
 
 R = TypeVar("R")
-#: A method of an interface that takes any choice of axes, as the last of its arguments.
+#: A method of an interface whose last argument selects axes.
 Plural: TypeAlias = "Callable[..., Any]"
 Method = TypeVar("Method", bound="Callable[..., Any]")
 Numbers = TypeVar("Numbers", bound="Callable[..., FloatArray]")
@@ -56,11 +55,11 @@ Truth = TypeVar("Truth", bound="Callable[..., bool]")
 Order = TypeVar("Order", bound="Callable[..., None]")
 
 
-# How a method of an interface becomes one of a forwarded board --------------------------------------------------------
+# Wrappers that turn a method of an interface into one of a forwarded board --------------------------------------------
 
 
 def _made(method: Method, forward: Callable[..., Any]) -> Method:
-    """A method that gives its arguments, in the order in which the interface declares them, to ``forward``."""
+    """Return a method that passes its arguments, in the interface's order, to ``forward``."""
     signature = inspect.signature(method)
     _, *parameters = signature.parameters.values()
     defaults = tuple(one.default for one in parameters)
@@ -73,11 +72,11 @@ def _made(method: Method, forward: Callable[..., Any]) -> Method:
         call.apply_defaults()
         return forward(*call.args)
 
-    return cast("Method", update_wrapper(forwarded, method, updated=()))  # without the mark that it is abstract
+    return cast("Method", update_wrapper(forwarded, method, updated=()))  # without the mark of an abstract method
 
 
 def _numbers(method: Numbers) -> Numbers:
-    """One that reads a number of each axis. The kind of PID, where there are several, goes before the axes."""
+    """Wrap a method that reads a number of each axis. A PID type, if any, is before the axes."""
 
     def read(board: ForwardedBoard, *of_and_axes: Any) -> FloatArray:
         *of, axes = of_and_axes
@@ -87,7 +86,7 @@ def _numbers(method: Numbers) -> Numbers:
 
 
 def _words(method: Words) -> Words:
-    """One that reads something else of each axis."""
+    """Wrap a method that reads another type of value of each axis."""
 
     def read(board: ForwardedBoard, axes: AxisSelection) -> tuple[Any, ...]:
         return tuple(board.forward_reading(method, axes))
@@ -96,7 +95,7 @@ def _words(method: Words) -> Words:
 
 
 def _set_numbers(method: Order) -> Order:
-    """One that gives each axis a number, with the kind of PID likewise."""
+    """Wrap a method that sets a number of each axis. A PID type, if any, is the first argument."""
 
     def give(board: ForwardedBoard, *of_values_axes: Any) -> None:
         *of, values, axes = of_values_axes
@@ -106,7 +105,7 @@ def _set_numbers(method: Order) -> Order:
 
 
 def _set_modes(method: Order) -> Order:
-    """One that gives each axis a mode: one for all of them, or one for each."""
+    """Wrap a method that sets modes: one for all axes, or one for each."""
 
     def give(board: ForwardedBoard, modes: ControlMode | Sequence[ControlMode], axes: AxisSelection) -> None:
         count = len(board.chosen(axes))
@@ -120,7 +119,7 @@ def _set_modes(method: Order) -> Order:
 
 
 def _done(method: Order) -> Order:
-    """One that does something with axes."""
+    """Wrap a method that executes an action on axes."""
 
     def do(board: ForwardedBoard, axes: AxisSelection) -> None:
         board.forward_action(method, axes)
@@ -129,12 +128,12 @@ def _done(method: Order) -> Order:
 
 
 def _all_are(method: Truth) -> Truth:
-    """One that says whether something is true of all these axes."""
+    """Wrap a method that returns whether a condition holds for all selected axes."""
     return _made(method, lambda board, axes: all(board.forward_action(method, axes)))
 
 
 def _single(method: Method) -> Method:
-    """One of a single axis, which is the first of its arguments."""
+    """Wrap a method of a single axis, the first argument."""
 
     def do(board: ForwardedBoard, axis: int, *arguments: Any) -> Any:
         [axis] = board.chosen(axis)
@@ -144,7 +143,7 @@ def _single(method: Method) -> Method:
 
 
 def _single_pid(method: Method) -> Method:
-    """One of a single axis, before which the kind of PID goes."""
+    """Wrap a method of a single axis whose first argument is a PID type."""
 
     def do(board: ForwardedBoard, kind: Any, axis: int, *arguments: Any) -> Any:
         [axis] = board.chosen(axis)
@@ -154,7 +153,7 @@ def _single_pid(method: Method) -> Method:
 
 
 def _whole(method: Method) -> Method:
-    """One of the whole board."""
+    """Wrap a method of the whole board."""
     return _made(method, lambda board: board.forward_whole(method))
 
 
@@ -179,43 +178,43 @@ class ForwardedBoard(
     IRemoteCalibrator,
     IJointFault,
 ):
-    """All interfaces of a board; ``axes`` and the five below are what is left to say.
+    """All interfaces of a board. Subclasses define ``axes`` and the five ``forward`` methods.
 
-    They are given axes as they were chosen, None for all, and have to refuse those that the board does not have.
+    These get the axes as they were selected, None for all, and must refuse axes that the board does not have.
     """
 
     @abstractmethod
     def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
-        """What a plural method gives for these axes, one value for each. ``of`` goes before the axes: a kind of PID."""
+        """Return the values of a reading method, one for each axis. ``of``: arguments before the axes, a PID type."""
 
     @abstractmethod
     def forward_setting(self, method: Plural, values: Sequence[Any], axes: AxisSelection, *of: object) -> None:
-        """Have a plural method set these axes, which exist; there is a value for each."""
+        """Call a setting method for axes that exist, with one value for each."""
 
     @abstractmethod
     def forward_action(self, method: Plural, axes: AxisSelection) -> list[Any]:
-        """Have a method do something for these axes; returns what it gave, of each call that was made of it."""
+        """Call an action for axes. Return the result of each call that was made for it."""
 
     @abstractmethod
     def forward_single(self, method: Callable[..., R], axis: int, *arguments: object, of: tuple[object, ...] = ()) -> R:
-        """What a method gives of one axis, which exists. ``of`` goes before the axis, the arguments behind it."""
+        """Return the result of a method for one existing axis. ``of``: arguments before the axis."""
 
     @abstractmethod
     def forward_whole(self, method: Callable[..., R]) -> R:
-        """What a method of the whole board gives."""
+        """Return the result of a method of the whole board."""
 
-    # What is checked before anything is passed on -----------------------------------------------------------------
+    # Checks before forwarding -------------------------------------------------------------------------------------
 
     def refusal(self, why: str) -> RefusedError:
-        """What to raise for arguments that make no sense."""
+        """Return the error for invalid arguments."""
         return RefusedError(why)
 
     def chosen(self, axes: AxisSelection) -> list[int]:
-        """The numbers of axes. Raises RefusedError for one that the board does not have."""
+        """Return the numbers of the selected axes. Raises RefusedError for one that the board does not have."""
         return selected(self.axes(), axes)
 
     def checked(self, values: Values, count: int) -> FloatArray:
-        """So many finite numbers. Raises RefusedError for others."""
+        """Return the values as an array of ``count`` finite numbers. Raises RefusedError for others."""
         return values_for(count, values)
 
     # The methods ----------------------------------------------------------------------------------------------------
@@ -237,7 +236,7 @@ class ForwardedBoard(
     # Motors ----------------------------------------------------------------------------------------------------------
 
     def motor_encoder_count(self) -> int:
-        """See IMotorEncoders: each axis has one."""
+        """Return the number of axes: each has one motor encoder."""
         return self.axes()
 
     motor_encoders = _numbers(IMotorEncoders.motor_encoders)
@@ -249,7 +248,7 @@ class ForwardedBoard(
     set_counts_per_revolution = _single(IMotorEncoders.set_counts_per_revolution)
 
     def motor_count(self) -> int:
-        """See IMotor: each axis has one."""
+        """Return the number of axes: each has one motor."""
         return self.axes()
 
     temperatures = _numbers(IMotor.temperatures)
@@ -313,7 +312,7 @@ class ForwardedBoard(
     set_pid = _single_pid(IPidControl.set_pid)
 
     def pid_count(self) -> int:
-        """See IPidControl: each axis has one of each kind."""
+        """Return the number of axes: each has one PID of each type."""
         return self.axes()
 
     pid_references = _numbers(IPidControl.pid_references)

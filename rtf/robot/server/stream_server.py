@@ -1,4 +1,4 @@
-"""What the servers of sensors have in common: a stream with stamps, which pauses while nothing is well."""
+"""Base class of sensor servers: a stream with stamps, which pauses while measuring fails."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from rtf.middleware.rpc import RpcServer
 from rtf.robot.errors import RobotError
-from rtf.robot.server.answering import guarded
+from rtf.robot.server.error_replies import with_error_replies
 from rtf.robot.server.outlets import BackgroundOutlets
-from rtf.robot.server.stamping import Stamping
+from rtf.robot.server.stamp_counter import StampCounter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -24,11 +24,11 @@ T = TypeVar("T")
 
 
 class StreamServer(ABC, Generic[T]):
-    """Publishes what ``measure`` gives, with stamps that count from 0.
+    """Publishes the results of ``measure``, with stamps that count from 0.
 
-    Whatever ``measure`` raises means that nothing is sent in that period, and is reported once. ``strict``: each
-    message waits until all readers have got the one before, and none is skipped; otherwise a slow reader misses some.
-    ``outlets`` opens the ports of the stream; a simulator has its own.
+    If ``measure`` raises an error, nothing is sent in that period, and the error is reported once. ``strict``: each
+    message waits until all readers have received the previous one, and none is skipped; otherwise a slow reader misses
+    some. ``outlets`` opens the ports of the stream; a simulator passes its own.
     """
 
     def __init__(
@@ -38,33 +38,33 @@ class StreamServer(ABC, Generic[T]):
         self.period = period
         self.network = network
         self._outlets = outlets or BackgroundOutlets(network, strict=strict)
-        self._stamping = Stamping()
+        self._stamps = StampCounter()
         self._said = ""
-        self._ports: list[Outlet] = []  # of what the server sends
+        self._ports: list[Outlet] = []  # of the stream
         self._opened = ExitStack()
 
     @abstractmethod
     def measure(self, now: float) -> tuple[T, float] | None:
-        """What is sent at ``now``, and the time of its stamp; None when there is nothing new."""
+        """Return the data to send at ``now`` and their time; None if there is nothing new."""
 
     def send(self, value: T, envelope: str) -> None:
-        """Write it to the port, or each port its part."""
+        """Write the data to every port."""
         for port in self._ports:
             port.write(value, envelope=envelope)
 
     def publish(self, now: float) -> None:
-        """See Publisher. While nobody listens nothing is measured."""
+        """Measure and publish, if there are readers."""
         if not self.heard:
             return
         try:
             measured = self.measure(now)
-        except Exception as error:  # noqa: BLE001 - a driver that fails now may work the next time, and it is told
+        except Exception as error:  # noqa: BLE001 - the driver may work again in the next period, and the error is reported
             self._tell(str(error) if isinstance(error, RobotError) else f"{type(error).__name__}: {error}")
             return
         self._said = ""
         if measured is not None:
             value, time = measured
-            self.send(value, self._stamping.next(time))
+            self.send(value, self._stamps.next(time))
 
     def _tell(self, sentence: str) -> None:
         if sentence != self._said:
@@ -74,25 +74,25 @@ class StreamServer(ABC, Generic[T]):
     def open_ports(
         self, names: Sequence[str], codec: Codec[Any], rpc: str = "", answer: Callable[[Bottle], object] | None = None
     ) -> Self:
-        """Open the ports of the stream, and one that answers questions; all of them or none."""
+        """Open the ports of the stream, and an RPC port if there is a handler; all of them or none."""
         with ExitStack() as opened:
             self._ports = [opened.enter_context(closing(self._outlets.open(name, codec))) for name in names]
             if answer is not None:
-                handle = guarded(answer, port=rpc, network=self.network)
+                handle = with_error_replies(answer, port=rpc, network=self.network)
                 opened.enter_context(RpcServer(rpc, handle, network=self.network))
             self._opened = opened.pop_all()
         return self
 
     @property
     def heard(self) -> bool:
-        """Whether somebody reads."""
+        """Whether there are readers."""
         for port in self._ports:  # noqa: SIM110 - a generator costs more than all else here
             if port.outputs:
                 return True
         return False
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait until what was published is sent; False when that takes longer, in s of the machine's clock."""
+        """Wait until everything published is sent; False after ``timeout`` s of real time."""
         return all(port.settle(timeout) for port in self._ports)
 
     def close(self) -> None:

@@ -1,8 +1,8 @@
-"""What a board says of itself a hundred times a second, as its client has it: the newest message, and its age.
+"""The published state of a board at its client: the latest message, and its age.
 
-A reading asks nobody: it is the last state that came, or an error when that is older than the client's time-out. By
-the machine's clock the age counts from the arrival, so the clocks of robot and client need not agree. By a simulator's
-clock it counts from the stamp of the message, for there a second may pass in a moment, or in none.
+A reading sends no request: it is the latest state, or an error if that is older than the client's timeout. By the
+machine's clock the age counts from the arrival, so the clocks of robot and client need not agree. By a simulator's
+clock it counts from the stamp of the message, because simulated seconds may pass in an instant, or not at all.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from rtf import clock
 from rtf.middleware import remote
 from rtf.middleware.names import Contact
-from rtf.robot.client.newest import Newest
+from rtf.robot.client.latest_message import LatestMessage
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError, StaleStateError
 from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState, Field
 from rtf.robot.interfaces import selected
@@ -27,22 +27,22 @@ if TYPE_CHECKING:
 
     from rtf.middleware.incoming_message import IncomingMessage
     from rtf.middleware.network import Network
-    from rtf.robot.client.newest import Came
+    from rtf.robot.client.latest_message import ReceivedValue
     from rtf.robot.interfaces import AxisSelection, FloatArray
 
-#: Seconds that opening waits for the first state. A board that publishes at all does so ten times in them.
+#: Longest wait in seconds for the first state. A board that publishes sends at least ten in this time.
 _MOST_WAITING = 1.0
 
-#: Is given each state with its time, s of the robot's clock; in the thread of the connection, which waits meanwhile.
+#: Called with the time, in seconds of the robot's clock, and each state, in the thread of the connection, which waits.
 Observer: TypeAlias = "Callable[[float, ExtendedState], None]"
 
 
-class StateReader(Newest[ExtendedState]):
-    """The port to which a board sends its state, which nobody changes any more once it has come.
+class StateReader(LatestMessage[ExtendedState]):
+    """The port that receives a board's state. A received state is not modified any more.
 
-    ``lost`` is called in the thread of a reader, before the error is raised, when no state came for too long. A message
-    is kept in the thread of the connection, before it is acknowledged, and read when it is asked for or observed.
-    ``diagnostic`` reports messages that come later after each other than ``timeout``.
+    ``lost`` is called in the thread of a reader, before the error is raised, if the state is stale. A message is stored
+    in the thread of the connection, before it is acknowledged, and decoded when it is read or observed. ``diagnostic``
+    reports gaps between messages that are longer than ``timeout``.
     """
 
     def __init__(
@@ -68,66 +68,70 @@ class StateReader(Newest[ExtendedState]):
         super().__init__(name, EXTENDED_STATE, timeout=timeout, network=network, lazily=True)
 
     def reconnect(self) -> None:
-        """Have the board send here, and to nobody who had this name before. Raises MiddlewareError, DeviceError."""
+        """Connect the board's state to this port, replacing an older connection of this name.
+
+        Raises MiddlewareError, DeviceError.
+        """
         here = Contact(self.name)
         if remote.connection(self._network, self.source, here) is not None:
             remote.disconnect(self._network, self.source, here)
         self.connect(self.source.name, self._carrier)
 
     def wait_for_first(self) -> None:
-        """Wait for a state to come, no longer than the time-out by the machine's clock, and than a second."""
+        """Wait for a first state, at most the timeout by the machine's clock, and at most a second."""
         self._first.wait(min(self.timeout, _MOST_WAITING))
 
     def _receive(self, delivery: IncomingMessage) -> None:
-        before = self.came if self._diagnostic else None
+        before = self.latest if self._diagnostic else None
         super()._receive(delivery)
         if not self._first.is_set():
             self._first.set()
         if self._observers:
-            came = self.came
-            if came is not None:
-                self._show(came.at if came.stamp is None else came.stamp.time, came.value)
+            latest = self.latest
+            if latest is not None:
+                self._show(latest.at if latest.stamp is None else latest.stamp.time, latest.value)
         if before is not None:
             self._diagnose(before)
 
-    def _diagnose(self, before: Came[ExtendedState]) -> None:
-        """Say that a state came late after the one before."""
-        came = self.came
-        if came is not None and came.at - before.at > self.timeout:
-            self._network.report(f"{self.name}: no state came for {came.at - before.at:.3f} s")
+    def _diagnose(self, before: ReceivedValue[ExtendedState]) -> None:
+        """Report a state that arrived late after the previous one."""
+        latest = self.latest
+        if latest is not None and latest.at - before.at > self.timeout:
+            self._network.report(f"{self.name}: no state arrived for {latest.at - before.at:.3f} s")
 
     # Observing ---------------------------------------------------------------------------------------------------
 
     def observe(self, observer: Observer) -> None:
-        """Give every state to a function from now on."""
+        """Call a function with every state from now on."""
         with self._changing:
             self._observers = (*self._observers, observer)
 
     def unobserve(self, observer: Observer) -> None:
-        """Give it no more; nothing happens if it was given none."""
+        """Stop calling a function; no error if it is unknown."""
         with self._changing:
             self._observers = tuple(one for one in self._observers if one != observer)
 
     def _show(self, time: float, state: ExtendedState) -> None:
-        """Give a state to the observers; one of another board than this client was opened for is none of theirs."""
+        """Call the observers with a state. A state with another number of axes than this client's is skipped."""
         if state.axes != self.axes:
             return
         for observer in self._observers:
             try:
                 observer(time, state)
-            except Exception as error:  # noqa: BLE001 - the state is everybody's, and the observer's fault is told
+            except Exception as error:  # noqa: BLE001 - other readers need the state; the observer's error is reported
                 self.unobserve(observer)
                 self._network.report(
-                    f"{self.name}: an observer is given no more states, it raised {type(error).__name__}: {error}"
+                    f"{self.name}: an observer was removed, because it raised {type(error).__name__}: {error}"
                 )
 
     # Reading -----------------------------------------------------------------------------------------------------
 
     def read(self, field: Field, axes: AxisSelection = None) -> NDArray[Any]:
-        """A copy of what was measured last, for these axes; shape (k,), of the type of the field.
+        """Return a copy of a field of the latest state for these axes: shape (k,), the type of the field.
 
-        Raises StaleStateError when nothing came within the time-out, NotSupportedError for what the board says is not
-        valid, RefusedError for an axis that it does not have. Flat, as controllers call it a thousand times a second.
+        Raises StaleStateError if no state arrived within the timeout, NotSupportedError for a field that the board
+        marks as invalid, RefusedError for an axis that it does not have. No helper functions: controllers call it a
+        thousand times a second.
         """
         state = self._current()
         if not state.valid[field]:
@@ -140,7 +144,7 @@ class StateReader(Newest[ExtendedState]):
         return values[chosen(self.board, len(values), axes)]
 
     def together(self, *fields: Field) -> tuple[NDArray[Any], ...]:
-        """Copies of several fields for all axes, all of the same message. Errors as for ``read``."""
+        """Return copies of several fields for all axes, from the same message. Errors as for ``read``."""
         state = self._current()
         for field in fields:
             if not state.valid[field]:
@@ -148,49 +152,49 @@ class StateReader(Newest[ExtendedState]):
         return tuple(state.values(field).copy() for field in fields)
 
     def _current(self) -> ExtendedState:
-        """The state that came last. Raises an error for one that is too old, or of another board."""
-        came = self._came if self._unread is None else self._read()
-        if came is None:
+        """Return the latest state. Raises an error if it is stale, or of another board."""
+        latest = self._latest if self._unread is None else self._read()
+        if latest is None:
             raise self._none()
-        age = clock.current().now() - came.at
+        age = clock.current().now() - latest.at
         if not -self.timeout <= age <= self.timeout:
             raise self._stale(age)
-        state = came.value
+        state = latest.value
         if state.axes != self.axes:
             raise self._of_another(state)
         return state
 
     def times(self, axes: AxisSelection = None) -> FloatArray:
-        """When what is read was true, by the robot's clock; the same for all axes. Errors as for ``read``."""
+        """Return the time of the state by the robot's clock, the same for all axes. Errors as for ``read``."""
         positions = self.read(Field.JOINT_POSITIONS, axes)
-        came = self.came
-        if came is None or came.stamp is None:
+        latest = self.latest
+        if latest is None or latest.stamp is None:
             raise NotSupportedError(f"{self.source.name} sends its states without the time")
-        return np.full(positions.shape, came.stamp.time)
+        return np.full(positions.shape, latest.stamp.time)
 
     def _none(self) -> StaleStateError:
         self._lost()
-        return StaleStateError(f"no state has come from {self.source.name} to {self.name} yet; look whether it runs")
+        return StaleStateError(
+            f"no state has arrived from {self.source.name} at {self.name} yet; is its robot running?"
+        )
 
     def _stale(self, age: float) -> StaleStateError:
         self._lost()
         return StaleStateError(
             f"the last state from {self.source.name} to {self.name} is {age:.3f} s old, "
-            f"which is more than the time-out of {self.timeout:g} s"
+            f"which is more than the timeout of {self.timeout:g} s"
         )
 
     def _of_another(self, state: ExtendedState) -> NoAnswerError:
-        return NoAnswerError(
-            f"{self.source.name} sends states of {state.axes} joints, which makes no sense: the board has {self.axes}"
-        )
+        return NoAnswerError(f"{self.source.name} sends states of {state.axes} joints, but the board has {self.axes}")
 
     def _not_valid(self, field: Field) -> NotSupportedError:
         what = field.name.lower().replace("_", " ")
-        return NotSupportedError(f"{self.board} gives no valid {what}: it has none, or cannot measure them now")
+        return NotSupportedError(f"{self.board} marks {what} as invalid: it has none, or cannot measure them now")
 
 
 def chosen(board: str, count: int, axes: AxisSelection) -> list[int]:
-    """The numbers of the axes. Raises RefusedError, naming the board."""
+    """Return the numbers of the selected axes. Raises RefusedError, naming the board."""
     try:
         return selected(count, axes)
     except RefusedError as error:

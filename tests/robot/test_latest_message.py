@@ -13,7 +13,7 @@ from rtf.bottle import Bottle
 from rtf.middleware.port import Port
 from rtf.middleware.types import VECTOR
 from rtf.middleware.types.vector import VectorCodec
-from rtf.robot.client.newest import Newest
+from rtf.robot.client.latest_message import LatestMessage
 from rtf.robot.errors import StaleStateError
 
 if TYPE_CHECKING:
@@ -42,14 +42,14 @@ def codec() -> Counting:
 
 
 @pytest.fixture
-def newest(network: Network, codec: Counting) -> Iterator[Newest[Any]]:
+def newest(network: Network, codec: Counting) -> Iterator[LatestMessage[Any]]:
     """A port that reads lazily."""
-    with closing(Newest("/newest", codec, timeout=10.0, network=network, lazily=True)) as made:
+    with closing(LatestMessage("/newest", codec, timeout=10.0, network=network, lazily=True)) as made:
         yield made
 
 
 @pytest.fixture
-def source(network: Network, newest: Newest[Any]) -> Iterator[Port]:
+def source(network: Network, newest: LatestMessage[Any]) -> Iterator[Port]:
     """A port that sends to it, by tcp: what it has written has been delivered."""
     with Port("/source", network=network) as made:
         made.add_output(newest.name, "tcp")
@@ -61,39 +61,41 @@ def send(source: Port, *values: float, envelope: str = "") -> None:
     source.write(np.array(values), VECTOR, envelope=envelope)
 
 
-def test_what_nobody_asks_for_is_not_read(newest: Newest[Any], source: Port, codec: Counting):
+def test_what_nobody_asks_for_is_not_read(newest: LatestMessage[Any], source: Port, codec: Counting):
     """Only the first, which shows what is usual, and what is asked for; and that once."""
     for number in range(20):
         send(source, number, 2.0)
     assert codec.read == 1
     for _ in range(3):
-        came = newest.fresh()
-        assert came.value.tolist() == [19.0, 2.0]
+        latest = newest.fresh()
+        assert latest.value.tolist() == [19.0, 2.0]
     assert codec.read == 2
 
 
-def test_each_is_asked_for_as_it_came(newest: Newest[Any], source: Port):
+def test_each_is_asked_for_as_it_came(newest: LatestMessage[Any], source: Port):
     """With its own stamp and values, whether it is as long as the one before or not."""
     for number, values in enumerate(([1.0], [2.0], [3.0, 4.0], [5.0, 6.0], [7.0], [8.0])):
         send(source, *values, envelope=f"{number} 0.5")
-        came = newest.came
-        assert came is not None
-        assert came.stamp is not None
-        assert (came.value.tolist(), came.stamp.count) == (values, number)
+        latest = newest.latest
+        assert latest is not None
+        assert latest.stamp is not None
+        assert (latest.value.tolist(), latest.stamp.count) == (values, number)
 
 
-def test_it_is_as_old_as_its_arrival(newest: Newest[Any], source: Port):
+def test_it_is_as_old_as_its_arrival(newest: LatestMessage[Any], source: Port):
     """Not as its reading."""
     send(source, 1.0)
     send(source, 2.0)
     delivered = clock.now()
-    came = newest.came
-    assert came is not None
-    assert came.value.tolist() == [2.0]
-    assert came.at <= delivered
+    latest = newest.latest
+    assert latest is not None
+    assert latest.value.tolist() == [2.0]
+    assert latest.at <= delivered
 
 
-def test_nonsense_of_the_usual_length_is_found_out_when_it_is_read(newest: Newest[Any], source: Port, said: list[str]):
+def test_nonsense_of_the_usual_length_is_found_out_when_it_is_read(
+    newest: LatestMessage[Any], source: Port, said: list[str]
+):
     """Its sender is hung up on, once and with a word about it, and what came before it stays the newest."""
     send(source, 1.0, 2.0)
     assert newest.fresh().value.tolist() == [1.0, 2.0]
@@ -103,7 +105,7 @@ def test_nonsense_of_the_usual_length_is_found_out_when_it_is_read(newest: Newes
     assert len([sentence for sentence in said if "/source was cut off" in sentence]) == 1
 
 
-def test_other_nonsense_is_found_out_at_once(newest: Newest[Any], source: Port, said: list[str]):
+def test_other_nonsense_is_found_out_at_once(newest: LatestMessage[Any], source: Port, said: list[str]):
     """As everywhere."""
     send(source, 1.0, 2.0)
     source.write(Bottle.parse("[pos] x y"))
@@ -111,7 +113,7 @@ def test_other_nonsense_is_found_out_at_once(newest: Newest[Any], source: Port, 
     assert newest.fresh().value.tolist() == [1.0, 2.0]
 
 
-def test_text_is_read_as_text(newest: Newest[Any], network: Network):
+def test_text_is_read_as_text(newest: LatestMessage[Any], network: Network):
     """Of whatever length."""
     with Port("/typed", network=network) as typed:
         typed.add_output(newest.name, "text_ack")
@@ -120,11 +122,11 @@ def test_text_is_read_as_text(newest: Newest[Any], network: Network):
             assert newest.fresh().value.tolist() == [number, 2.5]
 
 
-def test_before_the_first_there_is_none(newest: Newest[Any]):
+def test_before_the_first_there_is_none(newest: LatestMessage[Any]):
     """And that is said."""
-    assert newest.came is None
+    assert newest.latest is None
     assert newest.age() is None
-    with pytest.raises(StaleStateError, match="nothing has come to /newest yet"):
+    with pytest.raises(StaleStateError, match="no message has arrived at /newest yet"):
         newest.fresh()
 
 

@@ -1,4 +1,4 @@
-"""Asks a device at the other end of the network; whatever happens on the way is an error of robots."""
+"""A request connection to a remote device. All of its failures are errors of robots."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class Asker:
-    """A port that asks the port ``server``, to which it is connected again when the connection broke.
+class RpcConnection:
+    """A client port of the RPC port ``server``, which reconnects after a lost connection.
 
-    ``patience`` is how long an answer may take, s of the machine's clock. Raises DeviceError when there is no server.
+    ``patience`` is the timeout of a reply in seconds of real time. Raises DeviceError if there is no server.
     """
 
     def __init__(self, name: str, server: str, *, patience: float, network: Network) -> None:
@@ -35,11 +35,11 @@ class Asker:
             raise DeviceError(f"{name} cannot be connected to {server}: {error}; is its robot running?") from error
 
     def ask(self, question: object) -> Bottle:
-        """The answer. Raises NoAnswerError when none comes, or one that is no answer."""
+        """Send a request and return the reply. Raises NoAnswerError if there is none, or an invalid one."""
         return self.ask_for(BOTTLE, question)
 
     def ask_for(self, codec: Codec[T], question: object) -> T:
-        """The answer, read by a codec; likewise."""
+        """Send a request and return the reply, decoded by a codec. Raises NoAnswerError likewise."""
         try:
             with self._lock:
                 if not self._client.outputs:

@@ -1,8 +1,8 @@
-"""What the clients of control boards of both protocols have in common.
+"""Base class of the control board clients of both protocols.
 
-They are opened and closed in the same way, what is measured comes with the state, and references that come at a high
-rate are streamed. Axes are checked here, and so are values, because a board does not answer what is streamed, and may
-take anything. How everything else is asked for, each client says itself.
+They are opened and closed in the same way, measurements come with the state, and setpoints at a high rate are streamed.
+Axes and values are checked here, because a board does not answer streamed commands and may accept anything. Each client
+implements all other requests.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 
 from rtf import clock
 from rtf.bottle import Bottle, Value
-from rtf.robot.client.link import ControlBoardLink, Rpc
+from rtf.robot.client.control_board_link import ControlBoardLink, Rpc
 from rtf.robot.client.questions import HEADS
 from rtf.robot.client.settings import ClientSettings
-from rtf.robot.client.state import chosen
+from rtf.robot.client.state_reader import chosen
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError, RefusedError
@@ -32,27 +32,27 @@ if TYPE_CHECKING:
     from typing import Self
 
     from rtf.bottle import Property
-    from rtf.robot.client.state import Observer
+    from rtf.robot.client.state_reader import Observer
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
 
-#: The methods that are answered when they are done, which takes its time.
+#: Methods whose reply comes when the action is done, which takes long.
 SLOW = frozenset({"calibrate_joint", "calibrate_part", "home_joint", "home_part", "park_joint", "park_part"})
-#: The types of the number of one axis.
+#: The types of the number of an axis.
 INTEGER = (int, np.integer)
 _CONTROL_MODES: Mapping[int, ControlMode] = {int(mode): mode for mode in ControlMode}
 _INTERACTION_MODES: Mapping[int, InteractionMode] = {int(mode): mode for mode in InteractionMode}
 
 
 class BoardStub(Device, Generic[Rpc]):
-    """A board that is at the other end of a link. Its methods raise DeviceError while it is not open."""
+    """A board at the other end of a link. Its methods raise DeviceError while it is not open."""
 
-    #: By what the state and the streamed commands travel if nothing is said.
+    #: The default carrier of the state and the streamed commands.
     carrier: ClassVar[str] = "udp"
     _opened: ControlBoardLink[Rpc] | None = None
 
     @abstractmethod
     def _connect(self, settings: ClientSettings) -> ControlBoardLink[Rpc]:
-        """The connections with the board. Raises DeviceError."""
+        """Open the connections to the board. Raises DeviceError."""
 
     @property
     def _link(self) -> ControlBoardLink[Rpc]:
@@ -61,11 +61,11 @@ class BoardStub(Device, Generic[Rpc]):
         return self._opened
 
     def open(self, configuration: Property) -> None:
-        """See Device. By the machine's clock it returns with the first state, if that comes within the time-out."""
+        """Open the client. By the machine's clock, wait for the first state, at most for the timeout."""
         settings = ClientSettings.read(configuration, self.carrier)
         self.close()
         self._opened = self._connect(settings)
-        if type(clock.current()) is clock.SystemClock:  # by others time may stand still meanwhile
+        if type(clock.current()) is clock.SystemClock:  # a simulated time may stand still meanwhile
             self._opened.state.wait_for_first()
 
     def close(self) -> None:
@@ -82,48 +82,48 @@ class BoardStub(Device, Generic[Rpc]):
         self.close()
 
     def observe(self, observer: Observer) -> None:
-        """Have every state given to a function as it comes. Until ``unobserve``, until it is closed, or it raises."""
+        """Call a function with every state, until ``unobserve``, ``close``, or an error in it."""
         self._link.state.observe(observer)
 
     def unobserve(self, observer: Observer) -> None:
-        """Give it no more."""
+        """Stop calling a function."""
         self._link.state.unobserve(observer)
 
     # Axes and values ---------------------------------------------------------------------------------------------
 
     def axes(self) -> int:
-        """As the board said when it was opened."""
+        """Return the number of axes that the board had when it was opened."""
         return self._link.axes
 
     def refusal(self, why: str) -> RefusedError:
-        """What to raise for arguments that make no sense."""
+        """Return the error for invalid arguments."""
         return RefusedError(f"{self._link.settings.remote}: {why}")
 
     def chosen(self, axes: AxisSelection) -> list[int]:
-        """The numbers of axes. Raises RefusedError for one that the board does not have."""
+        """Return the numbers of the selected axes. Raises RefusedError for one that the board does not have."""
         link = self._opened or self._link
-        if type(axes) is int and 0 <= axes < link.axes:  # as nearly always
+        if type(axes) is int and 0 <= axes < link.axes:  # the usual case
             return [axes]
         return chosen(link.settings.remote, link.axes, axes)
 
     def checked(self, values: Values, count: int) -> FloatArray:
-        """So many finite numbers. Raises RefusedError for others."""
+        """Return the values as an array of ``count`` finite numbers. Raises RefusedError for others."""
         try:
             return values_for(count, values)
         except RefusedError as error:
             raise self.refusal(str(error)) from None
 
     def _finite(self, *numbers: float) -> list[Value]:
-        """Numbers as they are sent. Raises RefusedError for what is none."""
+        """Return numbers as they are sent. Raises RefusedError unless all are finite."""
         for number in numbers:
             if not math.isfinite(number):
-                raise self.refusal(f"{number} is no finite number")
+                raise self.refusal(f"{number} is not a finite number")
         return [float(number) for number in numbers]
 
-    # What is measured: flat, as it is asked for all the time --------------------------------------------------------
+    # Measurements: no helper functions, as they are read often ------------------------------------------------------
 
     def encoders_together(self) -> tuple[FloatArray, FloatArray]:
-        """Where all joints and all motors are (deg), of the same moment: two readings may be of two states."""
+        """Return the positions of all joints and of all motors (deg), from the same state."""
         joints, motors = self._link.state.together(Field.JOINT_POSITIONS, Field.MOTOR_POSITIONS)
         return joints, motors
 
@@ -137,7 +137,7 @@ class BoardStub(Device, Generic[Rpc]):
         return self._link.state.read(Field.JOINT_ACCELERATIONS, joints)
 
     def encoder_times(self, joints: AxisSelection = None) -> FloatArray:
-        """See IEncoders; the message has one time for all."""
+        """Return the times of the positions; a message has one time for all joints."""
         return self._link.state.times(joints)
 
     def motor_encoders(self, motors: AxisSelection = None) -> FloatArray:
@@ -153,30 +153,30 @@ class BoardStub(Device, Generic[Rpc]):
         return self._link.state.read(Field.TORQUES, joints)
 
     def currents(self, motors: AxisSelection = None) -> FloatArray:
-        """See ICurrentControl and IAmplifierControl, for which they are the same."""
+        """Return the measured currents, for both ICurrentControl and IAmplifierControl."""
         return self._link.state.read(Field.CURRENTS, motors)
 
     def duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
-        """See IPWMControl. They travel in single precision."""
+        """Return the duty cycles. YARP 4 transmits them in single precision."""
         return self._link.state.read(Field.DUTY_CYCLES, motors)
 
     def control_modes(self, joints: AxisSelection = None) -> tuple[ControlMode, ...]:
-        """See IControlMode. A number that is no mode is UNKNOWN.
+        """Return the control modes. An unknown number is UNKNOWN.
 
-        What was set shows when the next state has come, which takes the board's period and its way.
+        A mode that was set is visible in the next state, after the board's period and the transmission.
         """
         numbers = self._link.state.read(Field.CONTROL_MODES, joints).tolist()
         return tuple([_CONTROL_MODES.get(number, ControlMode.UNKNOWN) for number in numbers])
 
     def interaction_modes(self, joints: AxisSelection = None) -> tuple[InteractionMode, ...]:
-        """See IInteractionMode; likewise."""
+        """Return the interaction modes; an unknown number is UNKNOWN."""
         numbers = self._link.state.read(Field.INTERACTION_MODES, joints).tolist()
         return tuple([_INTERACTION_MODES.get(number, InteractionMode.UNKNOWN) for number in numbers])
 
-    # What is streamed: it comes so often that nobody could wait for answers ------------------------------------------
+    # Streamed commands, which are not answered because of their rate -------------------------------------------------
 
     def velocity_move(self, velocities: Values, joints: AxisSelection = None) -> None:
-        """See IVelocityControl. The board does not answer, here and below."""
+        """Stream velocities. The board does not answer, here and below."""
         self._stream("velocity_move", velocities, joints)
 
     def set_positions(self, positions: Values, joints: AxisSelection = None) -> None:
@@ -189,11 +189,11 @@ class BoardStub(Device, Generic[Rpc]):
         self._stream("set_reference_currents", currents, motors)
 
     def set_reference_duty_cycles(self, duties: Values, motors: AxisSelection = None) -> None:
-        """See IPWMControl. There is no command for several: they get one each."""
+        """Stream duty cycles. There is no command for several motors: each gets one."""
         self._stream("set_reference_duty_cycles", duties, motors)
 
     def _stream(self, method: str, values: Values, axes: AxisSelection) -> None:
-        """Stream a command. One for a single axis waits for the one before."""
+        """Stream a command. One for a single axis waits for the previous one."""
         heads, stream = HEADS[method], self._link.stream
         if axes is None:
             stream.send([*heads[Shape.ALL]], self.checked(values, self._link.axes), strict=False)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from conftest import Bench, Running
 
-    from rtf.robot.interface.machine import RobotInterface
+    from rtf.robot.interface.robot_interface import RobotInterface
 
     Start = Callable[[RobotInterface], Running]
 
@@ -65,7 +65,7 @@ def test_all_is_done_in_order(bench: Bench):
     assert outcome.good
     assert bench.calls == ORDERLY
     assert bench.errors() == []
-    done = [re.sub(r" in [0-9.]+ m?s.*", "", sentence) for weight, sentence in bench.told if weight == "INFO"]
+    done = [re.sub(r" in [0-9.]+ m?s.*", "", sentence) for level, sentence in bench.told if level == "INFO"]
     assert "opened cal (scriptedCalibrator)" in done
     assert "calibrate of cal (startup, level 10) done" in done
     assert "closed board (scripted)" in done
@@ -130,9 +130,9 @@ def test_what_a_device_does_not_offer(bench: Bench):
     )
     outcome = bench.run(device("board") + device("plain", "plain", actions))
     assert [one.partition("] failed: ")[2] for one in outcome.failures] == [
-        "plain (Plain) has no actions of its own",
-        "plain (Plain) is no calibrator",
-        "plain (Plain) is no calibrator",
+        "plain (Plain) has no custom actions",
+        "plain (Plain) is not a calibrator",
+        "plain (Plain) is not a calibrator",
         "plain (Plain) cannot be attached to board",
     ]
 

@@ -1,4 +1,4 @@
-"""The three connections of a client with a board: they are made together, and together made anew."""
+"""The connections of a client with a board: RPC, command stream and state, which are reconnected together."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from rtf.errors import RtfError
 from rtf.middleware import remote
 from rtf.middleware.names import Contact
 from rtf.middleware.qos import Qos
+from rtf.robot.client.command_stream import CommandStream
 from rtf.robot.client.questions import GETTING
 from rtf.robot.client.rpc import BoardRpc
-from rtf.robot.client.state import StateReader
-from rtf.robot.client.streaming import CommandStream
+from rtf.robot.client.state_reader import StateReader
 from rtf.robot.errors import DeviceError, NoAnswerError, UnreachableError
 from rtf.robot.extended_state import MAX_AXES
 from rtf.robot.vocabulary import Shape
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
     from rtf.robot.client.settings import ClientSettings
 
-#: Seconds between attempts to have the state sent again, so that who reads a state in a loop is not held up each time.
+#: Seconds between attempts to reconnect the state, so that a loop that reads it is not blocked each time.
 _BETWEEN = 1.0
 
 
@@ -32,14 +32,14 @@ Rpc = TypeVar("Rpc", bound=BoardRpc)
 
 
 class ControlBoardLink(Generic[Rpc]):
-    """Questions, commands and state; boards of each dialect have their kind of ``asking``.
+    """The RPC connection, the command stream and the state of a board. ``asking`` is the RPC class of its protocol.
 
-    Raises DeviceError when the board cannot be reached; then nothing is left.
+    Raises DeviceError if the board cannot be reached; then nothing stays open.
 
-    A connection that is lost is noticed when it is used, or when no state comes any more. It is made anew by the thread
-    that needs it; all of them are unless the board still answers questions, because a board that was started again has
-    forgotten them. Each step of that takes no longer than the network's ``patience``, each answer no longer than the
-    client's limit.
+    A lost connection is noticed when it is used, or when no state arrives any more. The thread that needs it reconnects
+    it. If the board still answers requests, only the lost connection is made again; else all of them, because a
+    restarted board has forgotten them. Each step takes at most the network's ``patience``, each reply at most the
+    client's timeout.
     """
 
     def __init__(self, settings: ClientSettings, network: Network, asking: type[Rpc]) -> None:
@@ -79,7 +79,7 @@ class ControlBoardLink(Generic[Rpc]):
             self._undo = undo.pop_all()
 
     def close(self) -> None:
-        """Disconnect. Doing so again changes nothing."""
+        """Disconnect. A second call has no effect."""
         self._undo.close()
 
     def _connect(self) -> None:
@@ -92,7 +92,7 @@ class ControlBoardLink(Generic[Rpc]):
         count = as_int(axes[0]) if len(axes) == 1 else 0
         board = self.settings.remote
         if not 1 <= count <= MAX_AXES:
-            raise NoAnswerError(f"{board} does not say how many joints it has but {axes}")
+            raise NoAnswerError(f"{board} does not answer with a number of joints but with {axes}")
         if self.axes and count != self.axes:
             raise NoAnswerError(f"{board} has {count} joints now, it had {self.axes}; open it again")
         self.axes = count
@@ -107,7 +107,7 @@ class ControlBoardLink(Generic[Rpc]):
         remote.set_connection_qos(self._network, state.source, Contact(state.name), distant, local)
         remote.set_connection_qos(self._network, Contact(stream.name), stream.target, local, distant)
 
-    # Making it anew ----------------------------------------------------------------------------------------------
+    # Reconnecting ------------------------------------------------------------------------------------------------
 
     def _remake_rpc(self) -> None:
         with self._lock:
@@ -120,7 +120,7 @@ class ControlBoardLink(Generic[Rpc]):
                 self._remake(self.stream)
 
     def _remake_state(self) -> None:
-        """Try it, now and then, unless another thread is at it; whoever reads gets its error in any case."""
+        """Try to reconnect the state, at most once per interval and in one thread. The caller gets its error anyway."""
         if clock.monotonic() - self._tried < _BETWEEN or not self._lock.acquire(blocking=False):
             return
         try:
@@ -130,16 +130,16 @@ class ControlBoardLink(Generic[Rpc]):
             self._lock.release()
 
     def _remake(self, lost: BoardRpc | CommandStream | StateReader) -> None:
-        """Make one connection anew while the board still answers in the old one, else all."""
+        """Reconnect one connection while the board still answers over RPC, else all of them."""
         self._tried = clock.monotonic()
         try:
             if self.rpc.connected and self._answers():
                 lost.reconnect()
             else:
                 self._connect()
-                self._network.report(f"{self.settings.remote} was lost, and has been connected to again")
+                self._network.report(f"{self.settings.remote} was lost and is connected again")
         except RtfError as error:
-            self.rpc.disconnect()  # nothing goes to what may be another board
+            self.rpc.disconnect()  # nothing may be sent to what may be another board
             self.stream.disconnect()
             raise UnreachableError(f"{self.settings.remote} cannot be reached again: {error}") from error
 

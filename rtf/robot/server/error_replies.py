@@ -1,4 +1,4 @@
-"""What becomes of a question when the device says no, or fails."""
+"""Error replies: the answer to a request whose handler raises an error."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
 
 
-def guarded(
+def with_error_replies(
     answer: Callable[[Bottle], object], *, port: str, network: Network, failure: object = FAIL
 ) -> Callable[[Bottle], object]:
-    """The same answers, but ``failure`` for whatever is raised.
+    """Wrap a request handler: any exception becomes the reply ``failure``.
 
-    That a device refuses, and that a question is none, is the asker's business; every other error is a fault here, and
-    is reported.
+    A refusal of the device and an invalid request are errors of the client; all other exceptions are errors of the
+    server and are reported.
     """
 
     def answered(question: Bottle) -> object:
@@ -29,7 +29,7 @@ def guarded(
             return answer(question)
         except (RobotError, BottleError):
             return failure
-        except Exception as error:  # noqa: BLE001 - whatever a driver does, the port goes on, and it is told
+        except Exception as error:  # noqa: BLE001 - the port must survive errors of a driver; they are reported
             network.report(f"{port}: {question.to_text()[:80]!r} failed: {type(error).__name__}: {error}")
             return failure
 

@@ -1,4 +1,4 @@
-"""Boards with a calibrator behind them, which whoever asks the board may ask, too, also through the network."""
+"""Boards with a calibrator, which clients of the board may use, also through the network."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rtf.robot.interfaces import IRemoteCalibrator
 
 
 class JointCalibrator(Calibrator):
-    """A calibrator that also takes care of single joints. The calls are like those for all of them."""
+    """A calibrator that can also calibrate, home and park single joints. The calls are like those for all joints."""
 
     @abstractmethod
     def calibrate_joint(self, target: Device, joint: int) -> None:
@@ -18,23 +18,23 @@ class JointCalibrator(Calibrator):
 
     @abstractmethod
     def home_joint(self, target: Device, joint: int) -> None:
-        """Bring a joint to its home pose."""
+        """Move a joint to its home pose."""
 
     @abstractmethod
     def park_joint(self, target: Device, joint: int) -> None:
-        """Bring a joint to its parking pose."""
+        """Move a joint to its parking pose."""
 
 
 class Calibrated(Device, IRemoteCalibrator):
-    """What a board has of a calibrator: nothing, until it is given one. Errors are those of the calibrator.
+    """The calibrator methods of a board, which are passed on to the calibrator that it was given.
 
-    Every call raises NotSupportedError while there is none.
+    Every call raises the errors of the calibrator, and NotSupportedError while there is none.
     """
 
     _calibrator: Calibrator | None = None
 
     def set_calibrator(self, calibrator: Calibrator) -> None:
-        """Ask this one from now on."""
+        """Use this calibrator from now on."""
         self._calibrator = calibrator
 
     def has_calibrator(self) -> bool:

@@ -1,24 +1,24 @@
-"""The plan of a robot for people: as text, and as a picture."""
+"""Drawings of a robot's plan: as text, and as SVG."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
+from rtf.robot.interface.log import printable
 from rtf.robot.interface.plan import Column, Line, Step, columns
-from rtf.robot.interface.telling import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rtf.robot.interface.model import Robot
 
-#: What marks things that are done at the same time.
+#: The mark of actions that run in parallel.
 _TOGETHER = "\N{PARALLEL TO} "
 
 
 def draw_text(robot: Robot) -> str:
-    """The plan as lines: phases, their levels, and what is done in each, with its place in the files."""
+    """Return the plan as text: phases, levels, and the actions in each, with their location in the files."""
     rows: list[tuple[str, str]] = [(_heading(robot), "")]
     for column in columns(robot):
         rows.append((f"{column.title}: {column.note}", ""))
@@ -40,16 +40,16 @@ def _text_of(line: Line) -> str:
 # The picture -----------------------------------------------------------------------------------------------------
 
 _ROW, _GAP, _MARGIN = 20, 10, 20  # pixels
-_CHARACTER = 7.3  # pixels of a character of the font
+_CHARACTER = 7.3  # pixel width of a character
 _LONGEST = 100  # characters of a line
 _STYLE = (
-    "text{font:12px monospace;fill:#1d2733}.head{font-weight:bold;font-size:14px}.note{fill:#5b6875}"
+    "text{font:12px monospace;fill:#1d2733}.head{font-level:bold;font-size:14px}.note{fill:#5b6875}"
     ".column{fill:#f4f6f8;stroke:#c3ccd5}.step{fill:#fff;stroke:#9aa7b4}.moves{fill:#8a3b00}"
 )
 
 
 def draw_svg(robot: Robot) -> str:
-    """The plan as a picture of its own: a column a phase, a box a level; what moves at the same time is marked."""
+    """Return the plan as SVG: a column per phase, a box per level; parallel actions are marked."""
     found = [*columns(robot)]
     widths = [_width(column) for column in found]
     heights = [_height(column) for column in found]

@@ -1,4 +1,4 @@
-"""The commands that a client sends and nobody answers: velocities, and references that are followed at once."""
+"""The stream of commands from a client to a board, which are not answered: velocities and immediate setpoints."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 
 class CommandStream:
-    """The port from which commands stream to a board. May be used from any thread.
+    """The port that streams commands to a board. May be used from any thread.
 
-    A command is sent in the background. While the one before is still on its way a strict one waits for it, no longer
-    than ``limit`` seconds, another one is left out: the next comes soon. By a simulator's clock each is sent before
-    ``send`` returns, so that it arrives at the time at which it was given. ``strict`` decides for all, if it is not
-    None. ``remade`` is called when the connection has been lost and is wanted again.
+    A command is sent in the background. While the previous one is in transit, a strict command waits for it, at most
+    ``limit`` seconds, and any other is skipped: the next one follows soon. By a simulator's clock each is sent before
+    ``send`` returns, so that it arrives at the simulated time of the call. ``strict`` overrides the choice for all
+    commands unless it is None. ``remade`` is called to reconnect a lost connection before it is used.
     """
 
     def __init__(
@@ -58,28 +58,28 @@ class CommandStream:
 
     @property
     def target(self) -> Contact:
-        """The port that it sends to."""
+        """The port of the board."""
         return self._target
 
     @property
     def connected(self) -> bool:
-        """Whether there is a connection, as far as is known."""
+        """Whether the connection exists, as far as is known."""
         return bool(self._port.outputs)
 
     def reconnect(self) -> None:
-        """Connect; anew if there is a connection. Raises MiddlewareError."""
+        """Connect, or reconnect. Raises MiddlewareError."""
         self._port.add_output(self._target, self._carrier)
 
     def disconnect(self) -> None:
-        """Hang up; the next use makes a new connection."""
+        """Disconnect; the next use reconnects."""
         self._port.remove_output(self._target.name)
 
     def close(self) -> None:
-        """Disconnect, when what was given is sent."""
+        """Send what is in transit, then disconnect."""
         self._port.close()
 
     def send(self, head: list[Value], values: FloatArray, *, strict: bool) -> None:
-        """Send a command and its values. Raises NoAnswerError when there is nobody to send to, or it takes too long."""
+        """Send a command and its values. Raises NoAnswerError without a connection, or after the limit."""
         port = self._port
         if not port.outputs:
             self._remade()
@@ -88,10 +88,10 @@ class CommandStream:
         if strict:
             self._drain()
         if not port.write(Pair(Bottle.adopt(head), values)) and strict:
-            raise NoAnswerError(f"the connection with {self._target.name} broke: what was streamed is lost")
+            raise NoAnswerError(f"the connection with {self._target.name} was lost, and the streamed command with it")
         if type(clock.current()) is not clock.SystemClock:
             self._drain()
 
     def _drain(self) -> None:
         if not self._port.wait(self._limit):
-            raise NoAnswerError(f"{self.board} has not taken the command before within {self._limit:g} s")
+            raise NoAnswerError(f"{self.board} has not received the previous command within {self._limit:g} s")

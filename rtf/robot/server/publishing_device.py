@@ -1,4 +1,4 @@
-"""Devices of a configuration that put another device on the network, and publish what it measures, regularly."""
+"""Base class of server devices of a configuration, which publish another device's data periodically."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rtf.middleware.errors import MiddlewareError
 from rtf.robot import parameters
 from rtf.robot.device import Device
 from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError
-from rtf.robot.periodic import PeriodicThread, Publisher
+from rtf.robot.periodic_thread import PeriodicThread, Publisher
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,24 +17,24 @@ if TYPE_CHECKING:
     from rtf.bottle import Property
 
 T = TypeVar("T")
-#: The shortest period that is taken; below it a thread would do nothing else.
+#: The shortest period in seconds; a shorter one would keep a thread busy all the time.
 SHORTEST = 1e-4
 
 
 class Server(Publisher, Protocol):
-    """What is published, with its ports."""
+    """A publisher with ports."""
 
     def close(self) -> None:
         """Close the ports."""
 
 
 class PublishingDevice(Device):
-    """A server stub as a configuration has it: ``name`` begins the names of its ports, ``period`` is how often.
+    """A server as a device of a configuration: ``name`` is the prefix of its ports, ``period`` its period.
 
-    ``attach`` takes the one device that is served, opens the ports and begins to publish in a thread.
+    ``attach`` takes the one device to serve, opens the ports and starts the publishing thread.
     """
 
-    #: How long one of ``period`` is, in s, and what it is without one: None if it must be given.
+    #: The unit of ``period`` in seconds, and its default; None: it is required.
     unit: ClassVar[float] = 1.0
     default_period: ClassVar[float | None] = None
     default_name: ClassVar[str | None] = None
@@ -44,7 +44,7 @@ class PublishingDevice(Device):
     _configuration: Property | None = None
 
     def open(self, configuration: Property) -> None:
-        """See Device. Raises ConfigurationError."""
+        """Read the configuration. Raises ConfigurationError."""
         self.port_name = parameters.port_name(configuration, "name", self.default_name)
         self.period = parameters.positive(configuration, "period", self.default_period) * self.unit
         if self.period < SHORTEST:
@@ -53,11 +53,11 @@ class PublishingDevice(Device):
         self._configuration = configuration
 
     def configure(self, configuration: Property) -> None:
-        """Read the parameters that only this kind of device has. Raises ConfigurationError."""
+        """Read the parameters of this kind of device. Raises ConfigurationError."""
 
     @abstractmethod
     def serve(self, device: Device) -> Server:
-        """Open the ports for a device. Raises NotSupportedError for one of another kind."""
+        """Open the server of a device. Raises NotSupportedError for a device of another kind."""
 
     def attach(self, devices: Mapping[str, Device]) -> None:
         """Serve a device. Raises DeviceError."""
@@ -76,7 +76,7 @@ class PublishingDevice(Device):
         self._thread = PeriodicThread(self.server, name=self.name, report=lambda said: report(f"{self.name}: {said}"))
 
     def detach(self) -> None:
-        """Publish no more, and close the ports."""
+        """Stop publishing and close the ports."""
         if self._thread is not None:
             self._thread.stop()
             self._thread = None

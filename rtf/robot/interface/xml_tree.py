@@ -1,8 +1,8 @@
-"""From the bytes of a robot's file to a tree of elements that know their line and column.
+"""Parsing of a robot's file to a tree of elements with line and column.
 
-The parser is expat, which tells the place of every start tag and opens nothing by itself. The line that names a
-document type is read and never followed; a file that declares entities is refused, and so is whatever is larger than
-any robot. Dashes in comments, which old files have, are forgiven.
+The parser is expat, which knows the position of every start tag and opens no files. The document type line is parsed
+but never loaded; a file that declares entities is refused, and so is one beyond the limits. Double dashes in comments,
+as in old files, are accepted.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _COMMENT = re.compile(r"<!\[CDATA\[.*?\]\]>|<!--(.*?)-->", re.DOTALL)
 
 @dataclass(slots=True, eq=False)
 class Element:
-    """One element: its tag, its attributes, the text directly in it, and its children."""
+    """An element: its tag, its attributes, the text directly in it, and its children."""
 
     tag: str
     attributes: Mapping[str, str]
@@ -39,13 +39,13 @@ class Element:
 
     @property
     def text(self) -> str:
-        """The text directly in it, without the white space around it."""
+        """The text directly in the element, stripped."""
         return "".join(self.pieces).strip()
 
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A file: its first element, and what its document type line says (empty without one)."""
+    """A file: its root element, and its document type line (empty without one)."""
 
     root: Element
     doctype: str = ""
@@ -55,14 +55,14 @@ class Document:
 
 
 def scan(data: bytes, file: str) -> Document:
-    """Read the bytes of a file. Raises RobotFileError, with the place, for what is no XML or beyond the limits."""
+    """Parse a file. Raises RobotFileError, with the location, for invalid XML or a file beyond the limits."""
     if len(data) > MAX_BYTES:
         _refuse(Location(file), f"the file is larger than {MAX_BYTES >> 20} MiB", "take files apart with xi:include")
     return _Builder(_repaired(data), file).run()
 
 
 def _repaired(data: bytes) -> bytes:
-    """Blanks for the dashes in comments, which a strict parser rejects; all else, and all places, stay as they are."""
+    """Replace dashes in comments, which a strict parser rejects, by blanks; all positions stay the same."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data
 
@@ -77,7 +77,7 @@ def _refuse(location: Location, sentence: str, hint: str = "") -> NoReturn:
 
 
 class _Builder:
-    """The call-backs of one parser, and the tree they grow."""
+    """The callbacks of a parser, which build the tree."""
 
     def __init__(self, data: bytes, file: str) -> None:
         self._data = data
@@ -101,7 +101,7 @@ class _Builder:
             self._parser.Parse(self._data, True)
         except expat.ExpatError as error:
             place = Location(self._file, error.lineno, error.offset + 1)
-            _refuse(place, f"this is not well-formed XML: {expat.ErrorString(error.code)}", "fix what stands here")
+            _refuse(place, f"this is not well-formed XML: {expat.ErrorString(error.code)}", "fix this")
         except RobotFileError:
             raise
         except (ValueError, LookupError) as error:
@@ -145,7 +145,7 @@ class _Builder:
         )
 
     def _doctype_place(self) -> Location:
-        """Where the document type begins; the parser only knows where it ends."""
+        """Return the start of the document type; the parser only knows its end."""
         before = self._data[: max(0, self._data.find(b"<!DOCTYPE"))]
         return Location(self._file, before.count(b"\n") + 1, len(before) - before.rfind(b"\n"))
 

@@ -9,10 +9,10 @@ import pytest
 
 from rtf.bottle import Bottle, Property
 from rtf.robot.errors import ConfigurationError
-from rtf.robot.interface import includes, markup
+from rtf.robot.interface import includes, xml_tree
 from rtf.robot.interface.model import ActionKind, Phase
 from rtf.robot.interface.problems import MAX_PROBLEMS, RobotFileError
-from rtf.robot.interface.reading import read_robot
+from rtf.robot.interface.robot_reader import read_robot
 from scripted_devices import DOCTYPE, robot_xml
 from scripted_devices import action_xml as action
 from scripted_devices import device_xml as device
@@ -233,12 +233,12 @@ class TestParameters:
             "robot.xml:5:1: the device 'd' has the parameter 'a' twice, first in robot.xml:4:27; keep one",
             "robot.xml:6:1: the value of 'b' cannot be read: its quotes or brackets are not closed; fix the value",
             'robot.xml:7:1: <param> has no name; write name="…"',
-            "robot.xml:8:17: <param> has no place in <param>; only text can stand here",
+            "robot.xml:8:17: <param> is not allowed in <param>; only text is allowed here",
             (
-                "robot.xml:9:17: <device> has no place in <group>; what can stand here is"
+                "robot.xml:9:17: <device> is not allowed in <group>; allowed here:"
                 " <group>, <param>, <paramlist>, <params>"
             ),
-            "robot.xml:10:21: <param> has no place in <paramlist>; what can stand here is <elem>",
+            "robot.xml:10:21: <param> is not allowed in <paramlist>; allowed here: <elem>",
             (
                 "robot.xml:11:1: <params> includes 'other.xml' by its attribute 'file', which is not allowed any more;"
                 ' write <xi:include href="…"/>'
@@ -247,7 +247,7 @@ class TestParameters:
             'robot.xml:14:1: <device> has no name; write name="…"',
             "robot.xml:14:19: the device 'x' has no type; write type=\"…\"",
             (
-                "robot.xml:15:1: <what> has no place in <robot>; what can stand here is <device>, <devices>, <group>,"
+                "robot.xml:15:1: <what> is not allowed in <robot>; allowed here: <device>, <devices>, <group>,"
                 " <param>, <paramlist>, <params>"
             ),
         }
@@ -278,12 +278,12 @@ class TestActions:
     @pytest.mark.parametrize(
         ("parameters", "complaint"),
         [
-            ({}, "it says nothing; write one of 'device'"),
-            ({"device": "other", "all": "1"}, "it says device and all"),
-            ({"network": "other"}, "it says network"),
+            ({}, "it has nothing; write one of 'device'"),
+            ({"device": "other", "all": "1"}, "it has device and all"),
+            ({"network": "other"}, "it has network"),
             ({"device": "othr"}, "there is no device 'othr'; is it 'other'?"),
             ({"device": "zzz"}, "there is no device 'zzz'; known are other"),
-            ({"device": "d"}, "meant to work with itself"),
+            ({"device": "d"}, "cannot be its own target"),
             ({"networks": "(a)"}, "the network 'a' has no device"),
             ({"networks": "()"}, "names no network"),
             ({"networks": "(a a)", "a": "other"}, "names a network twice"),
@@ -311,7 +311,7 @@ class TestActions:
             ('phase="begin" level="1" type="attach"', "the phase of <action> is one of startup, interrupt1"),
             ('phase="unknown" level="1" type="detach"', "the phase of <action> is one of startup"),
             ('level="1" type="detach"', "there is none"),
-            ('phase="startup" level="-1" type="detach"', "whole number from 0; '-1' is none"),
+            ('phase="startup" level="-1" type="detach"', "whole number from 0; '-1' is not"),
             ('phase="startup" level="1" type="dance"', "is one of attach, detach, calibrate"),
         ],
     )
@@ -498,9 +498,9 @@ class TestHostile:
         assert "an attribute of <robot> is longer" in self.refused(bench, f'<robot name="{"x" * 100_000}"/>')
         assert "a text is longer" in self.refused(bench, robot_xml(f'<param name="a">{"x" * 100_000}</param>'))
         assert "nested deeper than 64" in self.refused(bench, robot_xml("<devices>" * 100 + "</devices>" * 100))
-        monkeypatch.setattr(markup, "MAX_ELEMENTS", 1000)
+        monkeypatch.setattr(xml_tree, "MAX_ELEMENTS", 1000)
         assert "more than 1000 elements" in self.refused(bench, robot_xml("<devices/>" * 2000))
-        monkeypatch.setattr(markup, "MAX_BYTES", 5000)
+        monkeypatch.setattr(xml_tree, "MAX_BYTES", 5000)
         assert "larger than" in self.refused(bench, robot_xml(" " * 5000))
 
     def test_numbers_are_bounded(self, bench: Bench):
@@ -538,7 +538,7 @@ class TestHostile:
     def test_names_that_are_none(self, bench: Bench):
         """Nothing that a terminal obeys gets into a name."""
         (told,) = problems(bench, '<device name="a&#x9b;31m" type="t"/>')
-        assert "is no name" in told
+        assert "is not a valid name" in told
         assert told.isprintable()
 
     def test_a_pipe_is_no_file(self, bench: Bench):

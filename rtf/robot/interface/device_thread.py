@@ -1,4 +1,4 @@
-"""What devices are asked to do, in threads of their own, so that one that hangs or throws takes nobody with it."""
+"""Calls of devices in threads of their own, so that one that hangs or raises does not affect the others."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """How many seconds devices have before they are taken for hanging.
+    """The timeouts in seconds after which a call of a device counts as hanging.
 
-    ``action`` is for those that do not move the robot, ``move`` for those that do; an action may say otherwise.
-    ``abort`` is for a calibrator to hear that it shall stop, ``grace`` for what it does to end then, and ``hurry`` for
-    what does not move the robot once the end has been asked for twice.
+    ``action`` is for actions that do not move the robot, ``move`` for those that do; an action may have its own
+    timeout. ``abort`` is for the call of a calibrator's abort, ``grace`` for the end of the movement after it, and
+    ``hurry`` for calls that do not move the robot, after the second stop request.
     """
 
     open: float = 60.0
@@ -34,7 +34,7 @@ class Patience:
 
 
 class StopRequests:
-    """How often the end was asked for. Everybody waits here, so that such a request is heard at once. Any thread."""
+    """The number of stop requests. All waiting happens here, so that a request is noticed at once. Thread-safe."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -42,30 +42,30 @@ class StopRequests:
 
     @property
     def count(self) -> int:
-        """How often so far."""
+        """The number of requests so far."""
         return self._count
 
     def add(self, *, first_only: bool = False) -> None:
-        """Ask for the end, or with ``first_only`` only if nobody has."""
+        """Add a stop request; with ``first_only`` only if there is none."""
         with self._changed:
             if not (first_only and self._count):
                 self._count += 1
             self._changed.notify_all()
 
     def notify(self) -> None:
-        """Have those who wait look again."""
+        """Make all waiting threads check their conditions."""
         with self._changed:
             self._changed.notify_all()
 
     def wait(self, over: Callable[[], bool], deadline: Deadline) -> None:
-        """Wait until something is so, or the time is up."""
+        """Wait until a condition holds, or the deadline."""
         remaining = deadline.remaining()
         with self._changed:
             self._changed.wait_for(over, None if remaining == clock.FOREVER else remaining)
 
 
 class Task:
-    """One thing that a device is asked to do: its name, whether it is done, how long it took, what it raised."""
+    """A call of a device: its name, whether it is done, how long it took, and what it raised."""
 
     def __init__(self, name: str, job: Callable[[], object], stop_requests: StopRequests) -> None:
         self.name = name
@@ -77,23 +77,23 @@ class Task:
         self._stop_requests = stop_requests
 
     def run(self) -> None:
-        """Do it, in this thread."""
+        """Run the call in this thread."""
         try:
             self._job()
-        except BaseException as error:  # noqa: BLE001 - whatever a device raises is its own, a SystemExit as well
+        except BaseException as error:  # noqa: BLE001 - a device's errors are reported, SystemExit as well
             self.error = error
         self.duration = clock.monotonic() - self.began
         self.done = True
         self._stop_requests.notify()
 
     def start(self) -> Task:
-        """Do it in a thread of its own."""
+        """Run the call in a thread of its own."""
         threading.Thread(target=self.run, name=f"rtf-{self.name}", daemon=True).start()
         return self
 
 
 class DeviceThread:
-    """The thread in which a device is opened, attached, detached and closed, one after the other."""
+    """The thread in which a device is opened, attached, detached and closed, in sequence."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -103,11 +103,11 @@ class DeviceThread:
 
     @property
     def busy_with(self) -> Task | None:
-        """What it has not done yet."""
+        """The last task, if it is not done."""
         return None if self._last is None or self._last.done else self._last
 
     def submit(self, task: Task) -> Task:
-        """Have it do something when it has done the rest."""
+        """Append a task."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._work, name=f"rtf-device-{self._name}", daemon=True)
             self._thread.start()
@@ -116,7 +116,7 @@ class DeviceThread:
         return task
 
     def end(self) -> None:
-        """There is nothing more to do. Returns at once; the thread ends when it has done the rest."""
+        """End the thread after the waiting tasks. Returns at once."""
         self._tasks.put(None)
 
     def _work(self) -> None:
@@ -125,7 +125,7 @@ class DeviceThread:
 
 
 def sentence_of(error: BaseException) -> str:
-    """What an error says, with its kind where that is not one of ours, and not without end."""
+    """Return the message of an error, with its type unless it is an RtfError, shortened to a limit."""
     from rtf.errors import RtfError
 
     text = str(error) if isinstance(error, RtfError) else f"{type(error).__name__}: {error}"

@@ -1,4 +1,4 @@
-"""Which devices an action is about: what it is attached to, and what is calibrated or parked."""
+"""The target devices of actions: those to attach to, and those to calibrate or park."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from rtf.robot.interface.model import Action, Robot
     from rtf.robot.interface.problems import ProblemLog
 
-#: The type of device that is told which devices the robot has, whatever its attach says.
+#: The type of device whose attach passes the list of the robot's devices, whatever its parameters.
 DESCRIBING = "robotDescription_nws_yarp"
 
 
 class TargetError(ConfigurationError):
-    """An action says what cannot be done; ``location`` is where."""
+    """An action has an invalid target; ``location`` is its place."""
 
     def __init__(self, sentence: str, location: Location) -> None:
         super().__init__(sentence)
@@ -27,7 +27,7 @@ class TargetError(ConfigurationError):
 
 
 def check_targets(robot: Robot, problems: ProblemLog) -> None:
-    """Note every action that names a device that is not there, or none."""
+    """Record an error for every action without a target, or with an unknown one."""
     for device in robot.devices:
         for action in device.actions:
             try:
@@ -40,9 +40,9 @@ def check_targets(robot: Robot, problems: ProblemLog) -> None:
 
 
 def attachments(robot: Robot, action: Action) -> dict[str, str]:
-    """What an ``attach`` means: what the configuration calls a device there, and the device's name. Raises TargetError.
+    """Return the devices of an ``attach``: their keys in the configuration, and their names. Raises TargetError.
 
-    That is the network where one is named, else the device's name.
+    A key is the network if one is named, else the name of the device.
     """
     given = action.parameters
     if is_describing(robot, action):
@@ -51,7 +51,7 @@ def attachments(robot: Robot, action: Action) -> dict[str, str]:
     if len(ways) != 1 or (given.check("network") and ways != ["device"]):
         said = " and ".join(key for key in ("device", "network", "networks", "all") if given.check(key)) or "nothing"
         raise TargetError(
-            f"it says {said}; write one of 'device' (perhaps with 'network'), 'networks' and 'all'", action.location
+            f"it has {said}; write one of 'device' (perhaps with 'network'), 'networks' and 'all'", action.location
         )
     if ways == ["all"]:
         return {device.name: device.name for device in robot.devices if device.name != action.device}
@@ -62,13 +62,13 @@ def attachments(robot: Robot, action: Action) -> dict[str, str]:
 
 
 def is_describing(robot: Robot, action: Action) -> bool:
-    """Whether the device of an action is one that is told which devices the robot has."""
+    """Return whether the device of an action publishes the list of the robot's devices."""
     entry = robot.device(action.device)
     return entry is not None and entry.kind == DESCRIBING
 
 
 def target(robot: Robot, action: Action) -> str:
-    """The device that is calibrated or parked. Raises TargetError."""
+    """Return the device that is calibrated or parked. Raises TargetError."""
     if not action.parameters.check("target"):
         raise TargetError('it names no device to move; write <param name="target">DEVICE</param>', action.location)
     return _device(robot, action, "target")
@@ -86,14 +86,14 @@ def _networks(action: Action) -> list[str]:
 
 
 def _device(robot: Robot, action: Action, key: str) -> str:
-    """The name of the device under a key of the action."""
+    """Return the name of the device in a parameter of the action."""
     if not action.parameters.check(key):
         raise TargetError(
             f"the network {key!r} has no device; write <param name={key!r}>DEVICE</param>", action.location
         )
     name = to_string(action.parameters.find(key))
     if name == action.device:
-        raise TargetError(f"the device {name!r} is meant to work with itself; name another one", _place(action, key))
+        raise TargetError(f"the device {name!r} cannot be its own target; name another one", _place(action, key))
     if robot.device(name) is None:
         known = [device.name for device in robot.devices if device.name != action.device]
         near = difflib.get_close_matches(name, known, 1)

@@ -1,4 +1,4 @@
-"""Runs a robot: startup, run, up to three interrupts, shutdown.
+"""The state machine of a robot: startup, run, up to three interrupts, shutdown.
 
 ::
 
@@ -6,8 +6,8 @@
        │    all is well   a request    │  a further request: interrupt2, then interrupt3,
        └── something failed ────────┘  without waiting for what moves
 
-Whatever a device does is done in threads: one that throws or hangs is named, and the rest is parked, detached and
-closed. Nothing helps against a device that takes the whole process with it, or holds Python's lock for ever.
+All calls of devices run in threads. A device that raises or hangs is named in a message; the others are still parked,
+detached and closed. There is no remedy against a device that crashes the process, or holds Python's interpreter lock.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING
 from rtf.clock import Deadline
 from rtf.robot.interface.actions import job_of
 from rtf.robot.interface.device_table import DeviceTable
+from rtf.robot.interface.device_thread import Patience, StopRequests, Task, sentence_of
+from rtf.robot.interface.log import Level, Log, discard, seconds
 from rtf.robot.interface.model import INTERRUPTS, ActionKind, Phase
-from rtf.robot.interface.tasks import Patience, StopRequests, Task, sentence_of
-from rtf.robot.interface.telling import Tell, Weight, say_nothing, seconds
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How it went: whether the robot was ready once, what failed, and what still hangs in this process."""
+    """The result of a run: whether the robot was ready once, what failed, and which calls still hang."""
 
     ready: bool
     failures: tuple[str, ...]
@@ -42,13 +42,13 @@ class Outcome:
 
     @property
     def good(self) -> bool:
-        """Whether everything was done that the configuration says."""
+        """Whether everything in the configuration was done."""
         return self.ready and not self.failures
 
 
 @dataclass(slots=True, eq=False)
 class _Going:
-    """An action that was begun."""
+    """An action in progress."""
 
     action: Action
     task: Task
@@ -59,14 +59,14 @@ class _Going:
 
     @property
     def over(self) -> bool:
-        """Whether there is nothing more to wait for."""
+        """Whether it is finished or its time is up."""
         return self.task.done or self.deadline.expired
 
 
 class RobotInterface:
-    """A robot that is run by one thread, in ``run``; all else may be called from any.
+    """Runs a robot in the thread of ``run``; all other methods may be called from any thread.
 
-    ``network`` is where the devices open their ports. With ``autoclose`` it ends as soon as it is ready.
+    ``network`` is the network of the devices' ports. With ``autoclose`` the run ends as soon as the robot is ready.
     """
 
     def __init__(
@@ -75,14 +75,14 @@ class RobotInterface:
         *,
         network: Network | None = None,
         patience: Patience | None = None,
-        tell: Tell = say_nothing,
+        log: Log = discard,
         autoclose: bool = False,
     ) -> None:
         self.robot = robot
         self.phase = Phase.UNKNOWN
         self.level = 0
         self._patience = patience or Patience()
-        self._tell = tell
+        self._log = log
         self._autoclose = autoclose
         self._stop_requests = StopRequests()
         self._heeded = 0
@@ -90,23 +90,23 @@ class RobotInterface:
         self._moves: list[_Going] = []
         self._alone: list[Task] = []
         self._failures: list[str] = []
-        self._device_table = DeviceTable(robot, network, self._patience, self._stop_requests, tell)
+        self._device_table = DeviceTable(robot, network, self._patience, self._stop_requests, log)
 
     @property
     def ready(self) -> bool:
-        """Whether all actions of the startup were done, and nobody has asked for the end."""
+        """Whether all startup actions are done, and there is no stop request."""
         return self.phase is Phase.RUN and not self._stop_requests.count
 
     def interrupt(self) -> None:
-        """Ask for the end as a signal does: the first time in order, the second and third time with less patience."""
+        """Request a stop like a signal: the first in order, the second and third with shorter timeouts."""
         self._stop_requests.add()
 
     def quit(self) -> None:
-        """Ask for the end, unless somebody has."""
+        """Request a stop, unless there is a request already."""
         self._stop_requests.add(first_only=True)
 
     def run(self) -> Outcome:
-        """Go through all phases; returns when the devices are closed."""
+        """Run all phases. Return when the devices are closed."""
         try:
             self._enter(Phase.STARTUP)
             if self._device_table.open_all():
@@ -114,10 +114,10 @@ class RobotInterface:
                 self._be_ready()
                 self._end()
             elif self._device_table.failures:
-                self._tell(Weight.ERROR, "not all devices are open, so nothing is done with those that are")
+                self._log(Level.ERROR, "not all devices are open, so no action is executed")
         finally:
             self._close()
-        # What was told to stop and not waited for may be about to end.
+        # Aborted actions that were not awaited may be about to end.
         self._stop_requests.wait(lambda: all(task.done for task in self._alone), Deadline.after(self._patience.abort))
         hanging = [*self._device_table.hanging, *(task.name for task in self._alone if not task.done)]
         return Outcome(self._was_ready, (*self._device_table.failures, *self._failures), tuple(hanging))
@@ -126,17 +126,17 @@ class RobotInterface:
 
     def _enter(self, phase: Phase, level: int = 0) -> None:
         if phase is not self.phase:
-            self._tell(Weight.DEBUG, f"phase {phase}")
+            self._log(Level.DEBUG, f"phase {phase}")
         self.level = level
         self.phase = phase
 
     def _be_ready(self) -> None:
-        """Wait for a request for the end; but not if something has failed, or there is one."""
+        """Enter the phase run and wait for a stop request, unless something failed or there is one already."""
         if self._failures or self._stop_requests.count:
             return
         self._was_ready = True
         self._enter(Phase.RUN)
-        self._tell(Weight.INFO, f"{self.robot.name} is ready")
+        self._log(Level.INFO, f"{self.robot.name} is ready")
         if self._autoclose:
             self.quit()
         self._stop_requests.wait(lambda: self._stop_requests.count > 0, Deadline())
@@ -156,17 +156,17 @@ class RobotInterface:
         self._enter(Phase.UNKNOWN)
 
     def _heed_stop_requests(self) -> None:
-        """Do what the interrupts say that have been asked for since."""
+        """Run the interrupt phases that were requested meanwhile."""
         while self._heeded < min(self._stop_requests.count, len(INTERRUPTS)):
             self._heeded += 1
             self._perform(INTERRUPTS[self._heeded - 1])
 
     def _perform(self, phase: Phase) -> None:
-        """Do the actions of a phase level by level, until it has to be left for another one."""
+        """Run the actions of a phase, level by level, until the phase has to be left."""
         self._enter(phase)
         for level, actions in self.robot.levels(phase):
             if self._has_to_leave(phase):
-                self._tell(Weight.WARNING, f"the rest of the phase {phase} is left out, from level {level} on")
+                self._log(Level.WARNING, f"the rest of the phase {phase} is skipped, from level {level} on")
                 return
             self._enter(phase, level)
             self._perform_level(phase, actions)
@@ -195,13 +195,13 @@ class RobotInterface:
                 self._device_table.wait_for(one.task, one.deadline.remaining())
                 self._judge(one)
         if phase in INTERRUPTS[1:]:
-            return  # nobody waits any more; what moves is stopped before the devices are closed
+            return  # not awaited any more; what moves is stopped
         self._wait_for_moves(moving, heard)
         for one in moving:
             self._judge(one)
 
     def _begin(self, action: Action) -> _Going | None:
-        """Begin an action; None if that is not possible, which has been told."""
+        """Start an action. Return None if that fails; the failure is reported."""
         usual = self._patience.move if action.kind.moves else self._patience.action
         deadline = Deadline.after(action.timeout or usual)
         what = str(action)
@@ -211,7 +211,7 @@ class RobotInterface:
                 task = self._start_alone(what, job.run)
             else:
                 task = self._device_table.submit(action.device, what, job.run)
-        except Exception as error:  # noqa: BLE001 - whatever is wrong with one action, the others are still done
+        except Exception as error:  # noqa: BLE001 - the other actions are still executed
             self._fail(action, f"failed: {sentence_of(error)}")
             return None
         one = _Going(action, task, deadline, job.calibrator)
@@ -220,12 +220,12 @@ class RobotInterface:
         return one
 
     def _start_alone(self, what: str, job: Callable[[], object]) -> Task:
-        """Do something in a thread of its own: what moves the robot, and what stops that."""
+        """Run a call in a thread of its own: movements, and their aborts."""
         self._alone.append(Task(what, job, self._stop_requests).start())
         return self._alone[-1]
 
     def _wait_for_moves(self, moving: Sequence[_Going], heard: int) -> None:
-        """Wait until all have ended. Whoever is out of time, and all when the end is asked for, are told to stop."""
+        """Wait for movements. Those that time out are aborted, and all of them at a stop request."""
 
         def settled() -> bool:
             return self._stop_requests.count > heard or all(one.over for one in moving)
@@ -237,7 +237,7 @@ class RobotInterface:
         self._abort([one for one in moving if not one.task.done], self._patience.grace if patient else 0.0)
 
     def _abort(self, moving: Sequence[_Going], grace: float) -> None:
-        """Tell calibrators to stop, each once, and give what they do some time to end."""
+        """Abort calibrators, each once, and give their movements some time to end."""
         calibrators = {id(one.calibrator): one for one in moving if one.calibrator is not None and not one.stopped}
         for one in moving:
             one.stopped = True
@@ -251,15 +251,15 @@ class RobotInterface:
         for action, task in stops:
             if task.error is not None or not task.done:
                 why = sentence_of(task.error) if task.error is not None else "it hangs in abort"
-                self._fail(action, f"could not be stopped: {why}; see to the robot")
+                self._fail(action, f"could not be stopped: {why}; check the robot")
             else:
-                self._tell(Weight.WARNING, f"{action} was told to stop")
+                self._log(Level.WARNING, f"{action} was aborted")
         self._stop_requests.wait(lambda: all(one.task.done for one in moving), Deadline.after(grace if stops else 0.0))
 
-    # Telling -----------------------------------------------------------------------------------------------------
+    # Results -----------------------------------------------------------------------------------------------------
 
     def _judge(self, one: _Going) -> None:
-        """Tell how an action went, once."""
+        """Log the result of an action, once."""
         if one.told:
             return
         one.told = True
@@ -268,13 +268,13 @@ class RobotInterface:
             self._fail(one.action, why)
         elif one.task.error is not None:
             self._fail(one.action, f"failed: {sentence_of(one.task.error)}")
-            self._tell(Weight.DEBUG, "".join(traceback.format_exception(one.task.error)))
+            self._log(Level.DEBUG, "".join(traceback.format_exception(one.task.error)))
         else:
-            self._tell(Weight.INFO, f"{one.action} done in {seconds(one.task.duration)}")
+            self._log(Level.INFO, f"{one.action} done in {seconds(one.task.duration)}")
 
     def _fail(self, action: Action, why: str) -> None:
         entry = self.robot.device(action.device)
         kind = f" [{entry.kind}]" if entry is not None else ""
         sentence = f"{action.location}: {action}{kind} {why}"
         self._failures.append(sentence)
-        self._tell(Weight.ERROR, sentence)
+        self._log(Level.ERROR, sentence)
