@@ -107,7 +107,7 @@ class TestRobot:
             ("1.0", "--allow-deprecated-dtd"),
             ("2.0", "never supported"),
             ("4.0", "not known"),
-            ("x", "no document type"),
+            ("x", "is not a document type"),
         ],
     )
     def test_versions_that_are_not_read(self, bench: Bench, version: str, complaint: str):
@@ -126,7 +126,7 @@ class TestRobot:
             ('build="-1"', "whole number"),
             ('build="x"', "whole number"),
             ('build="99999999999"', "whole number"),
-            ('build="1" portprefix="/a b"', "no name of ports"),
+            ('build="1" portprefix="/a b"', "is not a port name"),
             ('build="1" reverse-shutdown-action-order="maybe"', "true or false"),
         ],
     )
@@ -185,7 +185,7 @@ class TestParameters:
         assert handed.find("p") == "/bot bot bot ${x}"
         reading = bench.read(device("d", p="${x}"))
         assert [one.sentence for one in reading.warnings] == [
-            "${x} stays as it is; known are ${portprefix}, ${robotname}, ${portprefixnoslash}"
+            "${x} is not replaced; the known variables are ${portprefix}, ${robotname}, ${portprefixnoslash}"
         ]
 
     @pytest.mark.parametrize(
