@@ -9,17 +9,13 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, TextIO
 
-from rtf.testing.report.lines import lines, summary
+from rtf.testing.report.lines import formatted, lines, summary
 from rtf.testing.report.text import encodable, wants_colour
 from rtf.testing.reporting import Reporter
 
 if TYPE_CHECKING:
     from rtf.testing.events import Event
-    from rtf.testing.report.lines import Line
     from rtf.testing.results import RunResult
-
-#: The C++ framework's colours, but for its grey, which is black and cannot be read on a dark terminal.
-_COLOURS = {"start": "94", "passed": "92", "failed": "91", "fail": "91", "error": "91", "info": "90"}
 
 
 class ClassicReporter(Reporter):
@@ -43,20 +39,13 @@ class ClassicReporter(Reporter):
         """Print the lines of one event."""
         for line in lines(event, results):
             if line.critical or self.options.verbosity > 0:
-                self._print(self._formatted(line))
+                self._print(formatted(line, detail=self.options.detail, coloured=self._coloured))
 
     def close(self, results: RunResult) -> None:
         """Print the totals."""
         if self.options.extra.get("summary") != "no":
             self._print(summary(results, "results"))
         self._stream = None
-
-    def _formatted(self, line: Line) -> str:
-        text = f"{line.tag}{line.text}"
-        if self._coloured:
-            start = f"\x1b[{_COLOURS[line.kind]}m"
-            text = f"{start}{line.tag}\x1b[0m{line.text}" if line.tag else f"{start}{line.text}\x1b[0m"
-        return f"{text}\n{line.place}\n\n" if line.place and self.options.detail else f"{text}\n"
 
     def _print(self, text: str) -> None:
         stream = self._stream

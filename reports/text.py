@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from rtf.testing.events import SuiteEnded, TestEnded
 from rtf.testing.report.files import Target
-from rtf.testing.report.lines import lines, summary
+from rtf.testing.report.lines import formatted, lines, summary
 from rtf.testing.reporting import Reporter
 
 if TYPE_CHECKING:
@@ -45,8 +45,7 @@ class TextReporter(Reporter):
             return
         for line in lines(event, results):
             if not line.runner:
-                detail = f"{line.place}\n\n" if line.place and self.options.detail else ""
-                self._write(f"{line.tag}{line.text}\n{detail}")
+                self._write(formatted(line, detail=self.options.detail))
         if isinstance(event, TestEnded | SuiteEnded):
             self._write("", flush=True)
 

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from rtf.testing.results import RunResult
 
 _TAGS = {"info": "[INFO]  ", "fail": "[FAIL]  ", "error": "[ERROR] "}
+#: The C++ framework's colours, but for its grey, which is black and cannot be read on a dark terminal.
+_COLOURS = {"start": "94", "passed": "92", "failed": "91", "fail": "91", "error": "91", "info": "90"}
 _RUNNER = "rtf"
 #: Verdicts that ``passed!`` does not tell, and no message before it did.
 _NOTED = (Verdict.MEASURED, Verdict.FLAKY, Verdict.EXPECTED_FAILURE)
@@ -69,6 +71,15 @@ class Line:
     def critical(self) -> bool:
         """Whether it is shown without ``-v``."""
         return self.kind in ("fail", "error")
+
+
+def formatted(line: Line, *, detail: bool, coloured: bool = False) -> str:
+    """Write a line as it is printed, with its place below it in the detail mode."""
+    text = f"{line.tag}{line.text}"
+    if coloured:
+        start = f"\x1b[{_COLOURS[line.kind]}m"
+        text = f"{start}{line.tag}\x1b[0m{line.text}" if line.tag else f"{start}{line.text}\x1b[0m"
+    return f"{text}\n{line.place}\n\n" if line.place and detail else f"{text}\n"
 
 
 def lines(event: Event, results: RunResult) -> Iterator[Line]:

@@ -10,8 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtf.testing.languages.tap import MAX_BLOCK, MAX_POINTS, BailOut, Comment, Fault, Item, Point, SkippedAll, TapParser
-from rtf.testing.languages.tap_lines import looks_like_tap
+from rtf.testing.languages.tap import (
+    MAX_BLOCK,
+    MAX_POINTS,
+    BailOut,
+    Comment,
+    Fault,
+    Item,
+    Point,
+    SkippedAll,
+    TapParser,
+    looks_like_tap,
+)
 
 NESTED = (Path(__file__).parents[2] / "data" / "plugins" / "nested.tap").read_text()
 
