@@ -86,7 +86,7 @@ def _resume(options: argparse.Namespace) -> int:
     from rtf.testing import journal, replay
 
     folder = Path(options.resume).resolve()
-    before = replay.RunSoFar(journal.read(folder))
+    before = replay.RunIndex(journal.read(folder))
     started = before.started
     if started is None:
         print(f"testrunner: {folder} holds no run that was begun", file=sys.stderr)

@@ -135,32 +135,48 @@ def _repair_torn_end(path: Path) -> None:
             stream.truncate(position)
 
 
-def read(path: Path) -> Iterator[Event]:
-    """The events of a journal in order. A torn last line is passed over; events of a newer RTF, too.
+class JournalReader:
+    """Reads a journal from its beginning, and what is appended to it later.
 
-    Raises JournalError when there is no such file, and EventError for a line in the middle that is no event.
+    A last line without its end waits for it; events of a newer RTF are passed over. Raises JournalError when there is
+    no such file, and EventError for a line in the middle that is no event.
     """
-    run = path
-    if path.is_dir():
-        path /= FILE_NAME
-    try:
-        stream = path.open("rb")
-    except FileNotFoundError:
-        raise JournalError(f"there is no run in {run}: {path} is missing") from None
-    except OSError as error:
-        raise JournalError(f"cannot read the journal {path}: {error.strerror}") from None
-    with stream:
-        held: tuple[int, EventError] | None = None
-        for number, line in enumerate(stream, 1):
-            if held is not None:
-                raise EventError(f"{path}:{held[0]}: {held[1]}")
-            if not line.endswith(b"\n"):
-                return
-            try:
-                event = from_line(line)
-            except UnknownEventError:
-                continue
-            except EventError as error:
-                held = (number, error)
-                continue
-            yield event
+
+    def __init__(self, path: Path) -> None:
+        self._run = path
+        self.path = path / FILE_NAME if path.is_dir() else path
+        self._offset = 0
+        self._line = 0
+
+    def new_events(self) -> Iterator[Event]:
+        """Yield the events that were appended since the last time, in order."""
+        try:
+            stream = self.path.open("rb")
+        except FileNotFoundError:
+            raise JournalError(f"there is no run in {self._run}: {self.path} is missing") from None
+        except OSError as error:
+            raise JournalError(f"cannot read the journal {self.path}: {error.strerror}") from None
+        with stream:
+            stream.seek(self._offset)
+            damage: EventError | None = None  # an error if another line follows: the end of a file may be lost
+            for line in stream:
+                if damage is not None:
+                    raise damage
+                if not line.endswith(b"\n"):
+                    return
+                try:
+                    event = from_line(line)
+                except UnknownEventError:
+                    event = None
+                except EventError as error:
+                    damage = EventError(f"{self.path}:{self._line + 1}: {error}")
+                    continue
+                self._offset += len(line)
+                self._line += 1
+                if event is not None:
+                    yield event
+
+
+def read(path: Path) -> Iterator[Event]:
+    """Yield the events of a journal, or of a run's folder, in order. Raises as :class:`JournalReader` does."""
+    return JournalReader(path).new_events()

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import msgspec
-
 from rtf.testing import journal
 from rtf.testing.events import (
     Event,
@@ -30,20 +28,29 @@ if TYPE_CHECKING:
 _OPEN = frozenset({Verdict.NOT_RUN, Verdict.INTERRUPTED, Verdict.BLOCKED})
 
 
-class RunSoFar:
-    """What the parts of a run have come to: the tests that are planned, and those whose final verdict stands."""
+class RunIndex:
+    """What a run has come to, and where its parts begin: one for each time that it was started or resumed.
+
+    ``planned`` has the fingerprint of each test, ``finished`` the tests whose final verdict stands. Of each part that
+    another one follows ``finished_by`` has the tests that were finished by its end, and ``void`` the suites and tests
+    of which a later part says that they are no part of the run any more.
+    """
 
     def __init__(self, events: Iterable[Event]) -> None:
         self.started: RunStarted | None = None
-        self.planned: dict[str, str] = {}  # test -> fingerprint
+        self.planned: dict[str, str] = {}
         self.suites: set[str] = set()
         self.finished: set[str] = set()
         self.plan_is_whole = False  # all suites are planned before the first is started
+        self.finished_by: list[frozenset[str]] = []
+        self.void: list[set[str]] = []
         for event in events:
             self._take(event)
 
     def _take(self, event: Event) -> None:
         if isinstance(event, RunStarted):
+            if event.resumed:
+                self.end_part()
             self.started = self.started or event
         elif isinstance(event, SuitePlanned):
             self.suites.add(event.suite)
@@ -52,25 +59,34 @@ class RunSoFar:
         elif isinstance(event, SuiteStarted):
             self.plan_is_whole = True
         elif isinstance(event, PlanChanged):
-            self.finished.difference_update(event.removed, event.changed)
-            self.suites.difference_update(event.removed)
-            for test in event.removed + event.changed:
-                self.planned.pop(test, None)
+            self.drop((*event.removed, *event.changed))
         elif isinstance(event, TestStarted):
             self.finished.discard(event.test)
         elif isinstance(event, TestEnded) and event.final and event.verdict not in _OPEN:
             self.finished.add(event.test)
 
+    def end_part(self) -> None:
+        """Take note that another part follows."""
+        self.finished_by.append(frozenset(self.finished))
+        self.void.append(set())
+
+    def drop(self, ids: Collection[str]) -> None:
+        """Take these suites and tests out of the parts before."""
+        self.finished.difference_update(ids)
+        self.suites.difference_update(ids)
+        for test in ids:
+            self.planned.pop(test, None)
+        for part in self.void:
+            part.update(ids)
+
     def changes(self, suites: Collection[str], fingerprints: Mapping[str, str]) -> PlanChanged | None:
         """How the plan differs from what suites and tests there are now; None where it does not."""
-        changed = PlanChanged(
-            added=tuple(test for test in fingerprints if test not in self.planned),
-            removed=tuple(sorted((*(self.planned.keys() - fingerprints.keys()), *self.suites.difference(suites)))),
-            changed=tuple(test for test, told in self.planned.items() if told and fingerprints.get(test, told) != told),
-        )
-        if not self.plan_is_whole:
-            changed = msgspec.structs.replace(changed, added=())
-        return changed if changed.added or changed.removed or changed.changed else None
+        added = [test for test in fingerprints if test not in self.planned and self.plan_is_whole]
+        removed = [*self.planned.keys() - fingerprints.keys(), *self.suites.difference(suites)]
+        changed = [test for test, told in self.planned.items() if told and fingerprints.get(test, told) != told]
+        if not (added or removed or changed):
+            return None
+        return PlanChanged(added=tuple(added), removed=tuple(sorted(removed)), changed=tuple(changed))
 
 
 def as_one_run(path: Path, *, resuming: bool = False, void: Collection[str] = ()) -> Iterator[Event]:
@@ -80,54 +96,42 @@ def as_one_run(path: Path, *, resuming: bool = False, void: Collection[str] = ()
     that were run again are left out, as are the suites and tests that a later part, or ``void``, says are none of it
     any more. Reads the file twice and keeps no events in memory.
     """
-    done: list[frozenset[str]] = []
-    gone: list[set[str]] = [set()]
-    ended: dict[str, bool] = {}
-    for event in journal.read(path):
-        if isinstance(event, RunStarted) and event.resumed:
-            done.append(frozenset(test for test, over in ended.items() if over))
-            gone.append(set())
-        elif isinstance(event, PlanChanged):
-            for earlier in gone[:-1]:
-                earlier.update(event.removed, event.changed)
-        elif isinstance(event, TestStarted):
-            ended[event.test] = False
-        elif isinstance(event, TestEnded) and event.final:
-            ended[event.test] = event.verdict not in _OPEN
+    index = RunIndex(journal.read(path))
     if resuming:
-        done.append(frozenset(test for test, over in ended.items() if over))
-    for earlier in gone:
-        earlier.update(void)
-    yield from _filtered(journal.read(path), done, gone)
-
-
-def _filtered(events: Iterator[Event], done_before: list[frozenset[str]], gone: list[set[str]]) -> Iterator[Event]:
-    index = 0
+        index.end_part()
+        index.drop(void)
+    part = 0
     seen: set[str] = set()
-    for event in events:
+    for event in journal.read(path):
+        if isinstance(event, PlanChanged):
+            continue
         if isinstance(event, RunStarted) and event.resumed:
-            index += 1
-            continue
-        test = getattr(event, "test", "")
-        if isinstance(event, PlanChanged) or test in gone[index] or getattr(event, "suite", "") in gone[index]:
-            continue
-        if isinstance(event, SuitePlanned | TestPlanned):
-            key = f"{event.kind} {test or event.suite}"
-            if key not in seen:
-                seen.add(key)
+            part += 1
+        elif part == len(index.void):
+            if _is_new(event, seen):
                 yield event
-            continue
-        if isinstance(event, SuiteStarted):
-            if event.suite not in seen:
-                seen.add(event.suite)
-                yield event
-            continue
-        superseded = index < len(done_before)
-        if superseded and isinstance(event, RunEnded | SuiteEnded | Interrupted):
-            continue
-        if superseded and test and test not in done_before[index]:
-            continue
-        yield event
+        elif not _is_void(event, index, part) and _is_new(event, seen):
+            yield event
+
+
+def _is_void(event: Event, index: RunIndex, part: int) -> bool:
+    """Whether a later part than this one has made an event void."""
+    if isinstance(event, RunEnded | SuiteEnded | Interrupted):
+        return True
+    test, gone = getattr(event, "test", ""), index.void[part]
+    if test in gone or getattr(event, "suite", "") in gone:
+        return True
+    return bool(test) and not isinstance(event, TestPlanned) and test not in index.finished_by[part]
+
+
+def _is_new(event: Event, seen: set[str]) -> bool:
+    """Whether this is no plan or start of a suite, or the first: a later part tells them again."""
+    if not isinstance(event, SuitePlanned | TestPlanned | SuiteStarted):
+        return True
+    key = f"{event.kind} {event.test if isinstance(event, TestPlanned) else event.suite}"
+    told = key in seen
+    seen.add(key)
+    return not told
 
 
 def with_ends(events: Iterable[Event]) -> Iterator[Event]:

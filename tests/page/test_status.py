@@ -19,11 +19,11 @@ def test_the_numbers_follow_the_run(tmp_path: Path):
     assert status.read() == {"name": "", "testStatus": []}
     steps = [
         ({"event": "suite_planned", "suite": "s", "name": "Arm"}, "", []),
-        ({"event": "test_planned", "test": "s/a", "name": "Elbow"}, "", [NOT_RUN]),
-        ({"event": "test_planned", "test": "s/b", "name": "Wrist"}, "", [NOT_RUN, NOT_RUN]),
+        ({"event": "test_planned", "suite": "s", "test": "s/a", "name": "Elbow"}, "", [NOT_RUN]),
+        ({"event": "test_planned", "suite": "s", "test": "s/b", "name": "Wrist"}, "", [NOT_RUN, NOT_RUN]),
         ({"event": "suite_started", "suite": "s"}, "Arm", [NOT_RUN, NOT_RUN]),
         ({"event": "test_started", "test": "s/a"}, "Elbow", [RUNNING, NOT_RUN]),
-        ({"event": "message", "title": "test_ended", "test": "s/a"}, "Elbow", [RUNNING, NOT_RUN]),
+        ({"event": "message", "severity": "info", "title": "test_ended", "test": "s/a"}, "Elbow", [RUNNING, NOT_RUN]),
         ({"event": "test_renamed", "test": "s/a", "name": "Left elbow"}, "Left elbow", [RUNNING, NOT_RUN]),
         ({"event": "test_ended", "test": "s/a", "verdict": "error", "final": False}, "Arm", [FAILED, NOT_RUN]),
         ({"event": "test_started", "test": "s/a"}, "Left elbow", [RUNNING, NOT_RUN]),
@@ -33,7 +33,8 @@ def test_the_numbers_follow_the_run(tmp_path: Path):
     ]
     with path.open("a") as stream:
         for record, name, numbers in steps:
-            line = json.dumps(record)
+            more = {"outcome": "failed"} if record["event"] == "test_ended" else {}
+            line = json.dumps(record | more)
             stream.write(line[:10])
             stream.flush()
             status.read()  # half a line says nothing

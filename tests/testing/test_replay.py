@@ -78,14 +78,14 @@ def folded(events: Iterable[Event]) -> RunResult:
 )
 def test_finished_is_what_has_said_something(verdict: Verdict, stands: bool):
     """A test that was not run, interrupted or blocked is still owed."""
-    assert replay.RunSoFar([*PLAN, *ran("s/a", verdict)]).finished == ({"s/a"} if stands else set())
+    assert replay.RunIndex([*PLAN, *ran("s/a", verdict)]).finished == ({"s/a"} if stands else set())
 
 
 def test_test_that_was_started_again_is_not_finished():
     """The later start makes the earlier end void."""
-    assert replay.RunSoFar([*PLAN, *ran("s/a"), TestStarted(test="s/a")]).finished == set()
+    assert replay.RunIndex([*PLAN, *ran("s/a"), TestStarted(test="s/a")]).finished == set()
     retried = TestEnded(test="s/a", verdict=Verdict.FAILED, outcome=Verdict.FAILED, final=False)
-    assert replay.RunSoFar([*PLAN, TestStarted(test="s/a"), retried]).finished == set()
+    assert replay.RunIndex([*PLAN, TestStarted(test="s/a"), retried]).finished == set()
 
 
 def test_what_was_removed_or_changed_before_a_later_part_is_void(write: Writer):
@@ -100,7 +100,7 @@ def test_what_was_removed_or_changed_before_a_later_part_is_void(write: Writer):
     assert [*results.suites] == ["s"]
     assert {test.planned.fingerprint for test in results.tests.values()} == {"2"}
     assert "before" not in {event.detail for event in replay.as_one_run(path) if isinstance(event, Message)}
-    so_far = replay.RunSoFar(journal.read(path))
+    so_far = replay.RunIndex(journal.read(path))
     assert (so_far.planned, so_far.finished, so_far.suites) == ({"s/b": "2"}, {"s/b"}, {"s"})
 
 
@@ -177,7 +177,7 @@ def test_journal_that_was_closed_in_order_gets_nothing(write: Writer):
 
 def test_a_plan_that_was_cut_off_selects_nothing():
     """A run that was killed while it told its plan consists of what its command line says, not of the part it told."""
-    assert not replay.RunSoFar(PLAN[:3]).plan_is_whole
-    whole = replay.RunSoFar([*PLAN[:4], SuiteStarted(suite="s")])
+    assert not replay.RunIndex(PLAN[:3]).plan_is_whole
+    whole = replay.RunIndex([*PLAN[:4], SuiteStarted(suite="s")])
     assert whole.plan_is_whole
     assert whole.planned.keys() == {"s/a", "s/b"}

@@ -115,7 +115,7 @@ def test_resumed_run_needs_its_secrets_again(folder: Path):
     assert "--set keyboard: a run that is resumed keeps its parameters" in refused.stderr
     run_command(folder, "--resume", "rtf-runs/latest", *secrets)
     run = folder / "rtf-runs" / "latest"
-    assert replay.RunSoFar(journal.read(run)).finished == {"s/login", "s/b"}
+    assert replay.RunIndex(journal.read(run)).finished == {"s/login", "s/b"}
     assert b"hunter2" not in (run / journal.FILE_NAME).read_bytes()
 
 
