@@ -26,10 +26,11 @@ COPY = "copy"
 
 @dataclass(slots=True)
 class _Queue:
-    """The tests of one suite."""
+    """The tests of one suite; ``unfinished`` are the ids of those that wait or run."""
 
     waiting: list[PlannedTest]
-    running: dict[str, PlannedTest] = field(default_factory=dict)
+    unfinished: set[str]
+    running: dict[str, TestEntry] = field(default_factory=dict)
     workers: int = 0
     began: float = 0.0
     deadline: clock.Deadline = field(default_factory=clock.Deadline)
@@ -40,10 +41,10 @@ class Dispatcher:
 
     def __init__(self, suites: Sequence[PlannedSuite], done: Collection[str]) -> None:
         self._lock = threading.Lock()
-        self._queues = {
-            planned.suite.id: _Queue([test for test in planned.tests if test.entry.id not in done])
-            for planned in suites
-        }
+        self._queues = {}
+        for planned in suites:
+            tests = [test for test in planned.tests if test.entry.id not in done]
+            self._queues[planned.suite.id] = _Queue(tests, {test.entry.id for test in tests})
         self._occupied: set[str] = set()
         self._wakers: list[Callable[[], None]] = []
 
@@ -81,26 +82,26 @@ class Dispatcher:
         """
         with self._lock:
             queue = self._queues[suite]
-            alone = stopping or not (queue.running or self._occupied)
-            chosen = next((test for test in queue.waiting if stopping or self._may_begin(test.entry, queue)), None)
-            if chosen is None and alone and queue.waiting:
-                chosen = queue.waiting[0]  # it requires one behind it, and is told so
+            chosen = next((n for n, test in enumerate(queue.waiting) if stopping or self._may_begin(test, queue)), None)
+            if chosen is None and queue.waiting and not (queue.running or self._occupied):
+                chosen = 0  # it requires one behind it, and is told so
             if chosen is None:
                 return ""
-            queue.waiting.remove(chosen)
-            queue.running[chosen.entry.id] = chosen
-            self._occupied.update(chosen.entry.occupies)
-            return chosen.entry.id
+            entry = queue.waiting.pop(chosen).entry
+            queue.running[entry.id] = entry
+            self._occupied.update(entry.occupies)
+            return entry.id
 
-    def _may_begin(self, entry: TestEntry, queue: _Queue) -> bool:
-        unfinished = {*queue.running, *(test.entry.id for test in queue.waiting)}
-        return self._occupied.isdisjoint(entry.occupies) and unfinished.isdisjoint(entry.required_tests)
+    def _may_begin(self, test: PlannedTest, queue: _Queue) -> bool:
+        entry = test.entry
+        return queue.unfinished.isdisjoint(entry.required_tests) and self._occupied.isdisjoint(entry.occupies)
 
     def ended(self, suite: str, test: str) -> None:
         """Note the end of a test, and wake those who may have waited for it."""
         with self._lock:
-            entry = self._queues[suite].running.pop(test).entry
-            self._occupied.difference_update(entry.occupies)
+            queue = self._queues[suite]
+            queue.unfinished.discard(test)
+            self._occupied.difference_update(queue.running.pop(test).occupies)
             wakers = [*self._wakers]
         for wake in wakers:
             wake()

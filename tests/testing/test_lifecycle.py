@@ -654,14 +654,14 @@ def test_interrupt_from_outside(stage: int, tmp_path: Path):
     """Stage 1 lets the running test end, stage 2 stops it; the fixture comes down, the rest is not run."""
 
     def interfere(run: Run) -> None:
-        emit = run._broadcast._tell
+        emit = run.emit
 
         def watch(event: object) -> None:
             emit(event)
             if isinstance(event, PhaseStarted) and event.phase is Phase.RUN:
                 run.interrupts.request("test", stage=stage)
 
-        run._broadcast._tell = watch
+        run.emit = watch
 
     outcome = run_suite(
         tmp_path,
