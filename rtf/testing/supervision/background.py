@@ -1,7 +1,7 @@
 """A program that runs beside a fixture: started without a shell, heard, its end noticed at once, and always ended.
 
 For fixture plug-ins, with the questions by which they find out whether a program is ready: a port, a file, a command.
-The program is the leader of a session of its own, so that it and what it starts can be signalled together and no terminal
+It is the leader of a session of its own, so that it and what it starts can be signalled together and no terminal
 reaches it; it dies with the thread that started it, which therefore has to be the main thread of the host.
 """
 
