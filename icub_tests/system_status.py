@@ -1,4 +1,4 @@
-"""System status: this machine has processor, memory, disk and time to spare for a robot."""
+"""System status: this machine has enough CPU time, memory and disk space for a robot."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _ANSWERS = 4  # of several answers the quickest is the most exact
 
 
 class SystemStatus(TestCase):
-    """Measures this machine for a moment: processors, memory, disk, temperatures, network and clock, each with a limit.
+    """Measures processors, memory, disk, temperatures, network and clock of this machine, each with a limit.
 
-    It needs no robot. Other machines are tested by running it there. That too much wants to run is only recorded where
-    the time is a simulator's, for no robot depends on such a machine, unless a limit is given.
+    It needs no robot. To test another machine, run it there. With a simulator's clock the load average is only
+    recorded, unless a limit is given: no real robot depends on such a machine.
     """
 
     aliases = ("systemStatus", "system-status")
@@ -42,22 +42,22 @@ class SystemStatus(TestCase):
 
     time = Parameter(float, "how long processors and network are watched", unit="s", default=1.0, low=0.1)
     hosts = Parameter(
-        Bottle, "other machines: (port of yarprun, most load in %); they are not asked", default=Bottle(), key="hosts"
+        Bottle, "other machines: (port of yarprun, most load in %); they are not tested", default=Bottle(), key="hosts"
     )
-    # Beyond 1 something always waits for a processor.
+    # Beyond 1 some process always waits for a processor.
     load = Parameter(
         float, "processes that want to run, for each processor, mean of a minute; 0: any", default=1.0, low=0.0
     )
     cpu = Parameter(float, "greatest load of one processor; 100: any", unit="%", default=100.0, low=0.0, high=100.0)
     cpu_mean = Parameter(float, "mean load of all of them; 100: any", unit="%", default=100.0, low=0.0, high=100.0)
-    # Of the 8 GiB of a robot's PC 400 MiB: what one more program takes.
+    # 400 MiB of the 8 GiB of a robot's PC: the need of one more program.
     memory = Parameter(float, "least memory that is available", unit="%", default=5.0, low=0.0, high=100.0)
-    # Swap that is used does no harm while memory is available; none left ends programs.
+    # Used swap does no harm while memory is available; without free swap programs are killed.
     swap = Parameter(float, "most swap space that is used", unit="%", default=90.0, low=0.0, high=100.0)
-    # As much ext4 keeps for root: nobody else can write then.
+    # The share that ext4 reserves for root: other users cannot write then.
     disk = Parameter(float, "least space that is free", unit="%", default=5.0, low=0.0, high=100.0)
     path = Parameter(str, "where on the disk; none: the folder of the run", default="")
-    # At about 100 degC processors slow themselves down.
+    # At about 100 degC processors throttle.
     temperature = Parameter(float, "highest temperature of a sensor", unit="degC", default=90.0)
     network_errors = Parameter(int, "most errors of an interface meanwhile", default=0, low=0)
     time_server = Parameter(str, "an NTP server to compare the clock with; none: it is not compared", default="")
@@ -157,16 +157,16 @@ class SystemStatus(TestCase):
 
 
 def _limit(percent: float) -> float | None:
-    """What a load may be at most: more than all there is none can be, which is no limit then."""
+    """Return the limit of a load; None for 100 %, which cannot be exceeded."""
     return percent if percent < _ALL else None
 
 
 def _ask_time(host: str, port: int, timeout: float = 2.0) -> tuple[float, float]:
-    """Ask an NTP server (RFC 5905, the simple way): how long it took, and what the clock lacks, both in s.
+    """Ask an NTP server (RFC 5905, SNTP); return the round-trip time and the offset of the clock, both in s.
 
-    Raises OSError, ValueError for what is no answer.
+    Raises OSError, or ValueError for an invalid answer.
     """
-    cookie = secrets.token_bytes(8)  # the server repeats it, so nobody else's answer is taken for its own
+    cookie = secrets.token_bytes(8)  # the server repeats it, which identifies its answer
     question = bytes([_NTP_QUESTION]) + bytes(_NTP_SIZE - 9) + cookie
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
         asking.settimeout(timeout)

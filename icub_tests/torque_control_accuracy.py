@@ -1,4 +1,4 @@
-"""Torque control accuracy: how the measured torque of joints answers to a step of its reference."""
+"""Torque control accuracy: the response of the measured torque of joints to a step of its reference."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from rtf.robot_testing.routines import Routine
     from rtf.robot_testing.step_test import Cycle
 
-#: How long the torque that holds a joint is measured, s.
+#: Time of measuring the torque that holds a joint, s.
 _HOLDING = 0.2
-#: A step is no more than this share of the greatest torque of its joint.
+#: Greatest step, as a share of the greatest torque of its joint.
 _WEAKEST = 0.1
 
 
 class TorqueControlAccuracy(CoupledStepTest):
-    """Steps the torque of each joint, on top of the torque that holds it; judges how soon and how well it comes.
+    """Steps the torque of each joint on top of the torque that holds it, and judges the step response.
 
-    A joint that gives way ends its step: it is held again before it has gone far.
+    A step ends early when the joint moves away: the joint is held again before it has moved far.
     """
 
     aliases = ("torqueControl-accuracy", "torqueControlAccuracy", "TorqueControl-accuracy")
@@ -52,7 +52,7 @@ class TorqueControlAccuracy(CoupledStepTest):
         float, "when a cycle ends, counted from the beginning of the rest before the step", unit="s", default=0.8
     )
     lead = Parameter(float, "time in torque mode before the step", unit="s", default=0.3, low=0.1)
-    travel = Parameter(float, "how far a joint may go before it is held again", unit="deg", default=8.0, low=0.5)
+    travel = Parameter(float, "way after which a joint is held again", unit="deg", default=8.0, low=0.5)
     holding_error = Parameter(float, "before the step, at most", unit="Nm", default=0.2, low=0.0)
     band = Parameter(
         float, "how near to the target is settled; a quarter of the step at most", unit="Nm", default=0.1, low=0.001
@@ -67,20 +67,20 @@ class TorqueControlAccuracy(CoupledStepTest):
     repeatability = Parameter(float, "deviation of the steps from each other, at most", unit="Nm", default=0.1, low=0.0)
 
     def choose(self, part: Part) -> list[int]:
-        """See the base: those with torque control."""
+        """Return the chosen joints, by default those with torque control."""
         return torque_joints(self, part, self.joints)
 
     def room(self, joint: int) -> float:
         return min(self.travel, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
 
     def begin(self, joint: int) -> Routine[tuple[float, float]]:
-        """See the base; the step starts with what holds the joint."""
+        """See StepTest: the step starts with the torque that holds the joint."""
         part, (_, sign) = self.robot_part, self.starts[joint]
         torques = yield from holding_torques(self, part, [joint], _HOLDING)
         held, step = float(torques[joint]), self.step
         most = greatest_torque(part.board, joint)
         if most is not None:
-            # A joint with a weak motor is a light one: it would be too fast before anything can be seen.
+            # A joint with a weak motor is a light one: it would be too fast before its torque can be judged.
             step = min(step, _WEAKEST * most)
             self.assert_error_if_false(
                 abs(held + sign * step) <= most,
@@ -104,7 +104,7 @@ class TorqueControlAccuracy(CoupledStepTest):
             self.robot_part.board.set_reference_torques(efforts[0], joints[0])
 
     def enough(self, joint: int, after: float) -> bool:
-        """See the base: a joint that has gone far, or has been judged and become fast, is held again."""
+        """End the step of a joint that has moved far, or of one that became fast after it could be judged."""
         part, (home, _) = self.robot_part, self.starts[joint]
         if abs(part.board.encoder(joint) - home) > self.travel:
             return True
@@ -114,7 +114,7 @@ class TorqueControlAccuracy(CoupledStepTest):
         return trace.torques[:, joint]
 
     def values(self, joint: int, cycles: list[Cycle]) -> list[CheckedValue]:
-        """See the base; what was measured before the step counts, too."""
+        """See StepTest: add the error before the step."""
         before = [float(np.abs(one.measured[one.time < 0].mean() - one.start)) for one in cycles]
         error = CheckedValue("error before the step", largest(before), "Nm", self.holding_error, self.wrong_finding)
         return [error, *super().values(joint, cycles)]

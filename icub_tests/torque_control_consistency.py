@@ -1,4 +1,4 @@
-"""Torque control consistency: what a joint is told in torque mode can be read back, and leaves it in that mode."""
+"""Torque control consistency: torque references can be read back, and joints stay in torque mode."""
 
 from __future__ import annotations
 
@@ -21,43 +21,41 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part
 
-#: How the references are told: the name, and whether a joint at a time, some of the part, or the whole of it.
+#: Forms of the command: a single joint, a group of joints, the whole part.
 _FORMS = ("single", "group", "all")
-#: How long the torques that hold the joints are measured, and what a board may take to show its mode, s.
+#: Time of measuring the torques that hold the joints, and time for a board to show its mode, s.
 _HOLDING, _MODE_TIME = 0.2, 0.2
-#: How long a reference has to arrive, and how long it is measured then, s: a single state would be judged by its noise.
+#: Time for a reference to arrive, and time of measuring its effect, s: several states average the noise.
 _ARRIVING, _MEASURING = 0.03, 0.05
-#: How far a joint may go meanwhile, deg.
+#: Greatest way of a joint during the test, deg.
 _TRAVEL = 10.0
 
 
 class TorqueControlConsistency(RobotTest):
-    """Tells joints torques a little above, at and below the one that holds them, and reads the references back.
+    """Commands torques a little above, at and below the one that holds a joint, and reads the references back.
 
-    In all ways of telling them: one joint at a time, a group, and the whole part. Joints that share motors with them
-    are told the torques that hold them, for many boards have them enter the mode, too.
+    It uses all forms of the command: a single joint, a group, and the whole part. Joints that share motors with the
+    tested ones are commanded the torques that hold them, as many boards put them into torque mode, too.
     """
 
     aliases = ("torqueControl-consistency", "torqueControlConsistency", "TorqueControl-consistency")
     tags = ("motion", "torque", "interfaces")
     safety = Safety.EFFORT
 
-    part = Parameter(str, "the part whose joints are told torques", default="left_arm")
+    part = Parameter(str, "the part whose joints are tested", default="left_arm")
     joints = Parameter(list[int], "its joints; none: all with torque control", default=[])
-    zero = Parameter(list[float], "where they are meanwhile; none: where they are", unit="deg", default=[])
+    zero = Parameter(list[float], "positions of the joints; none: where they are", unit="deg", default=[])
     change = Parameter(
-        float, "how far the torques are from the holding ones", unit="Nm", default=0.1, low=0.001, high=1.0
+        float, "difference of the torques from the holding ones", unit="Nm", default=0.1, low=0.001, high=1.0
     )
     tolerance = Parameter(
-        float, "by what a reference may change on its way through network and firmware", unit="Nm", default=0.005,
+        float, "tolerance of a reference that is read back", unit="Nm", default=0.005,
         low=0.0,
     )  # fmt: skip
-    answer = Parameter(
-        float, "how near the measured torque is to come to the reference", unit="Nm", default=0.3, low=0.0
-    )
+    answer = Parameter(float, "tolerance of the measured torque", unit="Nm", default=0.3, low=0.0)
 
     def setup(self) -> None:
-        """Open the part and bring its joints to where they are to be."""
+        """Open the part and move its joints to their start positions."""
         super().setup()
         self.robot_part = part = self.open_part(self.part)
         self.chosen = torque_joints(self, part, self.joints)
@@ -71,7 +69,7 @@ class TorqueControlConsistency(RobotTest):
         bring(self, part, self.chosen, self.places)
 
     def run(self) -> None:
-        """Test the forms in turn; joints that are told alone are tested alone."""
+        """Test the forms in turn; in the single form joint by joint."""
         part = self.robot_part
         for number, form in enumerate(_FORMS):
             self.progress(number / len(_FORMS), form)
@@ -91,7 +89,7 @@ class TorqueControlConsistency(RobotTest):
         held, others = torques[list(joints)], self._others(joints)
         before = part.board.encoders()
         part.board.set_control_modes([ControlMode.TORQUE] * len(joints), joints)
-        if others:  # where they have stayed in their modes they ignore it
+        if others:  # joints in other modes ignore the command
             part.board.set_reference_torques(torques[others], others)
         self._tell(part, form, joints, held, torques)
         part.wait_until(lambda: self._in_torque_mode(part, joints).all(), _MODE_TIME, pace=0.01)
@@ -132,7 +130,7 @@ class TorqueControlConsistency(RobotTest):
                     )
 
     def _measure(self, part: Part, joints: Sequence[int], before: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The mean torques of joints (Nm), and how far they have gone in the end (deg): far, and it is the end."""
+        """Return the mean torques of joints (Nm), and their ways (deg); a joint that moves too far ends the measurement."""
 
         def gone() -> FloatArray:
             return np.abs(part.board.encoders(joints) - before[joints])
@@ -143,11 +141,11 @@ class TorqueControlConsistency(RobotTest):
         return torques, gone()
 
     def _others(self, joints: Sequence[int]) -> list[int]:
-        """Those that are coupled with some joints."""
+        """Return the joints that are coupled with some joints."""
         return sorted({other for joint in joints for other in self.transmission.coupled(joint)} - {*joints})
 
     def _tell(self, part: Part, form: str, joints: Sequence[int], torques: FloatArray, every: FloatArray) -> None:
-        """Joints in other modes ignore what they are told, so that the whole part may be, what ``every`` one bears."""
+        """Send torques in one form; ``every`` are those of all joints. Joints in other modes ignore the command."""
         if form == "single":
             part.board.set_reference_torques(float(torques[0]), joints[0])
         elif form == "group":

@@ -1,4 +1,4 @@
-"""Torque control stiffness and damping check: a compliant joint gives way as its stiffness and its damping say."""
+"""Torque control stiffness and damping check: a compliant joint moves by its stiffness and its damping."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
 
-#: How soon a joint is at rest before it is moved, and what a board may take to show its mode, s.
+#: Time at rest before a joint is moved, and time for a board to show its mode, s.
 _REST, _MODE_TIME = 0.3, 0.5
-#: A joint that has gone so far is held at once, deg.
+#: Way after which a joint is held at once, deg.
 _TRAVEL = 25.0
 #: How fast a push is to move a joint that is only damped (deg/s), and how far one that is only stiff, which swings to
 #: twice of it (deg); how far a push goes at most (deg), and for how long (s); and how long the joint swings out (s).
 _SPEED, _WAY, _REACH, _PUSH_TIME, _SWING_OUT = 25.0, 2.5, 6.0, 0.3, 0.4
-#: What a push is to be at least beyond the spring and the damper, as a share of the greatest torque: it is friction.
+#: Friction that a push has to overcome beyond spring and damper, as a share of the greatest torque.
 _FRICTION = 0.03
-#: The variance of second differences of noise, as a multiple of the noise's own: 1 + 4 + 1.
+#: The ratio of the variance of second differences of noise to that of the noise: 1 + 4 + 1.
 _OF_SECOND_DIFFERENCES = 6.0
-#: The least share of motion in what is measured of it that says something.
+#: The least share of motion in the measured variance of the motion.
 _LEAST_MOTION = 0.5
 
 
 class TorqueControlStiffDampCheck(RobotTest):
-    """Makes each joint compliant, first with stiffness alone, then with damping alone, and has it pushed.
+    """Makes each joint compliant, first with stiffness only, then with damping only, and lets it be pushed.
 
-    The torque over the way it gives is a line with the slope of the stiffness, that over its speed one with the slope
-    of the damping. A simulated robot is pushed by its simulator, on a real one the operator is asked to, before the
-    joint gives way. A joint with neither stiffness nor damping is not tested.
+    The slope of the torque over the deflection is the stiffness, that over the speed is the damping. The simulator
+    pushes a simulated robot; on a real one the operator is asked to push, before the joint becomes compliant. A joint
+    with neither stiffness nor damping is not tested.
     """
 
     aliases = ("torqueControl-stiffDampCheck", "torqueControlStiffDampCheck")
@@ -59,15 +59,15 @@ class TorqueControlStiffDampCheck(RobotTest):
         list[float], "its damping; none: that of the robot, 0: not tested", unit="Nm*s/deg", default=[], low=0.0
     )
     duration = Parameter(float, "how long the operator moves a joint", unit="s", default=10.0, low=1.0)
-    # What the friction of a joint and the scale of its torque sensing leave of it; a wrong factor is more.
+    # Friction and the scale of the torque sensing cause less; a wrong factor causes more.
     slope = Parameter(float, "by which a slope may differ from what it is to be", unit="%", default=20.0, low=0.1)
-    # Below it a fifth of the torque's variance is something else, and the slope says little.
+    # With less, a fifth of the torque's variance is unexplained, and the slope is uncertain.
     correlation = Parameter(float, "of torque with way or speed, at least", default=0.9, low=0.0, high=1.0)
-    # Many times what play and the resolution of an encoder are.
+    # Many times the play and the resolution of an encoder.
     excursion = Parameter(float, "how far a joint has to be moved", unit="deg", default=1.0, low=0.01)
     # Likewise, of the noise of a speed that a board takes from its encoder.
     fastest = Parameter(float, "how fast a joint has to be moved", unit="deg/s", default=5.0, low=0.01)
-    plot_enabled = Parameter(bool, "understood for the sake of older files; it is always plotted", default=True)
+    plot_enabled = Parameter(bool, "accepted and ignored: reports have plots", default=True)
 
     def setup(self) -> None:
         """Open the part and bring its joints home."""
@@ -128,7 +128,7 @@ class TorqueControlStiffDampCheck(RobotTest):
     def _require_springs(
         self, part: Part, joint: int, impedances: Mapping[int, tuple[float, float]], spring: float
     ) -> None:
-        """Joints that share motors become compliant together on many boards: none may fall while another is pushed."""
+        """End as inconclusive if a coupled joint would fall: many boards make coupled joints compliant together."""
         loose = [part.names[one] for one, (stiffness, _) in impedances.items() if one != joint and stiffness <= 0]
         if loose and spring <= 0:
             self.inconclusive(
@@ -139,7 +139,7 @@ class TorqueControlStiffDampCheck(RobotTest):
     # Moving ------------------------------------------------------------------------------------------------------
 
     def _give_way(self, part: Part, joint: int, home: float, spring: float, damper: float) -> Trace:
-        """Make a joint compliant and have it moved; what it did meanwhile."""
+        """Make a joint compliant, let it be moved, and return the recorded states."""
         bring(self, part, [joint], [home])
         part.wait(_REST)
         if not self.pushed:
@@ -169,7 +169,7 @@ class TorqueControlStiffDampCheck(RobotTest):
         )
 
     def _push(self, part: Part, joint: int, home: float, spring: float, damper: float) -> None:
-        """Push to both sides in turn, as hard as it takes."""
+        """Push to both sides in turn, with the torque that spring and damper need."""
         most = greatest_torque(part.board, joint)
         torque = spring * _WAY + damper * _SPEED + _FRICTION * (most or 0.0)
         with SimulatorControl(self.robot_name) as control:
@@ -188,7 +188,7 @@ class TorqueControlStiffDampCheck(RobotTest):
         yield from (1.0, -1.0, -1.0, 1.0)
 
     def _ask_for_a_hand(self, part: Part, joint: int) -> None:
-        """Have the operator hold a joint before it gives way: while the answer is waited for it stands."""
+        """Ask the operator to hold a joint; it becomes compliant only after the answer."""
         name = part.names[joint]
         if not self.confirm(
             f"{name} gives way at your yes, and may sink: hold it now, and move it to and fro for {self.duration:g} s "
@@ -230,7 +230,7 @@ class TorqueControlStiffDampCheck(RobotTest):
         self.measure(f"correlation of torque, {what}", correlation, "", low=self.correlation, hint=hint)
 
     def _share_of_motion(self, name: str, what: str, moved: FloatArray) -> float:
-        """How much of the variance is motion: the rest, which scatters from state to state, makes a slope too flat."""
+        """Return the share of motion in the variance: the rest is noise, which makes the slope too flat."""
         share = 1.0 - float(np.var(np.diff(moved, 2))) / _OF_SECOND_DIFFERENCES / float(np.var(moved))
         if share < _LEAST_MOTION:
             self.inconclusive(
@@ -240,7 +240,7 @@ class TorqueControlStiffDampCheck(RobotTest):
         return share
 
     def _require_motion(self, name: str, what: str, reach: float, least: float, symbol: str) -> None:
-        """A joint that was pushed has to move; one that nobody moved says nothing."""
+        """Fail a joint that does not move when it is pushed; end as inconclusive if the operator did not move it."""
         self.measure(f"moved, {what}", reach, symbol)
         if reach >= least:
             return

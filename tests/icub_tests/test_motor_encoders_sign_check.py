@@ -64,7 +64,7 @@ def test_the_duty_cycles_grow_in_steps_from_what_holds_the_joint(outcome):
         ("joint-encoder", "l_elbow", "l_elbow is not driven: it was excluded and left idle"),
         ("gear", "l_elbow", "the joint turns against its motor"),
         ("motor", "l_elbow", "the motor's wires"),
-        ("dead", "l_elbow", "does not move with up to 15 %"),
+        ("dead", "l_elbow", "does not move within 15 %"),
     ],
 )
 def test_each_wrong_sign_is_named_for_what_it_is(outcome, name, joint, words):

@@ -147,7 +147,7 @@ def test_a_joint_far_outside_of_its_limits_is_not_driven(tmp_path):
     assert "joint2 is not driven: it was excluded and left idle. Its encoder shows 300.0 deg" in failures["joint2"]
     assert "joint0 does not move" in failures["joint0"]
     (warning,) = outcome.of(Message, severity=Severity.WARNING)
-    assert "arm does not tell how its motors are coupled" in warning.detail
+    assert "arm does not report the coupling of its motors" in warning.detail
     driven = {joint for _, what, joints in told if what == "duty" for joint in joints or ()}
     assert driven == {0}
     modes = [what for _, what, joints in told if isinstance(what, ControlMode) and STRAY in (joints or [STRAY])]
