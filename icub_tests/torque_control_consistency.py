@@ -130,7 +130,7 @@ class TorqueControlConsistency(RobotTest):
                     )
 
     def _measure(self, part: Part, joints: Sequence[int], before: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the mean torques of joints (Nm), and their ways (deg); a joint that moves too far ends the measurement."""
+        """Return the mean torques (Nm) and the ways (deg) of joints; it ends early if a joint moves too far."""
 
         def gone() -> FloatArray:
             return np.abs(part.board.encoders(joints) - before[joints])
