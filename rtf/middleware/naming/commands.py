@@ -105,7 +105,7 @@ class Commands:
         self._table = table
         self._subscriptions = subscriptions
         self._server = server
-        self._changed = changed or _notify_nobody
+        self._changed = changed or _discard_notification
         self._report = report or _say_nothing
         self._known: dict[str, Callable[[_Request], Answer]] = {
             "register": self._register,
@@ -313,5 +313,5 @@ def _say_nothing(_sentence: str) -> None:
     """Discard the message."""
 
 
-def _notify_nobody(_what: str, _name: str) -> None:
+def _discard_notification(_what: str, _name: str) -> None:
     """Discard the notification."""

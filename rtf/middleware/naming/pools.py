@@ -47,7 +47,7 @@ class Numbers:
         return numbers
 
     def hold(self, number: int) -> None:
-        """Mark a number as used by a registered port, whoever chose it."""
+        """Mark a number as used by a registered port, even if the pool did not assign it."""
         self._held[number] += 1
 
     def release(self, number: int) -> None:
