@@ -137,7 +137,7 @@ def _how(group: argparse._ArgumentGroup) -> None:
         metavar="N",
         type=count,
         default=1,
-        help="run up to N suites at a time, if they share no fixture",
+        help="run up to N suites at a time, if they share no fixture, and tests of suites that have copies",
     )
     group.add_argument(
         "--timeout", metavar="S", type=seconds, help="limit of one run() where the suite says none (default 300)"

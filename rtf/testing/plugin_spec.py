@@ -7,6 +7,7 @@ here, too: it says how many tests a class is.
 
 from __future__ import annotations
 
+import math
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -170,5 +171,5 @@ def as_strings(value: Any) -> tuple[str, ...]:  # whatever an author has written
 
 
 def as_seconds(value: Any) -> float | None:  # likewise
-    """A time-out; None where it is no number."""
-    return float(value) if isinstance(value, int | float) else None
+    """A time-out; None where it is no number, which the test is told when it is loaded."""
+    return float(value) if isinstance(value, int | float) and not math.isnan(value) else None

@@ -67,7 +67,8 @@ class RunOptions:
     ``grace`` is how long a test that is asked to stop may take to begin its teardown before it is killed. ``control``
     is the door through which people stop the run. ``conduct`` says, instead of the order of the plan, what the run's
     one suite worker does next. Without ``plan_ahead`` a test is told of when whoever conducts calls :meth:`Run.plan`,
-    and not before anything runs.
+    and not before anything runs. ``terminal`` is the device at which tests are debugged, without limits; with
+    ``core_dumps`` those of programs are kept.
     """
 
     run_folder: Path

@@ -10,13 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from harness import run_suite
 from rtf.bottle import Bottle
-from rtf.robot_testing.checked_values import Judged, judge_values
+from rtf.robot_testing.checked_values import CheckedValue, judge_values
 from rtf.testing import Parameter, TestCase
 from rtf.testing.measurement import Unit
 from rtf.testing.session import Session
+from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rtf.testing.events import Event
 
 #: What compares a value with a lower and an upper limit, in a unit; a test fails when the value is not within them.
@@ -47,7 +51,7 @@ BETWEEN: dict[str, Comparison] = {
     "check_within": lambda case, value, low, high, symbol: case.check_within(value, low, high, symbol),
     "measure": lambda case, value, low, high, symbol: case.measure("x", value, symbol, low, high),
     "judge_values": lambda case, value, low, high, symbol: judge_values(
-        case, "joint", [Judged("x", value, symbol, high=high, low=low, hint="x")]
+        case, "joint", [CheckedValue("x", value, symbol, high=high, low=low, hint="x")]
     ),
     "a parameter": by_parameter,
 }
@@ -129,9 +133,19 @@ def test_one_limit_alone_and_the_width_of_a_margin_have_to_be_numbers(value: flo
             case.measure("x", value, **limits)
 
 
+def test_a_time_out_has_to_be_a_number(tmp_path: Path):
+    """One that is none would never be reached: the test is an error, and its body is not called."""
+    code = "from rtf.testing import TestCase\nclass T(TestCase):\n    timeout = float('nan')\n    def run(self): pass\n"
+    outcome = run_suite(tmp_path, "<test>t.py</test>", t__py=code)
+    (test,) = outcome.results.tests.values()
+    assert test.verdict is Verdict.ERROR
+    assert test.last is not None
+    assert "timeout is nan" in test.last.detail
+
+
 def test_a_late_test_does_not_hide_a_limit_that_is_no_number():
     """Judgements that are not held against the robot are checked as well."""
     case = Case()
     case.attach_to(Session("s/t", lambda _: None, folder="", run_folder=""), "")
     with pytest.raises(ValueError, match="the upper bound of delay is nan"):
-        judge_values(case, "joint", [Judged("delay", 1.0, "s", high=math.nan)], late="it came too late")
+        judge_values(case, "joint", [CheckedValue("delay", 1.0, "s", high=math.nan)], late="it came too late")

@@ -33,6 +33,7 @@ from rtf.testing.isolation.messages import (
     Frames,
     Job,
 )
+from rtf.testing.measurement import require_limits
 from rtf.testing.outcome import TestProblem, TestStopped
 from rtf.testing.plugin_spec import may_move
 from rtf.testing.session import Session, text_of
@@ -221,6 +222,7 @@ def run_test(job: Job, session: Session) -> Finished:
 def _load(job: Job, session: Session) -> TestCase:
     case = (_makers.get(job.plugin) or plugins.test_maker(job.plugin))()
     case.attach_to(session, job.environment)
+    require_limits(timeout=case.timeout)
     case.take_fixture_values(job.values)
     rows = case.resolve_parameters(
         param=job.param,
