@@ -436,19 +436,13 @@ def to_line(event: Event) -> bytes:
     Numbers that JSON lacks become the strings ``NaN``, ``Infinity`` and ``-Infinity``, so that every reader, a browser
     too, can parse the line. Half a surrogate pair, which the name of a file may hold, is escaped.
     """
-    return line_of(event)
-
-
-def line_of(record: Event | dict[str, Any]) -> bytes:
-    """Write an event, or a record like those of :func:`to_record`, as a line; see :func:`to_line`."""
     try:
-        line = _encode(record)
+        line = _encode(event)
         if b"null" not in line:  # which msgspec writes for a number that JSON lacks; members that are None are left out
             return line + b"\n"
     except UnicodeEncodeError:
         pass
-    plain = _finite(msgspec.to_builtins(record, enc_hook=_builtin))
-    return json.dumps(plain, separators=(",", ":"), allow_nan=False).encode() + b"\n"
+    return json.dumps(_finite(to_record(event)), separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 
 def _finite(value: Any) -> Any:
@@ -461,7 +455,10 @@ def _finite(value: Any) -> Any:
 
 
 def from_line(line: bytes | str) -> Event:
-    """Read one line of a journal. Raises EventError when it is no event."""
+    """Read one line of a journal. Raises EventError when it is no event.
+
+    Members that are not known are dropped, so that newer journals can be read.
+    """
     try:
         event: Event = _decode(line)
     except (msgspec.DecodeError, UnicodeError, RecursionError):  # it is none, or has what JSON lacks, or is old
@@ -475,7 +472,7 @@ def _read_slowly(line: bytes | str) -> Event:
         record = json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise EventError(f"not JSON: {error}"[:_LONGEST_REASON]) from None
-    return from_record(record)
+    return _from_record(record)
 
 
 def _refuse(word: str) -> None:
@@ -488,11 +485,7 @@ def to_record(event: Event) -> dict[str, Any]:
     return record
 
 
-def from_record(record: object) -> Event:
-    """Make an event of a JSON object; unknown members are dropped, so that newer journals can be read.
-
-    Raises EventError for anything that is no event.
-    """
+def _from_record(record: object) -> Event:
     if not isinstance(record, dict):
         raise EventError(f"an event is a JSON object, not {type(record).__name__}")
     kind = record.get("event")
