@@ -31,6 +31,9 @@ CALL_LIMIT, CLOSE_LIMIT, STOPPING_LIMIT, HURRIED_LIMIT = 10.0, 30.0, 3.0, 1.0
 PAUSE, SHARE = 1.0, 0.003
 
 _BACKLOG = 1000
+#: Seconds in which events gather before the thread wakes up again: to wake it for each one would take the run the
+#: processor for longer than the reporters need it.
+_GATHER = 0.02
 _LOOK = 0.05
 _WATCH = 1.0
 
@@ -80,6 +83,7 @@ class ReporterThread:
         self._most = clock.FOREVER  # no call may take longer, whatever its own limit
         self._lock = threading.Lock()
         self._closing = False
+        self._awaited = threading.Event()  # somebody waits for the reporters
         self._done = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -99,6 +103,7 @@ class ReporterThread:
         if self._thread is not None and threading.current_thread() is not self._thread:
             passed = threading.Event()
             self._queue.put(passed)
+            self._awaited.set()
             self._wait_for(passed, asked)
 
     def close(self, asked: Callable[[], int] = lambda: 0) -> None:
@@ -108,6 +113,7 @@ class ReporterThread:
         if self._thread is None:
             self._start()
         self._queue.put(None)
+        self._awaited.set()
         self._wait_for(self._done, asked)
 
     def _wait_for(self, reached: threading.Event, asked: Callable[[], int]) -> None:
@@ -157,6 +163,8 @@ class ReporterThread:
         if wait is not None and wait <= 0:
             self._update()
             return
+        if self._queue.empty():
+            self._awaited.wait(_GATHER)
         try:
             item = self._queue.get(timeout=wait)
         except Empty:
@@ -164,6 +172,7 @@ class ReporterThread:
         if item is None:
             self._closing = True
         elif isinstance(item, threading.Event):
+            self._awaited.clear()
             item.set()
         else:
             self._take(item)

@@ -336,6 +336,7 @@ reporter.open()
 broadcast = Broadcast(None, [reporter])
 for event in journal.read(Path(sys.argv[1])):
     broadcast.emit(event)
+    broadcast.flush()
     if reporter._region is not None:
         reporter._region.refresh()
 broadcast.close()

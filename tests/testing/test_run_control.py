@@ -195,10 +195,11 @@ def test_a_stop_before_the_first_test_runs_nothing(tmp_path: Path):
 
 
 def test_reporters_are_given_the_control(tmp_path: Path):
-    """The page has no privilege: a reporter in a file of the user's stops the run just so."""
+    """The page has no privilege: a reporter in a file of the user's stops the run just so, after the running test."""
     from harness import run_command, write_files
 
     reporter = """
+from pathlib import Path
 from rtf.testing import Reporter
 from rtf.testing.events import TestEnded
 
@@ -207,10 +208,22 @@ class Button(Reporter):
     def handle(self, event, results):
         if isinstance(event, TestEnded):
             self.options.control.stop("a button", 1)
+            Path("stopped").touch()
 """
-    tests = "".join(f'<test name="{name}">fine.py</test>' for name in "abc")
+    waits = """
+from pathlib import Path
+from rtf import clock
+from rtf.testing import TestCase
+
+class Waits(TestCase):
+    def run(self):
+        deadline = clock.Deadline.after(20.0)
+        while not Path("stopped").exists() and not deadline.expired:
+            clock.sleep(0.005)
+"""
+    tests = '<test name="a">fine.py</test><test name="b">waits.py</test><test name="c">fine.py</test>'
     xml = f'<suite name="s">{tests}</suite>'
-    write_files(tmp_path, {"button__py": reporter, "fine__py": FINE, "s__xml": xml})
+    write_files(tmp_path, {"button__py": reporter, "fine__py": FINE, "waits__py": waits, "s__xml": xml})
     outcome = run_command(tmp_path, "-s", "s.xml", "--report", "button", RTF_PLUGIN_PATH=str(tmp_path))
     assert outcome.exit_code == ExitCode.INTERRUPTED
     assert (outcome.verdict("a"), outcome.verdict("c")) == (Verdict.PASSED, Verdict.NOT_RUN)
