@@ -197,7 +197,7 @@ def test_the_skin_wrapper_keeps_to_its_names(outcome):
     assert outcome.verdict("skin") is Verdict.PASSED
     refused = [event.detail for event in outcome.of(Message, test="s/skin") if event.detail.startswith("refused")]
     assert len(refused) == 6
-    assert all("there is a port /testSkinWrapper" in one for one in refused)
+    assert all("the port /testSkinWrapper" in one for one in refused)
 
 
 def test_a_skin_that_sends_too_little_fails(outcome):

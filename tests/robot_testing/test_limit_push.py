@@ -22,4 +22,4 @@ def test_a_push_is_found_whichever_way_the_motor_turns(kp, sign):
     test._judge(0, side, reached, asked)
     assert test.kept.values[f"push beyond the {side.name} limit"] == pytest.approx(100 * 16 / 60)
     (failure,) = test.kept.failures
-    assert "pushes on at its" in failure
+    assert "pushes beyond its" in failure

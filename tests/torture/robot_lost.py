@@ -360,7 +360,7 @@ class _Judge:
         self._expect(more == (self._blow.strike in DEADLY), f"{name} stands on a robot that was restarted {more} times")
         self._expect(stands.fixtures["names"] == 1, "the name server was restarted")
         self._found.back_after = stands.time - self._blow.time
-        (case,) = [case for case in self._junit_cases() if case.name == name]
+        (case,) = [case for case in self._junit_cases() if case.name == name.replace(" ", "-")]
         self._expect(case.is_passed, f"JUnit says of {name}: {case.result}")
 
     def _junit_cases(self) -> list[xunit2.TestCase]:

@@ -49,7 +49,7 @@ def test_what_differs_from_run_to_run_is_told(run):
     code, printed = run("Healthy", "Wandering")
     assert code == 0
     assert "HEALTHY BATTERIES PASSED  2 of 2 without a false alarm (in lockstep); 0 alarms, 0 inconclusive" in printed
-    assert "not the same each time: s/wandering (2 ways)" in printed
+    assert "not the same each time: s/Wandering (2 ways)" in printed
     assert "1 of 2 tests have measured the same each time" in printed
 
 
@@ -57,8 +57,8 @@ def test_a_failure_is_an_alarm_and_doubt_is_none(run):
     """Both are told with the battery that they are of."""
     code, printed = run("Ill", "Slow", count=1)
     assert code == 1
-    assert "ALARM s/ill: failed" in printed
-    assert "inconclusive: s/slow" in printed
+    assert "ALARM s/Ill: failed" in printed
+    assert "inconclusive: s/Slow" in printed
     assert "HEALTHY BATTERIES FAILED  0 of 1" in printed
 
 
