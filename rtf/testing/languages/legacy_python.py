@@ -49,7 +49,9 @@ def adapt(ref: PluginRef, module: ModuleType, old: type) -> TestCase:
 
 def install() -> ModuleType:
     """Make ``import robottestingframework`` work in this process, unless something of that name is there already."""
-    return sys.modules.setdefault(MODULE, _api())
+    if MODULE not in sys.modules:
+        sys.modules[MODULE] = _api()
+    return sys.modules[MODULE]
 
 
 class LegacyTest(RawParameters):
