@@ -102,7 +102,7 @@ class JointLimits(JointsTest):
         part = self.robot_part
         for joint in [joint for joint in self.chosen if not part.low[joint] < part.high[joint]]:
             limits = f"the limits {part.low[joint]:g} and {part.high[joint]:g} deg leave no range"
-            self.give_up(joint, f"{part.names[joint]}: {limits}; {likely_causes('no range')}", "has no range")
+            self.fail_and_exclude(joint, f"{part.names[joint]}: {limits}; {likely_causes('no range')}", "has no range")
 
     def _weaken(self, joint: int, percent: float) -> Pid:
         board, share = self.robot_part.board, percent / 100.0

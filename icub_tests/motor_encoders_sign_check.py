@@ -21,7 +21,7 @@ class MotorEncodersSignCheck(DutyTest):
 
     A ramp begins with the duty cycle at which the controller held the joint, once the joint is at rest. The joint
     encoder has to move as gearbox ratio and coupling say. A joint that its controller cannot hold, such as one with a
-    wrong sign, is tested from where it hangs. A joint far outside of its limits fails without being driven.
+    wrong sign, is tested from its rest position. A joint far outside of its limits fails without being driven.
     """
 
     aliases = (

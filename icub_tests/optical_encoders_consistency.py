@@ -132,7 +132,7 @@ class OpticalEncodersConsistency(JointsTest):
         ]
         self.hold()
         self.swinger = JointSwinger(part, self.transmission, tolerance=self.tolerance)
-        self.swinger.give_up(exclude_joints_out_of_limits(part))
+        self.swinger.exclude(exclude_joints_out_of_limits(part))
 
     def run(self) -> None:
         """Swing joint by joint, then judge motor by motor."""

@@ -86,7 +86,7 @@ class OpticalEncodersDrift(JointsTest):
         self.hold()
         self.swinger = JointSwinger(part, self.transmission, tolerance=self.tolerance)
         self.complaints: dict[int, Outcome] = {}
-        self.swinger.give_up(exclude_joints_out_of_limits(part))
+        self.swinger.exclude(exclude_joints_out_of_limits(part))
 
     def run(self) -> None:
         """Swing, and judge joint by joint the measurements at home."""

@@ -13,7 +13,7 @@ from rtf.robot_testing.simulated import is_simulated
 from rtf.robot_testing.start_position import bring, hold, starting_point
 from rtf.robot_testing.torque_control import greatest_torque, torque_joints
 from rtf.robot_testing.transmission import Transmission
-from rtf.simulator.control import SimulatorControl
+from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:

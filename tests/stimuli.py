@@ -17,9 +17,9 @@ from rtf import clock
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.configuration import find_network
 from rtf.middleware.naming.server import NameServer
+from rtf.simulator.control_service import SimulatorService
 from rtf.simulator.icub import SimulatedIcub
 from rtf.simulator.part import SimulatedPart
-from rtf.simulator.service import SimulatorService
 from rtf.testing.events import TestEnded, TestStarted
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
-    from rtf.robot_testing.proof import Case, Finding
+    from rtf.robot_testing.proof import Case, JudgedCase
 
 _EXAMPLES = """\
 rtf proof                          everything, on all cores; hours of robot time in minutes
@@ -47,11 +47,11 @@ def proof(words: Sequence[str]) -> ExitCode:
     if code in (ExitCode.INTERRUPTED, ExitCode.USAGE, ExitCode.INTERNAL):
         print("PROOF INTERRUPTED  go on with it by: rtf proof --resume")
         return code
-    findings = _findings(folder / "run", by_test)
-    text = write_matrix(findings)
+    judged = _judged_cases(folder / "run", by_test)
+    text = write_matrix(judged)
     target = Path(options.output) if options.output else folder / "proof.md"
     target.write_text(text, encoding="utf-8")
-    return _tell(findings, target)
+    return _tell(judged, target)
 
 
 def _parse(words: Sequence[str]) -> argparse.Namespace:
@@ -147,7 +147,7 @@ def _resume(folder: Path) -> tuple[ExitCode, dict[str, Case]]:
     return ExitCode(testrunner.main(["--resume", str(folder / "run")])), by_test
 
 
-def _findings(run: Path, by_test: dict[str, Case]) -> list[Finding]:
+def _judged_cases(run: Path, by_test: dict[str, Case]) -> list[JudgedCase]:
     from rtf.robot_testing.proof import judge
     from rtf.testing import replay
     from rtf.testing.results import RunResult
@@ -158,13 +158,13 @@ def _findings(run: Path, by_test: dict[str, Case]) -> list[Finding]:
     return [judge(case, results.tests.get(test)) for test, case in by_test.items()]
 
 
-def _tell(findings: Sequence[Finding], target: Path) -> ExitCode:
-    wrong = [finding for finding in findings if not finding.judgement.good]
-    for finding in wrong:
-        print(f"{finding.judgement.value}: {finding.case.name}: {finding.sentence}")
+def _tell(judged: Sequence[JudgedCase], target: Path) -> ExitCode:
+    wrong = [one for one in judged if not one.judgement.good]
+    for one in wrong:
+        print(f"{one.judgement.value}: {one.case.name}: {one.sentence}")
     print(f"The matrix is in {target}")
     if wrong:
-        print(f"PROOF FAILED  {len(wrong)} of {len(findings)} claims do not hold")
+        print(f"PROOF FAILED  {len(wrong)} of {len(judged)} claims do not hold")
         return ExitCode.FAILURES
-    print(f"PROOF PASSED  all {len(findings)} claims hold")
+    print(f"PROOF PASSED  all {len(judged)} claims hold")
     return ExitCode.PASSED

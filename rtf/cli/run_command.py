@@ -107,7 +107,7 @@ def _resume(options: argparse.Namespace) -> int:
     planned = running.make_plan(original)
     if planned.refused:
         return int(running.refuse(planned))
-    MotionLedger(folder).resumed()
+    MotionLedger(folder).record_resume()
     run: RunOptions = running.run_options(original, folder, list(started.command))
     changes = before.changes([one.suite.id for one in planned.suites], running.fingerprints(planned))
     if changes is not None:

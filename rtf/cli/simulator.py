@@ -149,7 +149,7 @@ def _parts(text: str) -> tuple[str, ...]:
 
 
 def _factor(text: str) -> float:
-    from rtf.simulator.control import SLOWEST
+    from rtf.simulator.control_client import SLOWEST
 
     try:
         factor = float(text)
@@ -190,7 +190,7 @@ def status(words: Sequence[str]) -> int:
     _add_robot(parser)
     options = parser.parse_args(words)
     from rtf.cli.network.options import make_network
-    from rtf.simulator.control import SimulatorControl, describe_status
+    from rtf.simulator.control_client import SimulatorControl, describe_status
 
     with SimulatorControl(options.robot, network=make_network()) as control:
         print(describe_status(control.status()), end="")
@@ -217,7 +217,7 @@ def inject(words: Sequence[str]) -> int:
     values = dict(_value(parser, word) for word in options.words if "=" in word)
     target = targets[0] if targets else ""
     from rtf.cli.network.options import make_network
-    from rtf.simulator.control import SimulatorControl
+    from rtf.simulator.control_client import SimulatorControl
 
     with SimulatorControl(options.robot, network=make_network()) as control:
         print(control.inject(options.kind, target, values, delay=options.delay, duration=options.duration))
@@ -243,7 +243,7 @@ def clear(words: Sequence[str]) -> int:
     parser.add_argument("number", nargs="?", type=count, metavar="NUMBER", help="of the fault (default: all)")
     options = parser.parse_args(words)
     from rtf.cli.network.options import make_network
-    from rtf.simulator.control import SimulatorControl
+    from rtf.simulator.control_client import SimulatorControl
 
     with SimulatorControl(options.robot, network=make_network()) as control:
         print(control.clear(options.number))

@@ -39,8 +39,8 @@ SHIPPED: Mapping[str, str] = {
     "frameGrabber_nws_yarp": "rtf.robot.server.frame_grabber:FrameGrabberDevice",
     "frameGrabber_nwc_yarp": "rtf.robot.client.frame_grabber:FrameGrabberClient",
     "icubCalibrator": "rtf.robot.devices.calibrator:BoardCalibrator",
-    "simulatedICub": "rtf.simulator.device:SimulatedRobot",
-    "simulatedBoard": "rtf.simulator.device:SimulatedBoard",
+    "simulatedICub": "rtf.simulator.robot_devices:SimulatedRobot",
+    "simulatedBoard": "rtf.simulator.robot_devices:SimulatedBoard",
     "simulatedForceTorque": "rtf.simulator.sensor_devices:SimulatedForceTorqueDevice",
     "simulatedImu": "rtf.simulator.sensor_devices:SimulatedImuDevice",
 }

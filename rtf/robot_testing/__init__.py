@@ -1,8 +1,8 @@
 """Base classes and tools for tests of robots: guarded and recorded parts, joint routines, statistics.
 
 A test derives from :class:`RobotTest`. It declares its :class:`Safety` class and opens parts; each part of a test that
-moves the robot has a guard that watches it and restores it afterwards, whatever the result of the test. This package
-stands between the xUnit core, which does not know robots, and the robot layer, which does not know tests.
+moves the robot has a guard that watches it and restores it afterwards, whatever the result of the test. The package
+connects the xUnit core, which does not know robots, with the robot layer, which does not know tests.
 """
 
 from rtf.robot_testing.failure_causes import likely_causes

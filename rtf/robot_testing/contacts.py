@@ -40,18 +40,19 @@ _SENSOR = "/analog:o"
 _HISTORY = 1000
 #: Window in which the change of a force counts, s. A soft contact at 20 deg/s takes about as long to build up.
 WITHIN = 0.2
-#: The inertial force is that of the states from so long before the averaged forces, s, to so long after: stamps are
-#: not exact.
+#: The inertial force is computed from the states of this time, s, before and after the averaged forces: stamps are not
+#: exact.
 _BEFORE, _AFTER = 0.035, 0.025
-#: A force is evaluated when there are states from so long after it, s. A newer force may come from motion that no state
-#: shows yet: the simulated leg, stepped by 2 deg, pulls with 12 to 36 N more than the states up to 20 ms before
+#: A force is evaluated when there are states from this time after it, s. A newer force may come from motion that no
+#: state shows yet: the simulated leg, stepped by 2 deg, pulls with 12 to 36 N more than the states up to 20 ms before
 #: explain.
 _KNOWN = 0.015
-#: The motion between two states is unknown if they are farther apart than this, s, and than so many usual periods.
+#: The motion between two states is unknown if they are farther apart than this, s, and than this number of usual
+#: periods.
 _GAP, _PERIODS = 0.025, 2.2
 #: Number of states that are kept, and of messages that are searched for one as old as the states.
 _KEPT = 50
-#: A sensor is silent if no message comes for so long, s, while states do. It sends a hundred messages a second.
+#: A sensor is silent if no message comes for this time, s, while states do. It sends a hundred messages a second.
 _SILENT = 1.0
 #: A stamp that is earlier than the last one by more, s, means that the clock was set.
 _JUMP = 1.0
@@ -90,9 +91,9 @@ class Forces:
     def newest(self, count: int) -> list[IncomingMessage]:
         """Return the last ``count`` messages, the newest first."""
         # Copied in one step: messages arrive meanwhile.
-        return self.kept()[: -count - 1 : -1]
+        return self.messages()[: -count - 1 : -1]
 
-    def kept(self) -> list[IncomingMessage]:
+    def messages(self) -> list[IncomingMessage]:
         """Return all kept messages, the oldest first."""
         return list(self._messages)
 

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.routines import Routine
 
-#: What a board may take to show its mode, s.
+#: Time for a board to report its mode, s.
 _MODE_TIME = 0.2
-#: Greatest way of such a joint, deg; and tolerance of its move back, deg.
+#: Greatest displacement of such a joint, deg; and tolerance of its move back, deg.
 _GREATEST_WAY, _BACK = 15.0, 2.0
 
 
@@ -60,9 +60,9 @@ class CoupledStepTest(StepTest):
             self._check_coupled(joint)
 
     def entering(self, joint: int, mode: ControlMode, effort: float, held: FloatArray) -> Routine[bool]:
-        """Bring a joint into a mode with an effort; return whether it took it.
+        """Bring a joint into a mode with an effort; return whether it entered the mode.
 
-        ``held`` are the efforts of all before.
+        ``held`` are the efforts of all joints before.
         """
         part = self.robot_part
         coupled = [one for one in self.transmission.coupled(joint) if one != joint]

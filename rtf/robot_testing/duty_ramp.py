@@ -4,7 +4,8 @@ Only the joint of that motor loses its controller meanwhile; on boards that chan
 those do, too, and their motors keep the duty cycles that have held them. The ramp starts from the duty cycle at which
 the controller held the joint, so that gravity does not move it. Friction lets a controller hold a joint by any duty
 cycle within a band; near the edge of the band the joint creeps without its controller, and a small correction stops it.
-A joint that cannot be held in this way hangs until it has come to rest. The added duty cycle is then what moves it.
+A joint that cannot be held in this way is let down until it has come to rest. The added duty cycle is then what moves
+it.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ BASELINE, SETTLING = 0.5, 5.0
 _HOLDING, _AVERAGED = 0.3, 0.2
 #: Time for a board to change a mode, s.
 _ENTERING = 1.0
-#: Way beyond which the holding duty cycle does not hold, deg; speeds below which a joint has settled, and is at rest,
-#: deg/s. The latter is so small that the creep of a whole ramp stays below the threshold of motion.
+#: Displacement beyond which the holding duty cycle does not hold, deg; speeds below which a joint has settled, and is
+#: at rest, deg/s. The latter is so small that the creep of a whole ramp stays below the threshold of motion.
 _HELD, _CALM, _AT_REST = 1.0, 1.0, 0.2
 #: Least motion within ``BASELINE`` that is creep, and peak-to-peak jitter of a healthy encoder at most, deg.
 LEAST_CREEP, _JITTER = _AT_REST * BASELINE, 0.2
@@ -44,11 +45,11 @@ LEAST_CREEP, _JITTER = _AT_REST * BASELINE, 0.2
 _MEAN_OF = 5
 #: First correction of the duty cycle against creep, %; it is halved each time it was too much.
 _CORRECTION = 1.0
-#: An unchanged duty cycle is sent again after so long, s, in case a command was lost.
+#: An unchanged duty cycle is sent again after this time, s, in case a command was lost.
 _REPEAT = 0.1
 #: Least motion that counts, deg of the joint: beyond the resolution of coarse encoders and the play of a gearbox.
 FIRST_MOTION = 0.3
-#: Greatest way of a joint that lost its controller only because it is coupled with the driven one, deg.
+#: Greatest displacement of a joint that lost its controller because it is coupled with the driven one, deg.
 _GREATEST_WAY = 15.0
 #: Distance to a limit at which a ramp ends, deg.
 LIMIT_MARGIN = 1.0
@@ -67,8 +68,9 @@ class End(Enum):
 class Ramp:
     """A ramp: the duty cycle (%) added to the holding one in the end, and the whole one at which motion began.
 
-    ``motor`` and ``joint`` are the ways of their encoders, in deg of the joint, positive in the direction in which a
-    positive duty cycle should turn them. ``rows`` are the samples: time (s), duty cycle (%), motor and joint (deg).
+    ``motor`` and ``joint`` are the displacements by their encoders, in deg of the joint, positive in the direction in
+    which a positive duty cycle should turn them. ``rows`` are the samples: time (s), duty cycle (%), motor and joint
+    (deg).
     """
 
     end: End
@@ -95,7 +97,7 @@ class LimpMotor:
         self.joint = joint
         self.holding = 0.0  # %
         self.jitter = _JITTER  # deg
-        self.restless = (0.0, 0.0)  # peak-to-peak ways of motor and joint when it was last seen not at rest, deg
+        self.restless = (0.0, 0.0)  # peak-to-peak motion of motor and joint when it was last not at rest, deg
         self.along: list[int] = []  # coupled joints that the board put into the mode, too, and their positions, deg
         self.stood = np.zeros(0)
         self._duties = np.zeros(part.axes)  # duty cycles of all motors while they were held, %
@@ -125,7 +127,7 @@ class LimpMotor:
         yield None
 
     def _send(self, duty: float, others: list[int]) -> None:
-        """Send a duty cycle; the motors of ``others`` keep those that have held them."""
+        """Send a duty cycle; the motors of ``others`` keep their holding duty cycles."""
         self.part.board.set_reference_duty_cycles([duty, *self._duties[others]], [self.joint, *others])
 
     def _check_coupled(self) -> None:
@@ -169,7 +171,7 @@ class LimpMotor:
         return duties
 
     def _jitter_of(self, trace: Trace) -> float:
-        """Return the way of a single sample (deg) that is more than the jitter of the encoders while it is held."""
+        """Return the displacement of a sample (deg) that exceeds the jitter of the encoders while the joint is held."""
         joint, motor = trace.positions[:, self.joint], trace.motor_positions[:, self.joint] / self._factor
         return float(np.clip(2.0 * max(np.ptp(joint), np.ptp(motor)), LEAST_CREEP, _JITTER))
 
@@ -180,14 +182,14 @@ class LimpMotor:
         part.board.set_interaction_modes(InteractionMode.STIFF, joint)
         part.board.set_control_modes(ControlMode.PWM, joint)
         end = part.clock.now() + _ENTERING
-        # At once, and until it is in the mode: there a motor gives nothing before its first command. Commands to a
-        # joint in another mode are ignored.
+        # Repeated until the joint is in the mode, as a motor gives no torque there before its first command. Commands
+        # to a joint in another mode are ignored.
         if coupled:
             self._send(self.holding, coupled)
         yield from self._drive_anew(self.holding)
         while part.board.control_mode(joint) is not ControlMode.PWM:
             if part.clock.now() >= end:
-                raise RobotError(f"{part.names[joint]} does not take the mode of duty cycles (PWM)")
+                raise RobotError(f"{part.names[joint]} does not enter the duty cycle mode (PWM)")
             yield from self._drive_anew(self.holding)
         self.along = self._transmission.went_along(part.board, joint, ControlMode.PWM)
         self.stood = stood[[coupled.index(one) for one in self.along]]
@@ -278,7 +280,7 @@ class LimpMotor:
 
 
 def _crept(samples: list[FloatArray]) -> FloatArray:
-    """Return the ways of motor and joint between the means of the first and the last samples, deg."""
+    """Return the displacements of motor and joint between the means of the first and the last samples, deg."""
     way: FloatArray = np.mean(samples[-_MEAN_OF:], axis=0) - np.mean(samples[:_MEAN_OF], axis=0)
     return way
 
@@ -310,7 +312,7 @@ def limp(part: Part, transmission: Transmission, joint: int, *, held: bool) -> I
     finally:
         group = [joint, *motor.along]
         part.board.set_reference_duty_cycles([0.0] * len(group), group)
-        if part.guard is None or not part.guard.given_up(joint):
+        if part.guard is None or not part.guard.is_excluded(joint):
             part.set_mode(ControlMode.POSITION if held else ControlMode.IDLE, group)
 
 

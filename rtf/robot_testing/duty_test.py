@@ -43,7 +43,7 @@ class Steps(NamedTuple):
 
 
 class BothWays(NamedTuple):
-    """The ramps of one motor. ``held``: whether its controller could move it to the test position and hold it there."""
+    """The ramps of one motor. ``held``: whether the controller could hold the joint at the test position."""
 
     positive: Ramp
     negative: Ramp
@@ -118,12 +118,12 @@ class DutyTest(JointsTest):
             self.judge(joint, found)
 
     def _is_lost(self, joint: int) -> bool:
-        """Whether a joint cannot be tested, as it or a coupled one was excluded; it is judged then.
+        """Return whether a joint cannot be tested, as it or a coupled one was excluded; judge it in that case.
 
         The guard does not watch an excluded joint, and it must not get power again.
         """
         part, guard = self.robot_part, self.robot_part.guard
-        lost = [one for one in self.transmission.coupled(joint) if guard is not None and guard.given_up(one)]
+        lost = [one for one in self.transmission.coupled(joint) if guard is not None and guard.is_excluded(one)]
         found = joint in lost or (bool(lost) and part.board.control_mode(joint) is ControlMode.IDLE)
         if found:
             with self.subresult(part.names[joint]):
@@ -145,14 +145,14 @@ class DutyTest(JointsTest):
     def _drive_often(self, joint: int, found: list[BothWays]) -> Routine[None]:
         """Drive a motor until ``enough``. A joint that is blocked in one direction is also tried at another position.
 
-        The robot may be in its own way, which is no fault of the motor.
+        The robot may block itself, which is no fault of the motor.
         """
         name, steps = self.robot_part.names[joint], self._steps_of[joint]
         place = away_from_limits(self.robot_part, joint, steps.threshold + ROOM)
         held = yield from self._bring(joint, place)
         if not held:
             self._loose.add(joint)
-            self.report(f"{name} does not reach {place:.1f} deg; it is tested from where it hangs")
+            self.report(f"{name} does not reach {place:.1f} deg; it is tested from its rest position")
         while not self.enough(joint, found):
             ways = yield from self._drive_both_ways(joint, place, held=held)
             other = self._elsewhere(joint, place, ways)
@@ -191,7 +191,7 @@ class DutyTest(JointsTest):
 
     def _bring(self, joint: int, place: float) -> Routine[bool]:
         part = self.robot_part
-        if joint in self._loose or (part.guard is not None and part.guard.given_up(joint)):
+        if joint in self._loose or (part.guard is not None and part.guard.is_excluded(joint)):
             return False
         return (yield from part.moving([place], [joint], speed=HOMING, tolerance=NEAR)).reached
 
@@ -199,7 +199,7 @@ class DutyTest(JointsTest):
         """Move a joint home, or exclude it if it does not get there."""
         part = self.robot_part
         if not (yield from self._bring(joint, part.home[joint])) and part.guard is not None:
-            part.guard.give_up(joint, "its controller does not hold it")
+            part.guard.exclude(joint, "its controller does not hold it")
 
     def _drive(self, motor: LimpMotor, sign: float, *, held: bool) -> Routine[Ramp]:
         if not (yield from motor.rest(held=held)):
@@ -216,12 +216,12 @@ class DutyTest(JointsTest):
 
 
 def _restless(name: str, motor: float, joint: float) -> str:
-    """Return why a motor cannot be judged whose encoders moved by so much (deg) when they should have been at rest."""
+    """Return why a motor cannot be judged whose encoders moved by these angles (deg) at rest."""
     seen = (
         f"{name} does not come to rest without its controller: within {BASELINE:g} s its motor moves by {motor:.2f} "
         f"deg and its joint by {joint:.2f} deg, by their encoders"
     )
     if min(motor, joint) < LEAST_CREEP:
         word = "joint" if motor < joint else "motor"
-        return f"{seen}: that of the {word} is noisy, or the other one frozen; {likely_causes('noise', 'frozen')}"
+        return f"{seen}: the {word}'s encoder is noisy, or the other one frozen; {likely_causes('noise', 'frozen')}"
     return f"{seen}; test it in a posture in which gravity does not move it"

@@ -29,7 +29,7 @@ class _Taken(NamedTuple):
 
     when: str
     states: Trace
-    felt: list[IncomingMessage]
+    forces: list[IncomingMessage]
 
 
 class FailureRecording:
@@ -57,22 +57,22 @@ class FailureRecording:
             self._take("before the end")
 
     def _take(self, when: str) -> None:
-        felt = [] if self._forces is None else self._forces.kept()
-        self._taken.append(_Taken(when, self._part.history.copy(), felt))
+        forces = [] if self._forces is None else self._forces.messages()
+        self._taken.append(_Taken(when, self._part.history.copy(), forces))
 
     def write(self) -> None:
         """Attach the copies to the test as recordings."""
         if any(len(taken.states) for taken in self._taken):
             self._test.report(LEGEND)
         for taken in self._taken:
-            if self._forces is not None and taken.felt:
+            if self._forces is not None and taken.forces:
                 self._write_forces(self._forces, taken)
             if len(taken.states):
                 self._write_states(taken)
 
     def _write_forces(self, forces: Forces, taken: _Taken) -> None:
         try:
-            numbers, stamps, values = forces.rows(taken.felt)
+            numbers, stamps, values = forces.rows(taken.forces)
         except NoForcesError as error:
             self._test.report(str(error))
             return

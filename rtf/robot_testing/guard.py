@@ -92,7 +92,7 @@ class Limits:
 class MotionGuard:
     """Guard of one part. ``clock`` is the robot's; ``report`` gets a line for everything that had to be restored.
 
-    Call ``watch`` periodically while joints move, and ``restore`` at the end in any case; both from one thread.
+    Call ``watch`` periodically while joints move, and ``restore`` at the end in any case, both in the same thread.
     ``contacts`` detects contacts by the part's force-torque sensor; None: contacts are not detected. ``name`` is the
     prefix of the part's port names.
     """
@@ -125,7 +125,7 @@ class MotionGuard:
         self._quantities = state_quantities(board, place, self.limits, self.fastest, self.snapshot.max_currents)
         self._temperatures = temperatures(board, place, self.limits)
         self._warmth_read = -np.inf  # when the temperatures were last read, s of the robot's clock
-        self._given_up: set[int] = set()
+        self._excluded: set[int] = set()
         self._idle_since: dict[int, float] = {}  # when this guard left joints idle, s of the robot's clock
         self._powered_again: set[int] = set()  # excluded joints that had power again, and were reported
         self._coupling: Transmission | None = None  # read when a joint is excluded
@@ -143,12 +143,12 @@ class MotionGuard:
         if sliding := [self._names[joint] for joint in sorted(self.sliding)]:
             self._report(f"{self.name}: {', '.join(sliding)} are prismatic: tests do not move them")
 
-    def give_up(self, joint: int, reason: str) -> None:
-        """Exclude a joint that does not obey: leave it without power, and neither watch, move nor power it again."""
-        if joint in self._given_up:
+    def exclude(self, joint: int, reason: str) -> None:
+        """Exclude a joint that does not obey: switch off its power, and neither watch, move nor power it again."""
+        if joint in self._excluded:
             return
-        self._given_up.add(joint)  # before the command, whose answer may be lost
-        MotionLedger().gave_up(self.name, joint)
+        self._excluded.add(joint)  # before the command, whose answer may be lost
+        MotionLedger().record_excluded(self.name, joint)
         self._leave_idle(joint)
         self._report(f"{self._names[joint]} is left idle: {reason}")
 
@@ -156,36 +156,36 @@ class MotionGuard:
         self._idle_since[joint] = self._clock.now()
         self.board.set_control_modes(ControlMode.IDLE, joint)
 
-    def feel(self, contacts: ContactWatch | None) -> None:
-        """Start contact detection, or stop it with None."""
+    def set_contact_watch(self, contacts: ContactWatch | None) -> None:
+        """Start contact detection; None stops it."""
         self._contacts = contacts
 
-    def leave_alone(self, joints: Collection[int]) -> None:
-        """Neither watch, move nor power joints that another process has excluded."""
-        self._given_up |= set(joints)
+    def adopt_exclusions(self, joints: Collection[int]) -> None:
+        """Exclude joints that another process has excluded and left without power."""
+        self._excluded |= set(joints)
 
-    def given_up(self, joint: int) -> bool:
+    def is_excluded(self, joint: int) -> bool:
         """Whether a joint was excluded."""
-        return joint in self._given_up
+        return joint in self._excluded
 
     @property
-    def _kept(self) -> list[int]:
-        """The joints that were not excluded."""
-        return [joint for joint in range(len(self._names)) if joint not in self._given_up]
+    def _included(self) -> list[int]:
+        """The joints that are not excluded."""
+        return [joint for joint in range(len(self._names)) if joint not in self._excluded]
 
-    def give_up_companions(self, joint: int, what: str) -> dict[int, str]:
+    def exclude_coupled(self, joint: int, what: str) -> dict[int, str]:
         """Exclude the joints coupled with ``joint``. Return the reason for each that was not excluded yet.
 
         ``what`` is a relative clause about ``joint``. The reasons have no subject: ``is coupled with torso_roll, which
         had to be stopped``.
         """
         why = f"is coupled with {self._names[joint]}, {what}"
-        others = [one for one in self.companions(joint) if one not in self._given_up]
+        others = [one for one in self.coupled_with(joint) if one not in self._excluded]
         for other in others:
-            self.give_up(other, f"it {why}")
+            self.exclude(other, f"it {why}")
         return dict.fromkeys(others, why)
 
-    def companions(self, joint: int) -> list[int]:
+    def coupled_with(self, joint: int) -> list[int]:
         """Return the joints coupled with ``joint``: many boards change their modes together."""
         if self._coupling is None:
             self._coupling = Transmission.read(self.board)
@@ -201,7 +201,7 @@ class MotionGuard:
         try:
             self._look()
         except StaleStateError:
-            with suppress(RobotError):  # reported by ``restore``, which begins with the same
+            with suppress(RobotError):  # reported by ``restore``, which reads the states first
                 self._hold_unseen()
             raise
 
@@ -214,7 +214,7 @@ class MotionGuard:
 
     def _look(self) -> None:
         self._cpu_pressure.update()
-        self._watch_given_up()
+        self._watch_excluded()
         positions = self.board.encoders()
         self._judge(
             Violation(np.isnan(positions), lambda joint: f"has no position: its encoder gives {positions[joint]}")
@@ -224,24 +224,24 @@ class MotionGuard:
             self._judge(Violation(outside, lambda joint: f"is at {positions[joint]:.1f} deg, beyond its limits"))
         self._watch_motion()
 
-    def _watch_given_up(self) -> None:
+    def _watch_excluded(self) -> None:
         """Check that excluded joints are still idle: their limits are not watched, so they could run away.
 
         A board that changes the modes of coupled joints together gives power to an excluded joint with another one.
         GuardError is raised once for each such joint.
         """
-        if not self._given_up:
+        if not self._excluded:
             return
         now, modes = self._clock.now(), self.board.control_modes()
-        for joint in sorted(self._given_up):
+        for joint in sorted(self._excluded):
             since = self._idle_since.get(joint, -np.inf)
             if modes[joint] in _LIMP or 0 <= now - since < _SETTLING:  # the state may be older
                 continue
             self._leave_idle(joint)
-            if joint in self._powered_again:  # reported already; switch it off again
+            if joint in self._powered_again:  # already reported; switch it off again
                 continue
             self._powered_again.add(joint)
-            self.give_up_companions(joint, "which is to stay idle")
+            self.exclude_coupled(joint, "which is to stay idle")
             raise GuardError(
                 f"{self._names[joint]} ({self.name} joint {joint}) had been left idle, and was in {modes[joint].word}: "
                 "its board powers it with another joint, or another program does; it is idle again",
@@ -276,7 +276,7 @@ class MotionGuard:
         if not self._doubted and (doubt := self._contacts.doubt(self.limits.contact)):
             self._doubted = True
             self._report(f"{self.name} is watched for contacts with less sensitivity: {doubt}")
-        held = self._kept
+        held = self._included
         if strike is None or not held:
             return
         joint = max(held, key=lambda one: strike.speeds[one])
@@ -300,7 +300,7 @@ class MotionGuard:
         return otherwise
 
     def _judge(self, wrong: Violation) -> None:
-        found = [int(joint) for joint in np.flatnonzero(wrong.joints) if joint not in self._given_up]
+        found = [int(joint) for joint in np.flatnonzero(wrong.joints) if joint not in self._excluded]
         if found:
             joint = found[0]
             self._stop(
@@ -339,16 +339,16 @@ class MotionGuard:
     def _hold_unseen(self) -> None:
         """Stop and hold all joints without knowing their states; those that had no power before get none."""
         problems, idle = ErrorCollector(), self._limp_before
-        if held := [joint for joint in self._kept if joint not in idle]:
+        if held := [joint for joint in self._included if joint not in idle]:
             problems.attempt(self._hold, held)
             problems.attempt(self.board.stop, held)
-        for joint in [*idle, *sorted(self._given_up)]:
+        for joint in [*idle, *sorted(self._excluded)]:
             problems.attempt(self.board.set_control_modes, ControlMode.IDLE, joint)
         problems.raise_all("")
 
     @property
     def _limp_before(self) -> list[int]:
-        return [joint for joint in self._kept if self.snapshot.modes[joint] is ControlMode.IDLE]
+        return [joint for joint in self._included if self.snapshot.modes[joint] is ControlMode.IDLE]
 
     def _hold(self, joints: Sequence[int]) -> None:
         """Hold joints where they are; leave those without power whose boards refuse it."""
@@ -373,11 +373,11 @@ class MotionGuard:
         problems = ErrorCollector()
         with suppress(NoAnswerError):  # collected; all further requests would time out as well
             problems.attempt(self.secure)
-            problems.attempt(self._leave_companions)
+            problems.attempt(self._exclude_idle_coupled)
             self._restore_settings(problems)
             problems.attempt(self._leave_faults)
             if where_it_was:
-                problems.attempt(self._park, seconds)
+                problems.attempt(self._move_back, seconds)
             self._restore_modes(problems)
         problems.raise_all(f"{self.name} could not be restored: ")
 
@@ -395,7 +395,7 @@ class MotionGuard:
             self._report(f"the states of {self.name} had stopped and are back; its joints were held meanwhile")
             modes = self.board.control_modes()
         on_their_way = self._on_their_way(modes)
-        going = [joint for joint in self._kept if modes[joint] in _RESTLESS or joint in on_their_way]
+        going = [joint for joint in self._included if modes[joint] in _RESTLESS or joint in on_their_way]
         if going:
             self.halt(going)
         for joint in going:
@@ -403,13 +403,13 @@ class MotionGuard:
                 self._secured.add(joint)
                 self._report(f"{self._names[joint]}: is held, was left in {modes[joint].word}")
 
-    def _leave_companions(self) -> None:
+    def _exclude_idle_coupled(self) -> None:
         """Exclude the joints that went idle with an excluded one: that one would get power together with them."""
         modes, before = self.board.control_modes(), self.snapshot.modes
-        for joint in sorted(self._given_up):
-            for other in self.companions(joint):
-                if other not in self._given_up and modes[other] is ControlMode.IDLE is not before[other]:
-                    self.give_up(other, f"its board left it idle with {self._names[joint]}, with which it is coupled")
+        for joint in sorted(self._excluded):
+            for other in self.coupled_with(joint):
+                if other not in self._excluded and modes[other] is ControlMode.IDLE is not before[other]:
+                    self.exclude(other, f"its board left it idle with {self._names[joint]}, with which it is coupled")
 
     def _sees_again(self) -> bool:
         """Wait for states to arrive again: the machine may have been too busy, or the network down for a moment."""
@@ -433,8 +433,8 @@ class MotionGuard:
 
         If the board does not answer, these are all joints that might be.
         """
-        found = {joint for joint in self._kept if modes[joint] is ControlMode.MIXED}
-        asked = [joint for joint in self._kept if modes[joint] is ControlMode.POSITION]
+        found = {joint for joint in self._included if modes[joint] is ControlMode.MIXED}
+        asked = [joint for joint in self._included if modes[joint] is ControlMode.POSITION]
         try:
             return found.union(joint for joint in asked if answered(partial(self.board.motion_done, joint)) is False)
         except NoAnswerError:
@@ -483,14 +483,14 @@ class MotionGuard:
                 self.board.set_control_modes(ControlMode.FORCE_IDLE, joint)
                 self._report(f"{self._names[joint]} was in hardware fault: forced idle")
 
-    def _park(self, seconds: float) -> None:
-        """Move joints back to where they were. On any error all that were sent are stopped."""
+    def _move_back(self, seconds: float) -> None:
+        """Move joints back to their positions in the snapshot. On any error all moving joints are stopped."""
         idle = self._limp_before
-        mine = [joint for joint in self._kept if joint not in idle and joint not in self.sliding]
+        mine = [joint for joint in self._included if joint not in idle and joint not in self.sliding]
         sent: list[int] = []
         end = self._clock.now() + seconds
         try:
-            # Again and again: a joint that was not held may begin to sink while others move.
+            # Repeatedly, as a joint that was not held may begin to sink while others move.
             while away := self._away(mine):
                 if new := [joint for joint in away if joint not in sent]:
                     sent += new
@@ -499,22 +499,22 @@ class MotionGuard:
                     self._raise_late(away, seconds)
                 self._clock.sleep(_PACE)
                 try:
-                    self._watch_given_up()
+                    self._watch_excluded()
                     self._watch_motion()
                 except GuardError as error:
                     raise GuardError(f"on the way back {error}", error.joint, error.excuse) from None
         except BaseException as error:
             if isinstance(error, GuardError):
-                MotionLedger().blocked(self.name)
+                MotionLedger().record_obstacle(self.name)
             self.halt(sent)
             raise
 
     def _raise_late(self, away: Sequence[int], seconds: float) -> NoReturn:
         late = ", ".join(self._names[joint] for joint in away)
-        raise GuardError(f"{late} did not come back to where it was within {seconds:g} s; it was stopped")
+        raise GuardError(f"{late} did not return to its position before the test within {seconds:g} s; it was stopped")
 
     def _away(self, joints: Sequence[int]) -> list[int]:
-        """Return the joints that are not where they were. Raises GuardError for a joint without a position."""
+        """Return the joints that are not at their positions in the snapshot. Raises GuardError without a position."""
         here, before = self.board.encoders(), self.snapshot.positions
         for joint in joints:
             if np.isnan(here[joint]):
@@ -532,9 +532,9 @@ class MotionGuard:
 
         def modes() -> None:
             for joint, (now, then) in enumerate(zip(board.control_modes(), before.modes, strict=True)):
-                if joint not in self._given_up and now is not then and then in _RESTORABLE:
+                if joint not in self._excluded and now is not then and then in _RESTORABLE:
                     problems.attempt(self._restore_mode, joint, now)
-            for joint in sorted(self._given_up):  # last: a board may have powered them with other joints
+            for joint in sorted(self._excluded):  # last: a board may have powered them with other joints
                 problems.attempt(board.set_control_modes, ControlMode.IDLE, joint)
 
         def speeds() -> None:
@@ -552,7 +552,7 @@ class MotionGuard:
     def _restore_mode(self, joint: int, now: ControlMode) -> None:
         then = self.snapshot.modes[joint]
         self.board.set_control_modes(then, joint)
-        if joint not in self._secured:  # else reported already; the last state does not show it yet
+        if joint not in self._secured:  # otherwise it was reported, and the last state does not show it yet
             self._report(f"{self._names[joint]}: in {then.word} again, was left in {now.word}")
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
 
 _GRAVITY = 9.81
-#: A line goes through the states of so long a time, s: four of them at a period of 10 ms, whose stamps may jitter.
+#: A line goes through the states of this time, s: four of them at a period of 10 ms, whose stamps may jitter.
 _LINE = 0.035
 #: Least time between two stamps, s.
 _SHORTEST = 1e-3

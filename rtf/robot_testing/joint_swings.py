@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 #: Distance to a limit, deg.
 _ROOM = 2.0
-#: A joint encoder counts as frozen if the motor has turned the joint by so much, deg, and the encoder shows less than
-#: this share of it. The play of a gearbox is less. After a stop by the guard the second, smaller way is enough.
+#: A joint encoder counts as frozen if the motor has turned the joint by this angle, deg, and the encoder shows less
+#: than this share of it. The play of a gearbox is less. After a stop by the guard the second, smaller way is enough.
 _UNSEEN, _SUSPECT, _SEEN_SHARE = 4.0, 1.0, 0.2
-#: Time-out of a swing: so many times its expected time, and so many seconds more.
+#: Time-out of a swing: a multiple of its expected time, and additional seconds.
 _TIMES, _GRACE = 2.0, 5.0
 
 
@@ -71,21 +71,21 @@ class JointSwinger:
 
     def lost(self, joint: int) -> bool:
         """Whether a joint was excluded."""
-        return self.part.guard is not None and self.part.guard.given_up(joint)
+        return self.part.guard is not None and self.part.guard.is_excluded(joint)
 
     def in_doubt(self, joint: int) -> str:
         """Return why a joint cannot be judged: it is coupled with an excluded one; "" for any other joint."""
         return self._doubts.get(joint, "")
 
-    def give_up(self, joints: Collection[int]) -> None:
+    def exclude(self, joints: Collection[int]) -> None:
         """Exclude joints and those that are coupled with them; leave all of them without power."""
         guard = self.part.guard
         if guard is None:
             return
         for joint in joints:
-            guard.give_up(joint, "it does not do what it is told")
+            guard.exclude(joint, "it does not obey its commands")
         for joint in joints:
-            self._doubts |= guard.give_up_companions(joint, "which was left without power")
+            self._doubts |= guard.exclude_coupled(joint, "which was left without power")
 
     def swinging(self, joint: int, ends: Ends, count: int, speed: float) -> Routine[Outcome]:
         """Move one joint through ``count`` half-swings and home again. A joint that the guard stops is excluded."""
@@ -96,7 +96,7 @@ class JointSwinger:
                 if outcomes:
                     return outcomes[joint]
         except GuardError as error:
-            self.give_up([joint])
+            self.exclude([joint])
             return Outcome(f"had to be stopped: {error}", ("runs away",), error.excuse)
         return Outcome()
 
@@ -132,7 +132,7 @@ class JointSwinger:
             if not unseen:
                 raise
         late = _unseen_outcomes(unseen) or watch.late()
-        self.give_up(late)
+        self.exclude(late)
         return failed | {j: self._lost_before(j) for j in going if self.lost(j)} | late
 
     def _lost_before(self, joint: int) -> Outcome:

@@ -31,7 +31,7 @@ def exclude_joints_out_of_limits(part: Part) -> list[int]:
     for joint in range(part.axes):
         beyond = float(max(part.low[joint] - where[joint], where[joint] - part.high[joint]))
         if beyond > guard.limits.beyond:
-            guard.give_up(joint, f"it shows {where[joint]:.1f} deg, {beyond:.1f} deg beyond its limits")
+            guard.exclude(joint, f"it shows {where[joint]:.1f} deg, {beyond:.1f} deg beyond its limits")
             excluded.append(joint)
     if excluded:
         part.clock.sleep(_FALLING)

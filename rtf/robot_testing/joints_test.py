@@ -113,17 +113,19 @@ class JointsTest(RobotTest):
         """
         if error.joint not in self.chosen:
             raise error
-        self.give_up(error.joint, f"{error}; {likely_causes('stopped')}", "had to be stopped", excuse=error.excuse)
+        self.fail_and_exclude(
+            error.joint, f"{error}; {likely_causes('stopped')}", "had to be stopped", excuse=error.excuse
+        )
 
-    def give_up(self, joint: int, text: str, what: str, *, excuse: str = "") -> None:
+    def fail_and_exclude(self, joint: int, text: str, what: str, *, excuse: str = "") -> None:
         """Fail a joint with ``text``, leave it idle because it ``what``, and exclude it and those coupled with it.
 
         With an ``excuse`` it ends as inconclusive.
         """
         guard = self.robot_part.guard
         if guard is not None:
-            guard.give_up(joint, f"it {what}")
-            guard.give_up_companions(joint, f"which {what}")
+            guard.exclude(joint, f"it {what}")
+            guard.exclude_coupled(joint, f"which {what}")
         self._exclude({joint: text}, what, excuse)
 
     def _exclude(self, wrong: Mapping[int, str], what: str, excuse: str = "") -> None:
@@ -131,7 +133,9 @@ class JointsTest(RobotTest):
         names, guard = self.robot_part.names, self.robot_part.guard
         for joint, text in wrong.items():
             self._fail(joint, text, excuse)
-        coupled = {other: joint for joint in wrong for other in (guard.companions(joint) if guard is not None else ())}
+        coupled = {
+            other: joint for joint in wrong for other in (guard.coupled_with(joint) if guard is not None else ())
+        }
         for other, joint in coupled.items():
             if other in self.chosen and other not in wrong:
                 with self.subresult(names[other]):

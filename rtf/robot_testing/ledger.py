@@ -1,6 +1,6 @@
-"""What the tests of a run have done to robots, kept for those who put these back: it outlives every test.
+"""The ledger of motion: what the tests of a run did to robots and must be undone, even if a test is killed.
 
-A file in the folder of the run, a line an entry, to which tests and the fixture ``robot`` append.
+It is a file in the run folder with one entry a line. Tests and the fixture ``robot`` append to it.
 """
 
 from __future__ import annotations
@@ -20,35 +20,35 @@ _RUN_FOLDER = "RTF_RUN_FOLDER"
 
 
 class MotionLedger:
-    """The ledger of a run; ``folder`` is that of the run, without it the one that the runner names.
+    """The ledger of a run; ``folder`` is the run folder, by default that of the runner's environment variable.
 
-    Where there is no run nothing is kept. A ``place`` begins the names of a part's ports: ``/icub/head``.
+    Without a run folder nothing is recorded. A ``place`` is the prefix of a part's ports, such as ``/icub/head``.
     """
 
     def __init__(self, folder: str | Path | None = None) -> None:
         folder = folder or os.environ.get(_RUN_FOLDER)
         self._file = Path(folder, FILE_NAME) if folder else None
 
-    def decided(self, robot: str, *, may_move: bool) -> None:
-        """Note whether the operator lets a robot move; what was said last counts."""
+    def record_permission(self, robot: str, *, may_move: bool) -> None:
+        """Record whether the operator permits the robot to move; the last record counts."""
         self._append({"robot": robot, "may_move": may_move})
 
     def may_move(self, robot: str) -> bool:
-        """Whether somebody has let it move in this run, since it was last begun or resumed."""
+        """Return whether the robot may move, by the last decision since the run was begun or resumed."""
         decisions = [entry["may_move"] for entry in self._recent() if entry.get("robot") == robot]
         return bool(decisions and decisions[-1])
 
-    def resumed(self) -> None:
-        """Note that the run goes on, perhaps days later: what was allowed then, and how robots were, is of the past."""
+    def record_resume(self) -> None:
+        """Record that the run is resumed: permissions and snapshots of before are no longer valid."""
         if any(True for _ in self._entries()):
             self._append({"resumed": True})
 
-    def blocked(self, place: str) -> None:
-        """Note that something was in the way when a part was brought back."""
+    def record_obstacle(self, place: str) -> None:
+        """Record that a part met an obstacle when it was moved back."""
         self._append({"place": place, "blocked": True})
 
     def is_blocked(self, place: str) -> bool:
-        """Whether something was in a part's way, and nobody has let its robot move since."""
+        """Return whether a part met an obstacle, and no permission to move was given since."""
         robot, found = place.strip("/").partition("/")[0], False
         for entry in self._entries():
             if entry.get("place") == place and "blocked" in entry:
@@ -57,16 +57,16 @@ class MotionLedger:
                 found = False
         return found
 
-    def gave_up(self, place: str, joint: int) -> None:
-        """Note that a joint does not obey, and was left without power."""
+    def record_excluded(self, place: str, joint: int) -> None:
+        """Record that a joint does not obey, and was left without power."""
         self._append({"place": place, "given_up": joint})
 
-    def given_up(self, place: str) -> set[int]:
-        """The joints of a part that whoever puts it back may not power again: only a test may, with permission."""
+    def excluded(self, place: str) -> set[int]:
+        """Return the excluded joints of a part. Only a test with permission may power them again."""
         return {entry["given_up"] for entry in self._entries() if entry.get("place") == place and "given_up" in entry}
 
-    def left_idle(self, robot: str) -> list[str]:
-        """The joints of all parts of a robot that were given up, as people read it: ``/icub/head joint 2``."""
+    def excluded_joints(self, robot: str) -> list[str]:
+        """Return the excluded joints of all parts of a robot as text, such as ``/icub/head joint 2``."""
         begin = f"/{robot}/"
         return sorted({
             f"{entry['place']} joint {entry['given_up']}"
@@ -74,16 +74,16 @@ class MotionLedger:
             if "given_up" in entry and str(entry.get("place")).startswith(begin)
         })  # fmt: skip
 
-    def keep(self, place: str, snapshot: Snapshot) -> None:
-        """Keep how a part was before any test."""
+    def save_snapshot(self, place: str, snapshot: Snapshot) -> None:
+        """Save the state of a part before the first test that moves it."""
         self._append({"place": place, "snapshot": snapshot.to_record()})
 
-    def put_back(self, place: str) -> None:
-        """Note that a part is as nobody need change it: what was kept of it is done with."""
+    def discard_snapshot(self, place: str) -> None:
+        """Record that a part was restored: its snapshot is no longer needed."""
         self._append({"place": place, "snapshot": None})
 
-    def kept(self, place: str) -> Snapshot | None:
-        """How a part was before any test that was not cleaned up after; None where nobody has kept that."""
+    def snapshot(self, place: str) -> Snapshot | None:
+        """Return the state of a part before the first test that was not restored; None if there is no snapshot."""
         found: dict[str, Any] | None = None
         for entry in self._recent():
             if entry.get("place") == place and "snapshot" in entry:
@@ -93,9 +93,9 @@ class MotionLedger:
     def _append(self, entry: dict[str, Any]) -> None:
         if self._file is None:
             return
-        line = f"\n{json.dumps(entry)}\n"  # on a line of its own, also behind one that was torn
+        line = f"\n{json.dumps(entry)}\n"  # a new line first, as the last one may be incomplete
         with self._file.open("ab", buffering=0) as file:
-            file.write(line.encode())  # in one piece, as others may append, too
+            file.write(line.encode())  # in one write, as other processes append, too
 
     def _recent(self) -> Iterator[dict[str, Any]]:
         entries = list(self._entries())
@@ -108,5 +108,5 @@ class MotionLedger:
         for line in self._file.read_text().splitlines():
             try:
                 yield json.loads(line)
-            except ValueError:  # nothing, or whoever wrote it was killed in the middle of it
+            except ValueError:  # empty or incomplete: its writer was killed
                 continue

@@ -35,7 +35,7 @@ class Violation(NamedTuple):
 
 
 class MonitoredPart(NamedTuple):
-    """The part of a quantity: prefix of its ports, names of its joints, and the report of what is not watched."""
+    """The part of a quantity: prefix of its ports, names of its joints, and the report of unwatched quantities."""
 
     name: str
     joints: Sequence[str]

@@ -112,7 +112,7 @@ def wrong_fault(test: Declared) -> list[str]:
         if name in ("delay", "duration"):
             continue
         if name not in known:
-            problems.append(f"{word} has no parameter {name}; what can be set is {', '.join(known) or 'nothing'}")
+            problems.append(f"{word} has no parameter {name}; its parameters: {', '.join(known) or 'none'}")
         elif not known[name].minimum <= value <= known[name].maximum:
             limits = f"{known[name].minimum:g} to {known[name].maximum:g} {known[name].unit}".strip()
             problems.append(f"{word}: {name} is from {limits}, not {value:g}")

@@ -65,7 +65,7 @@ class Part:
         self.history = Trace(_HISTORY)  # the last seconds, for the recording of a failure
         board.observe(self.history.add)
         joints = range(self.axes)
-        # The guard has just read them: reading takes a request for each joint.
+        # As read by the guard: reading takes a request for each joint.
         limits = (guard and guard.snapshot.limits) or [board.limits(joint) for joint in joints]
         self.low = np.array([low for low, _ in limits])
         self.high = np.array([high for _, high in limits])
@@ -103,12 +103,12 @@ class Part:
     def held(self, joints: Sequence[int] | None = None) -> list[int]:
         """Return those of some joints, by default of all, that a test moves: revolute and not excluded."""
         chosen, guard = range(self.axes) if joints is None else joints, self.guard
-        return [j for j in chosen if guard is None or not (guard.given_up(j) or j in guard.sliding)]
+        return [j for j in chosen if guard is None or not (guard.is_excluded(j) or j in guard.sliding)]
 
     # Modes -------------------------------------------------------------------------------------------------------
 
     def set_mode(self, mode: ControlMode, joints: Sequence[int] | None = None, *, timeout: float = 1.0) -> bool:
-        """Set the mode of the joints that are not excluded, and wait for it; return whether all took it."""
+        """Set the mode of the joints that are not excluded, and wait for it; return whether all entered it."""
         return run_to_end(self, self.entering(mode, joints, timeout=timeout), pace=PACE)
 
     def entering(
@@ -202,7 +202,7 @@ class Part:
             raise UndeclaredMotionError(self.name, what)
 
     def go_home(self, *, speed: float = 20.0, tolerance: float = TOLERANCE) -> Arrival:
-        """Move all joints, in position mode, to where they were when the test began."""
+        """Move all joints, in position mode, to their positions at the beginning of the test."""
         self.set_mode(ControlMode.POSITION)
         return self.move(self.home, speed=speed, tolerance=tolerance)
 

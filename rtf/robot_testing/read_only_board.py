@@ -1,4 +1,4 @@
-"""Read-only control board: what a test gets that does not declare to move the robot."""
+"""Read-only control board, for tests that do not declare to move the robot."""
 
 from __future__ import annotations
 

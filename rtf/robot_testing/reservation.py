@@ -1,4 +1,4 @@
-"""One run at a time works with a robot. It is known by a port, to all runs that share the robot's name server."""
+"""Reservation of a robot for one run, by a port at the name server that the runs share."""
 
 from __future__ import annotations
 
@@ -27,35 +27,35 @@ _ASKS = "asks for it"
 _WORKS = "works with it"
 _LEAVES = "is about to leave"
 _LOOK_AGAIN = 0.02
-#: Seconds between two tries of a run that waits.
+#: Seconds between two attempts of a run that waits.
 _NEXT_TRY = 0.5
 
 
 class ReservedError(RobotError):
-    """Somebody else works with the robot; the sentence says who."""
+    """Another run has reserved the robot; the message names it."""
 
 
-class _Rival(NamedTuple):
-    """Somebody else who has the robot or wants it: its port, who it is, and how far it is."""
+class _OtherRun(NamedTuple):
+    """Another run that has reserved the robot or tries to: its port, its description and its stage."""
 
     port: str
     who: str
     stage: str
 
     def is_before(self, port: str) -> bool:
-        """Whether who asks at ``port`` has to give up."""
+        """Return whether this run has precedence over the one with ``port``."""
         return self.stage == _WORKS or (self.stage == _ASKS and self.port < port)
 
 
 class Reservation:
-    """A robot is reserved until it is closed, or this process ends. Raises ReservedError, MiddlewareError.
+    """The reservation of a robot, until ``close`` or the end of the process. Raises ReservedError, MiddlewareError.
 
-    A port of its own, ``/ROBOT/testrunner/HOST-PID-…``, answers every question with who has the robot or asks for it,
-    within ``patience`` seconds. Where nobody can be reached the one who had it is gone.
+    Each run opens a port, ``/ROBOT/testrunner/HOST-PID-…``, which answers every request with the description and the
+    stage of the run, within ``patience`` seconds. A registered port that cannot be reached belongs to a run that has
+    died.
 
-    Who wants the robot is known by its port before it looks for others, so of two that want it at once at least one
-    sees the other. Who sees somebody before it in the order of the names gives up; the first looks again till it is
-    alone.
+    A run registers its port before it looks for others, so of two simultaneous runs at least one sees the other. A run
+    that sees one with precedence (by the order of names) gives up; the first repeats until it is alone.
     """
 
     def __init__(self, robot: str, *, network: Network, patience: float) -> None:
@@ -80,36 +80,34 @@ class Reservation:
 
     def _wait_to_be_alone(self) -> None:
         deadline = clock.Deadline.after(self._patience)
-        while rivals := self._rivals():
-            first = next((one for one in rivals if one.is_before(self._name)), None)
+        while others := self._other_runs():
+            first = next((one for one in others if one.is_before(self._name)), None)
             if first or deadline.expired:
-                who = first or rivals[0]
-                raise ReservedError(
-                    f"{who.who} {who.stage} (port {who.port}); wait until that has ended, or say --wait"
-                )
+                who = first or others[0]
+                raise ReservedError(f"{who.who} {who.stage} (port {who.port}); wait until it has ended, or use --wait")
             clock.sleep(_LOOK_AGAIN)
 
-    def _rivals(self) -> list[_Rival]:
+    def _other_runs(self) -> list[_OtherRun]:
         names = {contact.name for contact in self._network.names.list(self._all.rstrip("/"))} - {self._name}
         found = [self._ask(name) for name in sorted(names) if name.startswith(self._all)]
-        return [rival for rival in found if rival]
+        return [run for run in found if run]
 
-    def _ask(self, name: str) -> _Rival | None:
+    def _ask(self, name: str) -> _OtherRun | None:
         try:
             with RpcClient("", name, network=self._network) as client:
                 answer = client.call(Bottle(["who"]), timeout=self._patience)
         except WaitTimeoutError:
             raise ReservedError(
-                f"who holds port {name} does not answer; end that run, or free its name by `rtf name unregister {name}`"
+                f"the run with port {name} does not answer; end it, or free the name by `rtf name unregister {name}`"
             ) from None
         except MiddlewareError:
-            return None  # its name was left behind
+            return None  # a stale registration
         if not answer:
-            return _Rival(name, "somebody", _LEAVES)
-        return _Rival(name, as_string(answer.get(0)) or "somebody", as_string(answer.get(1)) or _WORKS)
+            return _OtherRun(name, "another run", _LEAVES)
+        return _OtherRun(name, as_string(answer.get(0)) or "another run", as_string(answer.get(1)) or _WORKS)
 
     def close(self) -> None:
-        """Let others have it."""
+        """Release the robot."""
         self._port.close()
 
 
@@ -118,7 +116,7 @@ def reserve_when_free(
 ) -> Reservation:
     """Reserve a robot, and wait at most ``wait`` seconds while another run works with it.
 
-    Raises what :class:`Reservation` raises. ``report`` is told once for whom is waited.
+    Raises what :class:`Reservation` raises. ``report`` is called once, with the run that has the robot.
     """
     deadline = clock.Deadline.after(wait)
     told = False
@@ -129,7 +127,7 @@ def reserve_when_free(
             if deadline.expired:
                 raise
             if not told:
-                report(f"waits for /{robot}: {error}")
+                report(f"waiting for /{robot}: {error}")
                 told = True
         clock.sleep(min(_NEXT_TRY, deadline.remaining()))
 

@@ -1,4 +1,4 @@
-"""The base class of robot tests: connects to the robot, opens and guards its parts, records what led to a failure."""
+"""The base class of robot tests: connects to the robot, guards its parts, and records the states before a failure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rtf.robot_testing.real_time_checks import CpuPressure, overload
 from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_name
 from rtf.robot_testing.safety import Safety
 from rtf.robot_testing.simulated import is_simulated
-from rtf.simulator.control import SimulatorControl
+from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import Parameter, TestCase
 from rtf.testing.parameters import ParameterError
 from rtf.testing.permission import has_permission
@@ -135,7 +135,7 @@ class RobotTest(TestCase):
 
     @cached_property
     def simulated(self) -> bool:
-        """Whether a simulator answers for the robot; asked once. Each part is asked separately when it is opened."""
+        """Whether a simulator answers for the robot; checked once. Parts are checked when they are opened."""
         return is_simulated(self.network, self.robot_name)
 
     def _ask_for_permission(self) -> None:
@@ -147,13 +147,13 @@ class RobotTest(TestCase):
                 f"/{self.robot_name} is not simulated, and the test moves it: allow it by testrunner --allow-motion"
             )
         ledger = MotionLedger()
-        ledger.decided(self.robot_name, may_move=False)  # until the answer the fixture may not move it either
-        idle = ledger.left_idle(self.robot_name)
+        ledger.record_permission(self.robot_name, may_move=False)  # until the answer, for the fixture, too
+        idle = ledger.excluded_joints(self.robot_name)
         warning = f" Joints that were excluded and left idle may get power again: {', '.join(idle)}." if idle else ""
         question = f"/{self.robot_name} is about to move.{warning} Is its workspace clear, and may it move?"
         if not self.confirm(question):
-            self.skip("the operator does not want the robot to move")
-        ledger.decided(self.robot_name, may_move=True)
+            self.skip("the operator did not permit the robot to move")
+        ledger.record_permission(self.robot_name, may_move=True)
         self._may_move = True
 
     def open_part(self, name: str) -> Part:

@@ -120,7 +120,7 @@ def _watch(part: Part, stopped: set[int], running: Iterable[int]) -> GuardError 
         part.guard.watch()
     except GuardError as error:
         if error.joint in stopped:
-            part.guard.give_up(error.joint, "it had to be stopped again")
+            part.guard.exclude(error.joint, "it had to be stopped again")
             return error if error.joint in running else None
         stopped.add(error.joint)
         return error

@@ -8,7 +8,7 @@ from enum import IntEnum
 class Safety(IntEnum):
     """The safety classes in increasing order of risk. On a real robot all above ``STILL`` need permission."""
 
-    STILL = 0  # it only listens and asks
+    STILL = 0  # it only reads
     MOTION = 1  # joints move under position control, within their limits
     EFFORT = 2  # motors are driven by torque, current or duty cycle, or joints are compliant
     FAULT = 3  # joints are driven into faults, against limits, or without power

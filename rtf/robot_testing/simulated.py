@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.errors import RtfError
-from rtf.simulator.control import BOARD_ENDS, SimulatorControl, control_port
+from rtf.simulator.control_client import BOARD_ENDS, SimulatorControl, control_port
 
 if TYPE_CHECKING:
     from rtf.middleware.network import Network

@@ -1,4 +1,4 @@
-"""Snapshot of a part: the state and the settings that a test may change, to be restored afterwards."""
+"""Snapshot of a part: the state and the settings that a test may change, for restoring them afterwards."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _T = TypeVar("_T")
 
 @dataclass(slots=True)
 class Snapshot:
-    """Everything that a test may change. What the board does not support is an empty list, or None for a joint."""
+    """The state and settings that a test may change. Unsupported ones are an empty list, or None for a joint."""
 
     positions: FloatArray
     modes: tuple[ControlMode, ...]

@@ -97,7 +97,7 @@ def _move_twice(
 
 
 def hold(part: Part, joints: Sequence[int]) -> None:
-    """Hold joints where they are, in stiff position mode; excluded joints are left out."""
+    """Hold joints at their present positions, in stiff position mode; excluded joints are left out."""
     run_to_end(part, holding(part, joints), pace=PACE)
 
 

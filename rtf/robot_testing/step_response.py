@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 #: The rise is from 10 % to 90 % of the final value, which counts as at least half of the step.
 _BEGUN, _RISEN = 0.1, 0.9
 _REACHED = 0.5
-#: Deviations within so many standard deviations are noise: hardly a point is beyond, even if the standard deviation was
-#: estimated from a dozen points.
+#: Deviations within this number of standard deviations are noise: hardly a point is beyond, even if the standard
+#: deviation was estimated from a dozen points.
 EXPLAINED = 5.0
 #: Least number of points after a step.
 FEWEST = 10

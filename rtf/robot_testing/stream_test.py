@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Value
     from rtf.robot_testing.port_recorder import Message
 
-#: Recording goes on for so long after the judged window, s: late messages must not count as lost.
+#: Time for which the recording continues after the judged window, s: late messages must not count as lost.
 _GRACE = 0.3
 _FEWEST = 3
 #: The quantile by which jitter is judged: a single stall of a loaded machine without real-time scheduling delays one or
@@ -97,7 +97,7 @@ class RateTest(StreamTest):
 
     # Senders skip busy readers: on a loaded machine some messages are missing without a fault.
     max_loss = Parameter(float, "share of messages that may be missing", unit="%", default=5.0, low=0.0, high=100.0)
-    max_duplicates = Parameter(int, "messages that may come again", unit="count", default=0, low=0)
+    max_duplicates = Parameter(int, "messages that may be repeated", unit="count", default=0, low=0)
     # A tenth of a second at 100 Hz: readers consider the stream broken by then.
     max_gap = Parameter(float, "longest time without a message, in expected periods", default=10.0, low=1.0)
     # A little more than a period of 100 Hz; and two periods, for messages by way of another machine.
@@ -137,7 +137,7 @@ class RateTest(StreamTest):
         nothing = f"no message for {periods.longest * 1e3:.1f} ms"
         lost = likely_causes("lost")
         return [
-            CheckedValue("time in which this machine stood still", 100.0 * stalled, "%"),
+            CheckedValue("time in which this machine was suspended", 100.0 * stalled, "%"),
             CheckedValue("rate", periods.rate, "Hz", rate + tolerance, low=low, hint=f"{_rate_text(stream)}{causes}"),
             CheckedValue("longest period", periods.longest * 1e3, "ms", longest, hint=f"{nothing}; {lost}"),
             CheckedValue("lost", stream.loss, "%", self.max_loss + 100.0 * stalled, hint=f"{missing}; {lost}"),

@@ -1,1 +1,1 @@
-"""A simulated iCub on MuJoCo: the mechanics, what is mounted on them, and the boards that move them."""
+"""A simulated iCub on MuJoCo: mechanics, sensors, cameras and motor boards."""

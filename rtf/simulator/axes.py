@@ -1,7 +1,7 @@
 """The 53 axes of the simulated iCub: limits, motors, gears and motor couplings, in YARP's order.
 
-Everything else in the simulator that has a column an axis (actuators of the model, boards, ports) has them in the order
-of :data:`AXES`: the parts as the robot lists them, and in each part the joints as its control board numbers them.
+All arrays of the simulator with one column for each axis (actuators of the model, boards, ports) are in the order of
+:data:`AXES`: the parts as the robot lists them, and in each part the joints as its control board numbers them.
 
 Sources. Limits of the body: the published robot description (iCubGazeboV2_5). Limits of eyes and hands, gearboxes,
 encoders, currents and couplings: the published configuration of a version 2.5 robot. Torques of the legs: the robot
@@ -20,23 +20,23 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: Joint encoders speak in 1/65536 of a turn.
+#: Resolution of the joint encoders: counts a turn.
 ENCODER_TICKS_PER_DEGREE = 182.044
-#: What the simulation of the robot on Gazebo allows, too.
+#: The same value as in the simulation of the robot on Gazebo.
 BODY_VELOCITY = 100.0
 FINGER_VELOCITY = 200.0
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """One axis, as a control board sees it. Angles are of the axis, after the gearbox, in degrees."""
+    """An axis as a control board sees it. Angles are those of the axis, after the gearbox, in degrees."""
 
     part: str
     name: str
-    minimum: float  # deg, not beyond what the mechanics allow
+    minimum: float  # deg, within the mechanical range
     maximum: float
     max_velocity: float  # deg/s
-    max_torque: float  # Nm, what the drive can give
+    max_torque: float  # Nm, the greatest torque of the drive
     gearbox: float  # turns of the motor a turn of the axis; negative where the motor is mounted the other way round
     encoder_resolution: float  # ticks/deg of the joint encoder
     rotor_resolution: float  # ticks a turn of the motor encoder
@@ -51,7 +51,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class _Drive:
-    """A kind of motor with its encoder and its currents."""
+    """Type of a motor, with its encoder and its currents."""
 
     rotor_resolution: float
     nominal: float
@@ -80,7 +80,7 @@ def _axis(
     velocity: float = BODY_VELOCITY,
     home: float = 0.0,
 ) -> Axis:
-    """Make an axis of a part yet to be named; what is not given follows from the kind of motor."""
+    """Make an axis whose part is set later; values that are not given follow from the type of motor."""
     return Axis(
         part="",
         name=name,
@@ -125,7 +125,7 @@ _TORSO_AXES = (
 
 
 def _arm_axes(side: str, mounted: int) -> tuple[Axis, ...]:
-    """Give the sixteen axes of an arm; ``mounted`` is 1 or -1, the way the motors of the shoulder are mounted."""
+    """Return the sixteen axes of an arm; ``mounted`` is 1 or -1, the mounting direction of the shoulder's motors."""
     gear = 100.0 * mounted
     return (
         _axis(f"{side}_shoulder_pitch", (-95.5, 10), 40.0, gear, _ARM, armature=0.05, damping=0.06, home=-30),
@@ -148,7 +148,7 @@ def _arm_axes(side: str, mounted: int) -> tuple[Axis, ...]:
 
 
 def _leg_axes(side: str, mounted: int) -> tuple[Axis, ...]:
-    """Give the six axes of a leg; ``mounted`` is 1 on the left, -1 on the right, where motors turn the other way."""
+    """Return the six axes of a leg; ``mounted`` is 1 on the left, -1 on the right, where motors turn the other way."""
     return (
         _axis(f"{side}_hip_pitch", (-45, 134), 55.5, -150.0 * mounted, _LEG, armature=0.08, damping=0.223),
         _axis(f"{side}_hip_roll", (-20, 120), 37.0, 100.0 * mounted, _LEG, armature=0.06, damping=0.223, home=15),
@@ -181,7 +181,7 @@ INDEX: dict[str, int] = {axis.name: index for index, axis in enumerate(AXES)}
 
 
 def part_slice(part: str) -> slice:
-    """Where the axes of ``part`` are among :data:`AXES`. KeyError for a part that the robot does not have."""
+    """Return the slice of ``part`` in :data:`AXES`. Raises KeyError for a part that the robot does not have."""
     names = list(PARTS)
     if part not in PARTS:
         raise KeyError(f"the iCub has no part {part!r}; its parts are {', '.join(names)}")
@@ -191,11 +191,11 @@ def part_slice(part: str) -> slice:
 
 @dataclass(frozen=True, slots=True)
 class Coupling:
-    """How the motors of some neighbouring joints of a part move them together.
+    """The coupling of the motors of some neighbouring joints of a part.
 
     ``motor = joint_to_motor @ joint`` and ``torque of the joints = joint_to_motor.T @ torque of the motors``, both
     before the gearbox: an encoder of motor *i* turns ``gearbox[i]`` times as far. Rows and columns are in the order of
-    the part's control board. This is the matrix that a robot tells when asked for ``kinematic_mj``.
+    the part's control board. A robot returns this matrix as its remote variable ``kinematic_mj``.
     """
 
     first: int  # joint of the part at which the block starts
@@ -203,7 +203,7 @@ class Coupling:
 
     @property
     def size(self) -> int:
-        """How many joints, and motors, the block has."""
+        """The number of joints, and of motors."""
         return len(self.joint_to_motor)
 
     @property
@@ -238,7 +238,7 @@ COUPLINGS: dict[str, tuple[Coupling, ...]] = {
 
 
 def joint_to_motor(part: str) -> NDArray[np.float64]:
-    """Give the couplings of a part as one square matrix: motors = matrix @ joints, before the gearbox."""
+    """Return the couplings of a part as one square matrix: motors = matrix @ joints, before the gearbox."""
     matrix = np.zeros((len(PARTS[part]), len(PARTS[part])))
     for block in COUPLINGS[part]:
         span = slice(block.first, block.first + block.size)

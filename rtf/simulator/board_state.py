@@ -1,7 +1,7 @@
-"""The numbers of the motor boards: what they are configured with, what they were told, and what they measure.
+"""The state of the motor boards: configuration, last commands and measurements.
 
-All arrays have a column an axis, in the order of :data:`rtf.simulator.axes.AXES`. What the boards do with them is in
-:mod:`rtf.simulator.boards`.
+All arrays have a column for each axis, in the order of :data:`rtf.simulator.axes.AXES`. The behaviour of the boards is
+in :mod:`rtf.simulator.boards`.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
     from rtf.simulator.model import IcubModel
 
 AMBIENT = 25.0  # °C
-_HEATING = 40.0  # °C above ambient in the end, at nominal current
+_HEATING = 40.0  # °C above ambient after a long time at nominal current
 _TOO_HOT = 90.0
 STEPS_A_SECOND = round(1 / TIMESTEP)
 _DEGREES = 180.0 / math.pi
 _TURN = 360.0
-#: The joints whose torques are sensed, so that they can be compliant: arms down to the forearm, torso, legs.
+#: The joints with torque sensing, which can be compliant: arms down to the forearm, torso, legs.
 _TORQUE_PARTS = frozenset({"torso", "left_leg", "right_leg"})
 _TORQUE_ARM_JOINTS = 5
 
 
 class BoardState:
-    """The state of all boards. ``data`` is the physics that they sit on."""
+    """The state of all boards. ``data`` is the state of the physics engine."""
 
     def __init__(self, robot: IcubModel, data: Any) -> None:
         self.robot = robot
@@ -54,7 +54,7 @@ class BoardState:
         self._set_up_drives()
         self._set_up_controllers()
         self._begin()
-        # What is broken: functions that change what they are given. Empty in a healthy robot.
+        # Active faults: functions that change their arguments. Empty in a healthy robot.
         self.encoder_faults: list[Callable[[FloatArray, FloatArray, float], None]] = []
         self.motor_encoder_faults: list[Callable[[FloatArray, FloatArray, float], None]] = []
         self.motor_faults: list[Callable[[FloatArray, float], None]] = []
@@ -71,17 +71,17 @@ class BoardState:
         return self.tick / STEPS_A_SECOND
 
     def _set_up_drives(self) -> None:
-        """Motors, gears, encoders and amplifiers."""
+        """Initialize motors, gears, encoders and amplifiers."""
         count = self.count
         self.newton_metres = column("max_torque") / FULL  # a per cent of duty cycle
         self.amperes = column("peak_current") / FULL  # likewise
-        self.gearbox = column("gearbox")  # as built; what the boards believe is in ``configured_gearbox``
+        self.gearbox = column("gearbox")  # as built; the configuration of the boards is in ``configured_gearbox``
         self.joint_to_motor = _all_couplings()
         self.configured_gearbox = self.gearbox.copy()
         self.configured_couplings = self.joint_to_motor.copy()
         #: Degrees of each rotor a radian of each joint.
         self._turns = self.gearbox[:, None] * self.joint_to_motor * _DEGREES
-        #: What a duty cycle of each motor does to each joint, and back.
+        #: Factors from duty cycles of motors to those of joints, and back.
         self._drive = (np.sign(self.gearbox)[:, None] * self.joint_to_motor).T
         self._undrive = np.linalg.inv(self._drive)
         self.resolution = column("encoder_resolution")
@@ -98,15 +98,15 @@ class BoardState:
         self.torque_controlled = np.array([_has_torque_control(axis.part, axis.name) for axis in AXES])
 
     def _set_up_controllers(self) -> None:
-        """Limits and gains."""
+        """Initialize limits and gains."""
         count = self.count
         self.minimum, self.maximum = column("minimum"), column("maximum")
-        self.limit_slack = np.zeros(count)  # by how much a broken board lets joints go beyond them
+        self.limit_slack = np.zeros(count)  # how far a faulty board lets joints go beyond them
         self.min_velocity, self.max_velocity = np.zeros(count), column("max_velocity")
         self.speeds = np.full(count, 10.0)
         self.accelerations = np.full(count, 1000.0)
         self.pids: list[Pid] = position_pids(AXES, self.robot.axis_inertia(self.data))
-        # Of controllers that are not simulated, what they were told.
+        # The last settings of controllers that are not simulated.
         self.other_pids: dict[tuple[PidType, int], Pid] = {}
         self.other_enabled: dict[tuple[PidType, int], bool] = {}
         self.other_error_limits: dict[tuple[PidType, int], float] = {}
@@ -118,7 +118,7 @@ class BoardState:
         self.calibration: dict[int, CalibrationParameters] = {}
 
     def _begin(self) -> None:
-        """Be at home, in position mode, calibrated."""
+        """Initialize the state after power-up: at home, in position mode, calibrated."""
         count, home = self.count, np.degrees(self.robot.home_axes)
         self.modes = np.empty((2, count), dtype=np.int32)
         self.mode, self.interaction = self.modes
@@ -133,18 +133,18 @@ class BoardState:
         self.duties = np.zeros(count)  # of motors
         self.controllers = JointControllers(self._ctrl)
         self._ticks = np.rint(home * self.resolution)
-        self._measured_speed = self._speed  # rad/s; the physics' own, unless an encoder is broken
-        self._driven: FloatArray | None = None  # the torques that the boards wanted, where motors gave others
+        self._measured_speed = self._speed  # rad/s; those of the physics engine, unless an encoder is faulty
+        self._driven: FloatArray | None = None  # the torques that the boards commanded, where motors gave others
         self._encoder_shift: FloatArray | None = None
         self._motor_shift = np.zeros(count)
         self._scratch = np.empty(count)
         self._snapshot = np.zeros((9, count))
         self._snapshot_tick = self._measured_tick = -1
 
-    # What is measured --------------------------------------------------------------------------------------------
+    # Measurements ------------------------------------------------------------------------------------------------
 
     def measure(self) -> None:
-        """Read the encoders; once a step, so that a broken one is asked once."""
+        """Read the encoders. To be called once a step, so that an encoder fault is applied once."""
         if self._measured_tick == self.tick:
             return
         self._measured_tick = self.tick
@@ -156,7 +156,7 @@ class BoardState:
             self._measured_speed = self._speed
 
     def _distort(self) -> None:
-        """What shifted zeros and broken encoders make of the measurements."""
+        """Apply encoder offsets and encoder faults to the measurements."""
         position, velocity = self._ticks / self.resolution, self._speed * _DEGREES
         if self._encoder_shift is not None:
             position += self._encoder_shift
@@ -167,12 +167,12 @@ class BoardState:
 
     @property
     def position(self) -> FloatArray:
-        """What the encoders show (deg)."""
+        """The encoder readings (deg)."""
         return self._ticks / self.resolution
 
     @property
     def velocity(self) -> FloatArray:
-        """The speeds that they show (deg/s)."""
+        """The speeds by the encoders (deg/s)."""
         return self._measured_speed * _DEGREES
 
     @property
@@ -182,14 +182,14 @@ class BoardState:
 
     @property
     def output(self) -> FloatArray:
-        """What the controllers give out (per cent of duty cycle, of the joint)."""
+        """The outputs of the controllers (per cent of duty cycle, of the joint)."""
         torque = self._ctrl if self._driven is None else self._driven
         output: FloatArray = torque / self.newton_metres
         np.minimum(output, FULL, out=output)  # twice as quick as clip
         return np.maximum(output, -FULL, out=output)
 
     def gravity(self) -> FloatArray:
-        """What each axis needs to stay where it is, against gravity and the motion of the others (Nm)."""
+        """The torque that holds each axis against gravity and against the motion of the others (Nm)."""
         return self.robot.axis_torques(self.data.qfrc_bias)
 
     def accelerations_now(self) -> FloatArray:
@@ -199,7 +199,7 @@ class BoardState:
         return found
 
     def measured_torques(self) -> FloatArray:
-        """What the torque sensors show (Nm)."""
+        """The readings of the torque sensors (Nm)."""
         torques: FloatArray = self._exerts.copy()
         for fault in self.torque_faults:
             fault(torques, self.now)
@@ -213,7 +213,7 @@ class BoardState:
         return currents
 
     def motor_duties(self) -> FloatArray:
-        """What the motors are driven with (per cent)."""
+        """The duty cycles of the motors (per cent)."""
         duties: FloatArray = self._undrive @ self.output
         return duties
 
@@ -236,7 +236,7 @@ class BoardState:
         return accelerations
 
     def snapshot(self) -> FloatArray:
-        """All that is measured at this moment, (9, axes), in the order of the extended state of a control board."""
+        """All current measurements, shape (9, axes), in the order of the extended state of a control board."""
         if self._snapshot_tick != self.tick:
             shot = self._snapshot
             np.divide(self._ticks, self.resolution, out=shot[0])
@@ -256,7 +256,7 @@ class BoardState:
         return self._snapshot
 
     def shift_encoders(self, axes: NDArray[np.intp], values: FloatArray) -> None:
-        """Declare where axes are; those that are controlled go on from there."""
+        """Set the encoder readings of axes; controlled axes continue from there."""
         if self._encoder_shift is None:
             self._encoder_shift = np.zeros(self.count)
         self._encoder_shift[axes] += values - self.position[axes]
@@ -266,7 +266,7 @@ class BoardState:
         self.targets[axes] = self.direct[axes] = values
 
     def shift_motor_encoders(self, axes: NDArray[np.intp], values: FloatArray) -> None:
-        """Declare where rotors are."""
+        """Set the encoder readings of rotors."""
         self._motor_shift[axes] += values - self.motor_motion()[0][axes]
 
 
@@ -283,7 +283,7 @@ def _all_couplings() -> FloatArray:
 
 
 def _default_impedance(pids: list[Pid], newton_metres: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A tenth of the stiffness of the position loop, damped critically for it (Nm/deg, Nm s/deg)."""
+    """Return a tenth of the stiffness of the position loop, and its critical damping (Nm/deg, Nm s/deg)."""
     kp = np.array([pid.kp for pid in pids]) * newton_metres
     kd = np.array([pid.kd for pid in pids]) * newton_metres
     return kp / 10.0, kd / math.sqrt(10.0)

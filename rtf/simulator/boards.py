@@ -1,8 +1,8 @@
 """The motor boards of all parts together: encoders, setpoints, controllers, motors and modes of 53 axes at 1 kHz.
 
 All arrays have a column for each axis, in the order of :data:`rtf.simulator.axes.AXES`, in degrees and per cent of duty
-cycle. The control law of the modes is in :mod:`rtf.simulator.controller`. Faults are small functions in lists, which
-are empty in a healthy robot.
+cycle. The controller of the modes is in :mod:`rtf.simulator.controller`. Faults are small functions in lists, which are
+empty in a healthy robot.
 
 Watchdogs: a velocity, torque, current or duty cycle expires ``WATCHDOG`` seconds after its last command, so that a
 joint whose client has died stops; position moves end by themselves, and direct positions are held.
@@ -56,7 +56,7 @@ class Boards(BoardState):
         self._prepare()
 
     def _prepare(self) -> None:
-        """Start as the robot after power-up: held at home."""
+        """Set the state of the robot after power-up: held at home."""
         count = self.count
         self._max_integral = np.zeros(count)  # Nm
         self._limited = False
@@ -84,9 +84,9 @@ class Boards(BoardState):
     # One millisecond ---------------------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Measure, control, and drive: what happens while the physics stand between their two halves of a step.
+        """Measure, control and drive, between the two halves of a step of the physics engine.
 
-        The rest of it is in :class:`JointControllers`.
+        The other part of a step is in :class:`JointControllers`.
         """
         if self._measured_tick != self.tick:
             self.measure()
@@ -161,11 +161,11 @@ class Boards(BoardState):
             self._check_errors()
         while self._planned and self._planned[0][0] <= self.tick:
             _, axis, mode = self._planned.pop(0)
-            if self.mode[axis] == _BEFORE[mode]:  # else a fault came between
+            if self.mode[axis] == _BEFORE[mode]:  # otherwise a fault occurred meanwhile
                 self._enter(axis, mode)
 
     def _sound(self, chosen: NDArray[np.bool_]) -> list[int]:
-        """Return the chosen axes that are not in fault yet."""
+        """Return those of the chosen axes that are not in fault yet."""
         found: list[int] = np.flatnonzero(chosen & (self.mode != ControlMode.HARDWARE_FAULT)).tolist()
         return found
 
@@ -211,7 +211,7 @@ class Boards(BoardState):
     def request_interaction(self, axis: int, wanted: int) -> None:
         """Make an axis stiff or compliant; the mode stays. Raises RefusedError where there is no torque sensing."""
         if wanted not in (InteractionMode.STIFF, InteractionMode.COMPLIANT):
-            raise RefusedError(f"{AXES[axis].name}: {wanted} is no interaction mode that may be asked for")
+            raise RefusedError(f"{AXES[axis].name}: {wanted} is no interaction mode that may be requested")
         if wanted == InteractionMode.COMPLIANT and not self.torque_controlled[axis]:
             raise RefusedError(f"{AXES[axis].name} cannot be compliant: it has no torque control")
         if wanted != self.interaction[axis]:
@@ -299,16 +299,16 @@ class Boards(BoardState):
 
     def _put(self, axis: int, kp: float, kd: float, ki: float, bias: float, limit: float) -> None:
         """Set the parameters of a controller, converted to its units."""
-        law, ticks = self.controllers, float(self.resolution[axis])
-        law.kp_kd[:, axis] = kp / ticks, kd * _DEGREES
-        law.ki[axis] = ki / ticks * TIMESTEP * INTEGRATION
-        law.set_bias(axis, bias)
-        law.limit[axis] = limit
+        controllers, ticks = self.controllers, float(self.resolution[axis])
+        controllers.kp_kd[:, axis] = kp / ticks, kd * _DEGREES
+        controllers.ki[axis] = ki / ticks * TIMESTEP * INTEGRATION
+        controllers.set_bias(axis, bias)
+        controllers.limit[axis] = limit
         if not ki and self.mode[axis] != ControlMode.TORQUE:
-            law.set_integral(axis, 0.0)
+            controllers.set_integral(axis, 0.0)
 
     def _note_special_axes(self) -> None:
-        # With damping alone, too: gravity is compensated, so a joint without stiffness floats.
+        # Also with damping alone: gravity is compensated, so a joint without stiffness floats.
         compliant = (self.interaction == InteractionMode.COMPLIANT) & (self.controllers.kp_kd > 0).any(axis=0)
         torquing = self.mode == ControlMode.TORQUE
         self._compliant = np.flatnonzero(compliant) if compliant.any() else None
@@ -343,7 +343,7 @@ class Boards(BoardState):
         ]
 
     def _obeys_all(self, axis: int) -> bool:
-        """Whether a fault lets an axis take the commands of other modes, too, while its position is controlled."""
+        """Return whether a fault makes an axis accept the commands of all modes while its position is controlled."""
         return int(self.mode[axis]) in HOLDING_MODES and any(obeys(axis) for obeys in self.obeying_faults)
 
     def move(self, axes: NDArray[np.intp], targets: FloatArray) -> None:
@@ -388,7 +388,7 @@ class Boards(BoardState):
         self._refresh_duties()
 
     def stop(self, axes: NDArray[np.intp]) -> None:
-        """Slow down to rest; the targets become where that is."""
+        """Slow down to rest; the positions of rest become the targets."""
         self.velocities[axes] = 0.0
         self.setpoints.run(axes, np.zeros(len(axes)), np.full(len(axes), STOPPING), self.tick)
         self.targets[axes] = self.setpoints.at(self.tick + _AT_REST, axes)[0]
@@ -406,7 +406,7 @@ class Boards(BoardState):
         self._configure(axis)
 
     def refresh(self, axis: int) -> None:
-        """Apply a setting of an axis that was changed from outside."""
+        """Apply a setting of an axis that another module has changed."""
         self._configure(axis)
         slack = float(self.limit_slack[axis])
         self.setpoints.set_limits(axis, float(self.minimum[axis]) - slack, float(self.maximum[axis]) + slack, self.tick)

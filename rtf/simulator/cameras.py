@@ -1,4 +1,4 @@
-"""Pictures as the robot's eyes, or somebody beside the robot, would take them.
+"""Pictures from the robot's eyes, and from a camera in front of the robot.
 
 Cost in software, for 320x240: a few milliseconds with the light covers that ``Options(cameras=True)`` gives; shadows
 would make it a hundred.
@@ -17,16 +17,17 @@ from rtf.simulator.rendering import make_context
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: The cameras of a model: the eyes, which move with them, and one ahead of the robot that sees all of it.
+#: The cameras of a model: one in each eye, and one in front of the robot, which shows all of it.
 CAMERAS = ("left_eye", "right_eye", "outside")
 _MAX_GEOMS = 500
 
 
 class Camera:
-    """One camera of a model, which takes pictures of a state.
+    """A camera of a model, which renders pictures of a state.
 
-    It belongs to the thread that makes it: all calls, close() included, must come from there. RenderingError when the
-    machine cannot make pictures, ValueError for a camera that the model does not have or a picture that is too large.
+    It belongs to the thread that makes it: all calls, close() included, must come from that thread. Raises
+    RenderingError if the machine cannot render, ValueError for a camera that the model does not have or a picture that
+    is too large.
     """
 
     def __init__(self, model: Any, name: str, width: int, height: int) -> None:
@@ -59,9 +60,9 @@ class Camera:
         self._pixels = np.empty((self.height, self.width, 3), dtype=np.uint8)
 
     def render(self, data: Any) -> NDArray[np.uint8]:
-        """Take a picture: RGB, shape (height, width, 3), top row first.
+        """Render a picture: RGB, shape (height, width, 3), top row first.
 
-        ``data`` must have been forwarded, and nobody may step it meanwhile.
+        ``data`` must have been forwarded, and must not be stepped meanwhile.
         """
         engine = mujoco()
         self._gl.make_current()
@@ -78,7 +79,7 @@ class Camera:
         return math.degrees(horizontal), math.degrees(vertical)
 
     def close(self) -> None:
-        """Give the graphics memory back; more than once does nothing."""
+        """Release the graphics memory. A second call does nothing."""
         if self._gl is None:
             return
         self._gl.make_current()

@@ -1,10 +1,10 @@
-"""What of the robot can touch what: shapes of the links, and the pairs of links that are left out.
+"""Collision shapes of the links, and the pairs of links that are excluded.
 
 Two sets of shapes. *Capsules* are a hand-made outline, slightly within the covers of the robot: quick, nothing to load.
 *Hulls* are the convex hulls of the published meshes: exact where the links are convex, and slow to load.
 
-Links that are near each other along the robot's tree never collide in either: the outlines overlap at every joint, and
-hulls of covers that reach around a joint would stop it short.
+Links that are neighbours in the robot's tree never collide, in both sets: the outlines overlap at every joint, and
+hulls of covers that reach around a joint would limit its range.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from typing import Any
 
 from rtf.simulator.engine import mujoco
 
-#: Links with at most so many joints between them are not tested against each other.
+#: Links with at most this number of joints between them are not tested against each other.
 NEAR = 4
-#: Group of the collision shapes in a viewer, and of what is shown by the cameras.
+#: Groups in a viewer: the collision shapes, and the shapes that the cameras show.
 COLLISION_GROUP = 3
 VISUAL_GROUP = 1
 
-#: Bits of what collides: two shapes do when a bit of one's type is in what the other answers to.
+#: Collision bits: two shapes collide if the type of one and the affinity of the other share a bit.
 _BODY, _LEFT_FINGERS, _RIGHT_FINGERS = 1, 2, 4
 
 _Point = tuple[float, float, float]
@@ -73,7 +73,7 @@ _RIGHT: tuple[_Capsule | _Box, ...] = (
 
 
 def _mirrored(point: _Point, link: str) -> _Point:
-    """Give the place on the left side for a place on the right one.
+    """Return the position on the left side for a position on the right side.
 
     The frames of the legs' links are parallel on both sides; those of the arms' are half a turn apart.
     """
@@ -93,7 +93,7 @@ _SHAPES = (*_MIDDLE, *_RIGHT, *(_left(shape) for shape in _RIGHT))
 
 
 def add_capsules(spec: Any) -> list[Any]:
-    """Give the robot's links their hand-made outlines; massless, for the description knows the links' inertia."""
+    """Add the hand-made outlines to the robot's links; they are massless, as the description has the links' inertia."""
     return [_add(spec.body(shape.link), shape, index) for index, shape in enumerate(_SHAPES)]
 
 
@@ -107,13 +107,13 @@ def _add(body: Any, shape: _Capsule | _Box, index: int) -> Any:
 
 
 def make_solid(geom: Any) -> None:
-    """Let ``geom`` collide with other solid ones."""
+    """Let ``geom`` collide with other solid shapes."""
     geom.group = COLLISION_GROUP
     geom.contype = geom.conaffinity = _BODY
 
 
 def make_solid_finger(geom: Any, side: str) -> None:
-    """Let ``geom`` collide with all but the fingers of its own hand, whose nominal shapes are no measure for that."""
+    """Let ``geom`` collide with everything but the fingers of its own hand, whose nominal shapes are too coarse."""
     own, other = (_LEFT_FINGERS, _RIGHT_FINGERS) if side == "l" else (_RIGHT_FINGERS, _LEFT_FINGERS)
     geom.group = COLLISION_GROUP
     geom.contype = own
@@ -121,13 +121,13 @@ def make_solid_finger(geom: Any, side: str) -> None:
 
 
 def make_visual(geom: Any) -> None:
-    """Let ``geom`` only be seen."""
+    """Make ``geom`` visible without collisions."""
     geom.group = VISUAL_GROUP
     geom.contype = geom.conaffinity = 0
 
 
 def exclude_near(spec: Any, links: set[str]) -> None:
-    """Leave out all pairs among ``links`` with at most :data:`NEAR` joints between them.
+    """Exclude all pairs of ``links`` with at most :data:`NEAR` joints between them.
 
     A link that is named here is kept by the compiler although it may have no joint of its own.
     """
@@ -140,7 +140,7 @@ def exclude_near(spec: Any, links: set[str]) -> None:
 
 
 def _joints_to(body: Any) -> frozenset[str]:
-    """Name the joints between the world and a body."""
+    """Return the names of the joints between the world and a body."""
     names: set[str] = set()
     while body is not None and body.name != "world":
         names.update(joint.name for joint in body.joints)

@@ -1,4 +1,4 @@
-"""Which links of the robot touch."""
+"""Contacts between links of the robot."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def touching(model: Any, data: Any) -> list[tuple[str, str]]:
-    """Give the pairs of links, by name and in order, whose shapes overlap at this moment; each pair once."""
+    """Return the sorted pairs of names of links whose shapes overlap at this moment; each pair once."""
     geoms = np.asarray(data.contact.geom[: data.ncon]).reshape(-1, 2)
     overlapping = np.asarray(data.contact.dist[: data.ncon]) <= 0
     bodies = model.geom_bodyid[geoms[overlapping]]

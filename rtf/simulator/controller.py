@@ -1,6 +1,6 @@
 """The joint controllers of the boards, computed for all axes in every simulated millisecond.
 
-One control law serves all modes; the modes differ in its parameters, which are set when a mode changes::
+One controller serves all modes; the modes differ in its parameters, which are set when a mode changes::
 
     torque = kp (setpoint - position) + kd (speed of the setpoint - speed) + base
 
@@ -8,8 +8,8 @@ One control law serves all modes; the modes differ in its parameters, which are 
 controller; a compliant joint has its stiffness and damping instead; in torque, current and PWM mode the gains are zero
 and the bias is the commanded effort; an idle joint has zeros only.
 
-The units are those of the machine (encoder ticks, rad/s, Nm), which saves conversions. The drives of the model saturate
-torques, which saves limits for all joints without a limit of their own.
+The units are those of encoders and physics engine (encoder ticks, rad/s, Nm), which saves conversions. The drives of
+the model saturate torques, so only joints with a limit of their own are limited here.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The optional packages of the simulator, loaded when they are needed: the physics engine and the robot's description.
+"""Optional packages of the simulator, imported on first use: the physics engine and the robot's description.
 
-Both are typed as Any, for neither package carries types.
+Both are typed as Any, because neither package has type annotations.
 """
 
 from __future__ import annotations
@@ -22,22 +22,21 @@ _WINDOW_SYSTEM = "MUJOCO_GL"
 
 @cache
 def mujoco() -> Any:
-    """Give the package mujoco. MissingPackageError says how to install it.
+    """Return the package mujoco. The message of MissingPackageError says how to install it.
 
-    It is loaded without a back-end for rendering, which would otherwise look for a screen;
-    :mod:`rtf.simulator.rendering` brings its own.
+    It is imported without a rendering back-end, which would need a screen; :mod:`rtf.simulator.rendering` has its own.
     """
     with _without_window_system():
         return _optional("mujoco", "mujoco-core")
 
 
 def robot_description(name: str = "iCubGazeboV2_5") -> Path:
-    """Give the URDF of a published iCub. MissingPackageError says how to install the descriptions."""
+    """Return the URDF of a published iCub. The message of MissingPackageError says how to install the descriptions."""
     return Path(_optional("icub_models", "icub-models").get_model_file(name))
 
 
 def shared_folder() -> Path:
-    """Give the folder that ``package://iCub`` in a robot's description stands for."""
+    """Return the folder for ``package://iCub`` in a robot's description."""
     return Path(_optional("icub_models", "icub-models").get_models_path()).parent
 
 

@@ -1,4 +1,4 @@
-"""What can be wrong with a simulator before it runs."""
+"""Errors of the simulator before it runs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from rtf.errors import RtfError
 
 
 class SimulatorError(RtfError):
-    """Base of the simulator's errors."""
+    """Base class of the simulator's errors."""
 
 
 class MissingPackageError(SimulatorError, ImportError):
@@ -14,4 +14,4 @@ class MissingPackageError(SimulatorError, ImportError):
 
 
 class RenderingError(SimulatorError, RuntimeError):
-    """The machine offers no way to render a camera's image."""
+    """The machine has no working back-end for rendering."""

@@ -1,7 +1,7 @@
-"""The eyes, which the robot's published description lacks: a tilt that carries both, and a pan for each.
+"""The eyes, which the robot's published description lacks: a common tilt, and a pan for each eye.
 
 The axes of the robot are version and vergence: ``left = version + vergence / 2``, ``right = version - vergence / 2``.
-Each is a fixed tendon over the two pan hinges, so that its length is the axis' angle and its force the axis' torque:
+Each axis is a fixed tendon over the two pan hinges: its length is the angle of the axis, its force the torque:
 version ``(left + right) / 2``, vergence ``left - right``. Axes in the head's frame (x to the robot's left, y up,
 z forward): tilt about -x, so that a positive angle looks up; pan about -y, so that a positive one looks to the right.
 """
@@ -22,7 +22,7 @@ _FRAME_MASS = 0.05
 _FRAME_INERTIA = 5e-5
 #: A camera looks along its -z with x to the right: half a turn about the head's y.
 _FORWARD = (0.0, 0.0, 1.0, 0.0)
-#: From the eye's centre to the lens, so that the eye does not see its own inside.
+#: From the eye's centre to the lens, so that the inside of the eye is not in the picture.
 _LENS = 0.022
 _FIELD_OF_VIEW = 42.0  # deg, vertical
 #: Share of each pan hinge in the axes, left and right.
@@ -31,7 +31,7 @@ PAN_JOINTS = ("l_eye_pan_joint", "r_eye_pan_joint")
 
 
 def add_eyes(head: Any) -> None:
-    """Put both eyes with their cameras into the body of the head."""
+    """Add both eyes with their cameras to the body of the head."""
     tilt = AXES[INDEX["eyes_tilt"]]
     frame = head.add_body(name="eyes_tilt_frame", pos=_TILT_POSITION)
     _inertial(frame, _FRAME_MASS, _FRAME_INERTIA)
@@ -48,7 +48,7 @@ def add_eyes(head: Any) -> None:
 
 
 def add_tendons(spec: Any) -> None:
-    """Make version and vergence out of the two pans."""
+    """Add the tendons of version and vergence over the two pans."""
     for name, shares in TENDONS.items():
         axis = AXES[INDEX[name]]
         limits = [math.radians(axis.minimum), math.radians(axis.maximum)]
@@ -58,7 +58,7 @@ def add_tendons(spec: Any) -> None:
 
 
 def pan_angles(version: float, vergence: float) -> tuple[float, float]:
-    """Give the angles of the left and the right eye, in the unit of the arguments."""
+    """Return the angles of the left and the right eye, in the unit of the arguments."""
     return version + vergence / 2, version - vergence / 2
 
 

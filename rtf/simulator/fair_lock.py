@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class FairLock:
-    """A lock that the loop holds while it computes, and yields to waiting threads between two steps.
+    """A lock that the simulation's loop holds while it computes, and yields to waiting threads between two steps.
 
     A plain lock would starve them: a thread that releases a lock and takes it again at once always wins. Commands use
     ``with lock:`` and must be short. The loop uses ``acquire`` and ``release``, and calls ``yield_to_waiting`` after

@@ -1,18 +1,16 @@
-"""Dry friction of all hinges, at a third of what the engine's own takes.
+"""Dry friction of all hinges, at a third of the cost of the engine's own.
 
-The engine holds a joint by a constraint, one more equation in every step, which makes its solver take as long as all
-else together; and what is held so creeps. Here a joint sits on a stiff spring whose other end slides as soon as the
-spring would pull harder than the friction (the elasto-plastic element of Prandtl, also known as Dahl's friction of a
-sharp edge)::
+The engine models dry friction as a constraint, which makes its solver take as long as all the rest of a step; and a
+joint held by it creeps. Here a joint sits on a stiff spring whose other end slides as soon as the spring would pull
+harder than the friction (the elasto-plastic element of Prandtl, also known as Dahl's friction of a sharp edge)::
 
     spring = stiffness (anchor - position) - drive, at most the friction to either side
     torque = spring - damping speed, at most the friction to either side
 
-What the drive of the joint does is taken up without a way: else encoders that count ticks would make a controlled joint
-tremble between two of them. What is kept of the anchor is ``stiffness anchor``, and it slides so that the first line
-holds.
+The torque of the drive is subtracted, so that it does not deflect the spring: otherwise a controlled joint would
+oscillate between two encoder ticks. The state is ``stiffness anchor``, and it slides so that the first line holds.
 
-So a joint at rest bears any load up to the friction, without creeping; a moving one loses the friction times its way.
+So a joint at rest bears any load up to the friction without creeping; a moving one loses the friction times its path.
 """
 
 from __future__ import annotations
@@ -29,14 +27,14 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.simulator.model import IcubModel
 
-#: What a joint that sticks swings with (Hz), and how that is damped, of critical. In steps of a millisecond that is
-#: stable down to a fifth of the inertia that it is meant for.
+#: Natural frequency of a sticking joint (Hz), and its damping ratio. With steps of a millisecond they are stable down
+#: to a fifth of the inertia that the stiffness is computed for.
 STICKING = 60.0
 _DAMPING = 0.2
 
 
 class DryFriction:
-    """The friction of a robot at home. It takes it over from the model, in whose ``dof_frictionloss`` faults add more.
+    """The friction of a robot. It replaces the model's own; faults can add more in ``dof_frictionloss`` of the model.
 
     ``step`` is called in every step, between its two halves.
     """
@@ -61,11 +59,11 @@ class DryFriction:
         self.reset()
 
     def reset(self) -> None:
-        """Be relaxed where the joints are, with what the drives do now."""
+        """Relax the springs at the present positions and torques of the drives."""
         self._anchor[:] = self._stiffness * self._position + self._to_hinges @ self._ctrl
 
     def step(self) -> None:
-        """Add what the friction does to what the engine knows of springs and dampers. Flat: it is called so often."""
+        """Add the friction to the engine's passive forces. Not split into functions, as it is called in every step."""
         spring, scratch, anchor, most, least = self._exerted, self._scratch, self._anchor, self.torque, self._least
         multiply(self._position, self._stiffness, out=scratch)
         np.dot(self._to_hinges, self._ctrl, out=spring)
@@ -82,7 +80,7 @@ class DryFriction:
 
 
 def _inertia(robot: IcubModel, data: Any) -> FloatArray:
-    """The inertia that each hinge shows when all others are free (kg m²); ``data`` must have been forwarded."""
+    """Return the inertia of each hinge while all others are free (kg m²); ``data`` must have been forwarded."""
     unit = np.eye(robot.model.nv)
     solved = np.empty_like(unit)
     mujoco().mj_solveM(robot.model, data, solved, unit)

@@ -1,4 +1,4 @@
-"""The simulated iCub: a simulation, its devices, and the ports by which nobody can tell it from the robot."""
+"""The simulated iCub: a simulation, its devices, and the same ports as the robot's."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rtf.robot.server.board_server import serve_board
 from rtf.robot.server.inertial import InertialServer
 from rtf.simulator.axes import PARTS
 from rtf.simulator.model import Options, build
-from rtf.simulator.outlets import SimulatedOutlets
 from rtf.simulator.part import SimulatedPart
-from rtf.simulator.sensing import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
+from rtf.simulator.simulated_outlets import SimulatedOutlets
+from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
 from rtf.simulator.simulation import Simulation
 from rtf.simulator.simulation_clock import CLOCK, serve_time
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from rtf.middleware.network import Network
     from rtf.robot.periodic_thread import Publisher
-    from rtf.simulator.vision import SimulatedCamera
+    from rtf.simulator.simulated_cameras import SimulatedCamera
 
 #: Seconds between two messages of the parts' states and of the sensors, and between two images.
 STATE_PERIOD, SENSOR_PERIOD, CAMERA_PERIOD = 0.01, 0.01, 1 / 30
@@ -39,7 +39,7 @@ CAMERAS = {"left": "left_eye", "right": "right_eye"}
 
 
 class SimulatedIcub:
-    """A robot on the network, from its making to ``close``.
+    """A robot on the network, from its construction to ``close``.
 
     ============================== ================================================================================
     ``/NAME/PART/rpc:i`` …         each part's control board: questions, commands, ``state:o``, ``stateExt:o``
@@ -50,8 +50,8 @@ class SimulatedIcub:
     ``/clock``                     the time: published, and served in lockstep
     ============================== ================================================================================
 
-    ``lockstep``: time passes only while those who take part wait for it; otherwise by itself, ``factor`` times as fast
-    as the machine's clock (None: as fast as it can). ``dialect`` of the network decides what is spoken.
+    ``lockstep``: time passes only while all participants wait for it; otherwise by itself, ``factor`` times as fast as
+    the machine's clock (None: as fast as possible). The ``dialect`` of the network selects the protocol.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class SimulatedIcub:
             self._opened = opened.pop_all()
 
     def _open(self, opened: ExitStack, *, lockstep: bool, cameras: bool, clock: str) -> None:
-        """Open all ports, the clock last: with it the time begins."""
+        """Open all ports, the clock last, as the time begins with it."""
         for part, board in self.parts.items():
             self._serve(opened, serve_board, board, part, STATE_PERIOD)
         for place, sensor in self.force_torques.items():
@@ -109,7 +109,7 @@ class SimulatedIcub:
 
     def _open_cameras(self, opened: ExitStack) -> None:
         from rtf.robot.server.frame_grabber import FrameGrabberServer
-        from rtf.simulator.vision import SimulatedCamera
+        from rtf.simulator.simulated_cameras import SimulatedCamera
 
         for side, name in CAMERAS.items():
             camera = self.cameras[side] = SimulatedCamera(name, self.simulation)

@@ -1,7 +1,8 @@
-"""The robot's published meshes, made light enough for pictures on a machine without graphics hardware.
+"""Simplification of the robot's published meshes, for rendering on a machine without graphics hardware.
 
-Vertices that share a cell of a grid become one; what is left of a face with three different cells stays. Rendering in
-software costs by the face, and the robot's own quarter of a million are a hundred milliseconds too many.
+Vertices that share a cell of a grid become one; a face remains if its vertices are in three different cells. The cost
+of rendering in software grows with the number of faces: the quarter of a million of the published meshes cost 100 ms
+more a picture.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 def read_stl(path: Path) -> NDArray[np.float32]:
     """Read a binary STL file: one row of three corners a face, shape (faces, 3, 3), in the file's unit.
 
-    ValueError for a file that is not as long as it says.
+    Raises ValueError for a file whose length does not agree with its header.
     """
     content = path.read_bytes()
     count = int.from_bytes(content[_HEADER : _HEADER + 4], "little")
@@ -36,9 +37,9 @@ def read_stl(path: Path) -> NDArray[np.float32]:
 
 
 def clustered(corners: NDArray[np.float32], cell: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Merge the vertices of each cell of a grid with edge ``cell``; give vertices (n, 3) and faces (m, 3).
+    """Merge the vertices of each cell of a grid with edge ``cell``; return vertices (n, 3) and faces (m, 3).
 
-    A merged vertex is the mean of its own. Faces that have become a line or a point are gone, and so are doubles.
+    A merged vertex is the mean of the vertices in its cell. Degenerate and duplicate faces are removed.
     """
     points = corners.reshape(-1, 3).astype(np.float64)
     cells = np.floor(points / cell).astype(np.int64)

@@ -1,19 +1,19 @@
-"""The mechanics of the simulated iCub: published links and joints, own eyes and fingers, one actuator an axis.
+"""The mechanics of the simulated iCub: published links and joints, own eyes and fingers, an actuator for each axis.
 
 The robot's root is fixed in the air. Its frame, which is the world's, has x backwards: forward is -x, the robot's left
 -y, upwards z.
 
 :func:`build` makes a model whose actuators are the axes of :data:`rtf.simulator.axes.AXES`, in that order:
 
-``data.ctrl``               torque at each axis (Nm), cut at what the drive can give
+``data.ctrl``               torque at each axis (Nm), limited to that of the drive
 ``data.actuator_length``    angle of each axis (rad)
 ``data.actuator_velocity``  speed of each axis (rad/s)
 ``data.actuator_force``     torque that the drive gives (Nm)
 
 For most axes that is a joint's own angle; version and vergence of the eyes are tendons, and some fingers have a ratio
-between axis and hinge (:mod:`rtf.simulator.fingers`). Whoever goes by the arrays above need not know.
+between axis and hinge (:mod:`rtf.simulator.fingers`). Users of the arrays above need not know that.
 
-Faults of mechanical parts are made at run time in the arrays of the model:
+Mechanical faults change arrays of the model at run time:
 
 ===================  ==================================================================================================
 a jam, stiction      ``model.dof_frictionloss[IcubModel.dofs[i]]``, Nm at the hinge; in a simulation, which has a dry
@@ -34,30 +34,30 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rtf.simulator import collisions, eyes, fingers, scene, sensors
+from rtf.simulator import collisions, eyes, fingers, model_sensors, scene
 from rtf.simulator.axes import AXES, INDEX, Axis
 from rtf.simulator.engine import mujoco, robot_description, shared_folder
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rtf.simulator.sensors import FtSensor, ImuSensor
+    from rtf.simulator.model_sensors import FtSensor, ImuSensor
 
 TIMESTEP = 1e-3
 GRAVITY = 9.81
 #: Limits hold within 2 degrees against the whole torque of a drive, and a joint at rest on one is 0.02 degrees beyond.
 _LIMIT_SOLREF = (0.004, 1.0)
 _LIMIT_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
-#: So much beyond the limits of the boards are the stops, deg of the axis: a joint that rests at its limit touches none.
-#: Many do at home, and joints on their stops cost the engine half as much again as all else.
+#: Distance of the mechanical stops from the limits of the boards, deg of the axis, so that a joint at its limit does
+#: not touch a stop. Many joints are at a limit at home, and contacts with stops would make a step half as slow again.
 STOP = 0.1
-#: Dry friction holds: the engine's own defaults let a jammed elbow creep at 24 degrees a second.
+#: Parameters of dry friction: with the engine's defaults a jammed elbow creeps at 24 degrees a second.
 _FRICTION_SOLREF = (0.004, 1.0)
 _FRICTION_SOLIMP = (0.9995, 0.9995, 0.001, 0.5, 2.0)
 #: Strength and dip of the earth's field in Genoa (T); north is where the robot looks.
 _MAGNETIC_FIELD = (-2.3e-5, 0.0, -4.2e-5)
 _SCHEME = "package://iCub"
-#: What a description says about looks and touch of a link.
+#: Elements of a description with the shapes of a link.
 _SHAPE = re.compile(r"<(visual|collision)\b.*?</\1>", re.DOTALL)
 
 Collision = Literal["capsules", "hulls", "none"]
@@ -65,10 +65,10 @@ Collision = Literal["capsules", "hulls", "none"]
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What a model is to have beyond links and joints."""
+    """Options of a model beyond links and joints."""
 
     collision: Collision = "capsules"
-    cameras: bool = False  # covers to be seen, a floor and things to look at; some tenths of a second more to build
+    cameras: bool = False  # visible covers, a floor and objects; building takes some tenths of a second longer
     friction: bool = True
     damping: bool = True
     timestep: float = TIMESTEP  # s
@@ -76,12 +76,12 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class IcubModel:
-    """A compiled robot and where things are in it. The model may be changed to make faults; see the module."""
+    """A compiled robot, with the indices of its elements. Faults may change the model; see the module."""
 
     model: Any  # mujoco.MjModel
-    home: NDArray[np.float64]  # qpos of the pose in which nothing touches
+    home: NDArray[np.float64]  # qpos of the pose without contacts
     home_axes: NDArray[np.float64]  # the same as axes (rad)
-    dofs: tuple[NDArray[np.intp], ...]  # of each axis: its hinge; for version and vergence both eyes' pans
+    dofs: tuple[NDArray[np.intp], ...]  # the hinge of each axis; for version and vergence the pans of both eyes
     friction: NDArray[np.float64]  # (nv,), dry, Nm at each hinge, as built
     jacobian: NDArray[np.float64]  # (53, nv), in every pose: speeds of the axes = jacobian @ data.qvel
     ft_sensors: tuple[FtSensor, ...]
@@ -89,25 +89,25 @@ class IcubModel:
     _forces_to_torques: NDArray[np.float64]
 
     def data(self) -> Any:
-        """Give a new MjData at home, at rest, with everything that can be computed from that."""
+        """Return a new MjData at home and at rest, forwarded."""
         data = mujoco().MjData(self.model)
         self.reset(data)
         return data
 
     def reset(self, data: Any) -> None:
-        """Put ``data`` to home, at rest, at time 0."""
+        """Reset ``data`` to home, at rest, at time 0."""
         mujoco().mj_resetData(self.model, data)
         data.qpos[:] = self.home
         mujoco().mj_forward(self.model, data)
 
     def pose(self, axes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give the qpos of a pose that is given as the 53 axes (rad)."""
+        """Return the qpos of a pose of the 53 axes (rad)."""
         return _pose(self.model, axes)
 
     def axis_inertia(self, data: Any) -> NDArray[np.float64]:
-        """Give the inertia that each axis shows when all others are free to move, (53,) in kg m2.
+        """Return the inertia of each axis while all others are free to move, (53,) in kg m2.
 
-        ``data`` must have been forwarded. It depends on the pose, and is what a controller's gains are scaled with.
+        ``data`` must have been forwarded. It depends on the pose; the gains of controllers are scaled with it.
         """
         solved = np.empty_like(self.jacobian)
         mujoco().mj_solveM(self.model, data, solved, self.jacobian)
@@ -115,22 +115,22 @@ class IcubModel:
         return inertia
 
     def axis_torques(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give the torques of the axes that are worth ``forces`` on the degrees of freedom, such as data.qfrc_bias."""
+        """Return the torques of the axes equivalent to ``forces`` on the degrees of freedom, such as data.qfrc_bias."""
         torques: NDArray[np.float64] = self._forces_to_torques @ forces
         return torques
 
 
 def axis_jacobian(model: Any, data: Any) -> NDArray[np.float64]:
-    """Give how fast each axis turns with each degree of freedom, (53, nv); the same in every pose."""
+    """Return the Jacobian of the axes by the degrees of freedom, (53, nv); the same in every pose."""
     moment = np.zeros((model.nu, model.nv))
     mujoco().mju_sparse2dense(moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
     return moment
 
 
 def build(options: Options | None = None) -> IcubModel:
-    """Make the model. Two builds with the same options give the same model, to the byte.
+    """Build the model. Two builds with the same options give identical models.
 
-    MissingPackageError says how to install what is needed.
+    The message of MissingPackageError says how to install the missing package.
     """
     options = options or Options()
     spec = _described(shapes=options.cameras or options.collision == "hulls")
@@ -141,15 +141,15 @@ def build(options: Options | None = None) -> IcubModel:
     fingers = _add_fingers(spec)
     _set_joints(spec, options)
     _add_actuators(spec)
-    sensors.add_sensors(spec)
+    model_sensors.add_sensors(spec)
     _shape(spec, published, fingers, options)
     moving = {joint.parent.name for joint in spec.joints}
-    collisions.exclude_near(spec, moving | {"root_link"} | sensors.SENSED_LINKS)
+    collisions.exclude_near(spec, moving | {"root_link"} | model_sensors.SENSED_LINKS)
     return _compiled(spec)
 
 
 def _described(*, shapes: bool) -> Any:
-    """Load the published description, with its meshes named as files, or without any ``shapes``."""
+    """Load the published description, with the paths of its meshes, or without any ``shapes``."""
     text = robot_description().read_text(encoding="utf-8")
     if not shapes:
         text = _SHAPE.sub("", text)
@@ -171,7 +171,7 @@ def _add_fingers(spec: Any) -> list[Any]:
 
 
 def _set_joints(spec: Any, options: Options) -> None:
-    """Give every hinge its stops, and its share of its axis' inertia and losses."""
+    """Set the stops of every hinge, and its share of the inertia and the friction of its axis."""
     for joint in spec.joints:
         axis, inertia, friction = _share(joint.name)
         joint.armature = axis.armature * inertia
@@ -191,16 +191,16 @@ def _set_joints(spec: Any, options: Options) -> None:
 
 
 def _stops(limits: Any, ratio: float) -> list[float]:
-    """Give where the stops are of a hinge whose axis turns ``ratio`` times as far, rad."""
+    """Return the stops (rad) of a hinge whose axis turns ``ratio`` times as far."""
     low, high = limits
     beyond = math.radians(STOP) / ratio
     return [low - beyond, high + beyond]
 
 
 def _share(joint: str) -> tuple[Axis, float, float]:
-    """Give the axis that a hinge belongs to, and how much of the axis' inertia and of its dry friction the hinge has.
+    """Return the axis of a hinge, and the hinge's shares of the axis' inertia and dry friction.
 
-    Version is both pans, each with half of it; what vergence has follows from that.
+    Each pan has half of those of the version; those of the vergence follow.
     """
     if joint in eyes.PAN_JOINTS:
         return AXES[INDEX["eyes_version"]], 0.5, 0.5
@@ -225,7 +225,7 @@ def _add_actuators(spec: Any) -> None:
 
 
 def _shape(spec: Any, published: list[Any], fingers: list[Any], options: Options) -> None:
-    """Decide what can be touched and what is seen."""
+    """Set which shapes collide and which are visible."""
     for geom in [*published, *fingers]:
         collisions.make_visual(geom)
     if options.collision != "none":
@@ -251,8 +251,8 @@ def _compiled(spec: Any) -> IcubModel:
         dofs=tuple(_dofs(model, axis.name) for axis in AXES),
         friction=model.dof_frictionloss.copy(),
         jacobian=jacobian,
-        ft_sensors=sensors.ft_sensors(model),
-        imu=sensors.imu_sensor(model),
+        ft_sensors=model_sensors.ft_sensors(model),
+        imu=model_sensors.imu_sensor(model),
         _forces_to_torques=np.linalg.inv(jacobian.T).astype(np.float64),
     )
 

@@ -1,4 +1,4 @@
-"""The simulated robot as a program: what it opens, its signals, what it prints, and how it ends."""
+"""The program of the simulated robot: ports, signals, output and end."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rtf.middleware.names import Contact
 from rtf.middleware.naming import configuration
 from rtf.middleware.remote import exists
 from rtf.robot.interface.signals import signal_listener
-from rtf.simulator.control import control_port
+from rtf.simulator.control_client import control_port
 from rtf.simulator.errors import RenderingError
 
 if TYPE_CHECKING:
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from rtf.simulator.model import Collision
 
 FINE, FAILED = 0, 1
-#: What a second signal ends it with, as a shell says of a program that SIGINT ended.
+#: The exit code after a second signal: that of a shell for a program that SIGINT ended.
 _AT_ONCE = 2
 CLOCK = "/clock"
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What the command line says. ``factor`` inf: as fast as it can; ``cameras``: no, yes, or auto where they work."""
+    """The settings of the command line. ``factor`` inf: no limit; ``cameras``: no, yes, or auto (if they work)."""
 
     robot: str = "icubSim"
     parts: tuple[str, ...] = ()  # all
@@ -53,15 +53,15 @@ class Settings:
 
 
 def run_simulator(settings: Settings) -> int:
-    """Run a simulated robot until a signal or its control port asks for the end; returns the exit code.
+    """Run a simulated robot until a signal, or a request at its control port, ends it; return the exit code.
 
-    For the main thread. Whatever ends it, all ports are closed and their names given back, except at a second signal.
+    To be called in the main thread. All ports are closed and unregistered at the end, except after a second signal.
     """
     return _Program(settings).run()
 
 
 class _Program:
-    """One run of it."""
+    """A run of the program."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -79,13 +79,13 @@ class _Program:
                 if not self._end.is_set():
                     self._tell_ready(robot, opened)
             except (RtfError, OSError) as error:
-                _say(f"FAILED: {self._settings.robot} was not started: {error}")
+                _say(f"FAILED: {self._settings.robot} could not be started: {error}")
                 return FAILED
             self._end.wait()
         return FAILED if self._failed else FINE
 
     def _on_signal(self, number: signal.Signals) -> None:
-        """The first signal asks, the second does not wait for anything."""
+        """Ask the program to end at the first signal, and end it at once at the second."""
         self._signals += 1
         if self._signals > 1:
             os._exit(_AT_ONCE)
@@ -93,7 +93,7 @@ class _Program:
         self._end.set()
 
     def _report(self, sentence: str) -> None:
-        """For the network and the clock; time that has ended with an error never goes on."""
+        """Report an error of the network or the clock; after an error of the clock the time does not go on."""
         _say(f"[WARNING] {sentence}")
         if self._robot is not None and self._robot.clock.broken is not None:
             self._failed = True
@@ -106,18 +106,18 @@ class _Program:
         port = control_port(settings.robot)
         if exists(network, Contact(port)):
             raise ConnectError(f"there is a port {port} already; end the simulator that has it, or use --robot")
-        # The control port closes last: whoever asks it for the end is answered.
+        # The control port closes last, so that a request to quit is answered.
         last = opened.enter_context(ExitStack())
         robot = self._robot = _make(settings, network)
         opened.callback(robot.close)
-        from rtf.simulator.service import SimulatorService
+        from rtf.simulator.control_service import SimulatorService
 
         service = SimulatorService(robot, network=network, end=self._end.set, lockstep=settings.lockstep)
         last.callback(service.close)
         return robot
 
     def _tell_ready(self, robot: SimulatedIcub, opened: ExitStack) -> None:
-        """Say what is there, and that it is ready; and write the file that says so, where one is asked for."""
+        """Print the ports and READY, and write the ready file if one was requested."""
         settings, name, streams = self._settings, robot.name, robot.outlets.by_name
         for part in robot.parts:
             _say(f"/{name}/{part}: rpc:i command:i state:o stateExt:o")
@@ -136,7 +136,7 @@ class _Program:
 
 
 def _network(settings: Settings, opened: ExitStack) -> Network:
-    """The network of the user's configuration, with a name server of its own where that is asked for."""
+    """Return the network of the user's configuration, with a name server of this process if that was requested."""
     if settings.nameserver:
         from rtf.middleware.naming.server import NameServer
 
@@ -157,7 +157,7 @@ def _network(settings: Settings, opened: ExitStack) -> Network:
 
 
 def _make(settings: Settings, network: Network) -> SimulatedIcub:
-    """The robot; with cameras ``auto`` without them where no picture can be made."""
+    """Make the robot; with cameras ``auto``, without them if the machine cannot render."""
     if settings.cameras != "auto":
         return _simulated(settings, network, cameras=settings.cameras == "yes")
     try:
@@ -171,7 +171,7 @@ def _simulated(settings: Settings, network: Network, *, cameras: bool) -> Simula
     if cameras:
         from rtf.simulator.rendering import rendering_back_end
 
-        rendering_back_end()  # so that what is missing is told before anything is built
+        rendering_back_end()  # so that a missing package is reported before the model is built
     from rtf.simulator.axes import PARTS
     from rtf.simulator.icub import SimulatedIcub
     from rtf.simulator.model import Options
@@ -190,14 +190,14 @@ def _simulated(settings: Settings, network: Network, *, cameras: bool) -> Simula
 
 
 def _write_whole(path: Path, line: str) -> None:
-    """Write a file so that nobody reads half of it."""
+    """Write a file atomically."""
     beside = path.with_name(f"{path.name}.{os.getpid()}.new")
     beside.write_text(f"{line}\n", encoding="utf-8")
     beside.replace(path)
 
 
 def _say(sentence: str) -> None:
-    """Print a line to stderr; nobody who reads it is no reason to end."""
+    """Print a line to stderr. A closed stderr is ignored."""
     with suppress(OSError, ValueError):
         sys.stderr.write(f"{sentence}\n")
         sys.stderr.flush()

@@ -1,7 +1,7 @@
-"""The way a picture is made without a screen: EGL, or OSMesa where that is missing.
+"""Rendering back-ends that need no screen: EGL, or OSMesa if EGL is missing.
 
-The choice must be made before OpenGL is loaded, which happens once in a process. So both libraries are tried here by
-themselves first.
+The back-end must be chosen before OpenGL is loaded, once in a process. So both libraries are tried first, without
+OpenGL.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rtf.simulator.errors import RenderingError
 
 BackEnd = Literal["egl", "osmesa"]
 
-#: Names one back-end, when it must be that one: the variable that MuJoCo itself goes by.
+#: The environment variable that selects a back-end, the same as MuJoCo's.
 VARIABLE = "MUJOCO_GL"
 _PLATFORM_DEVICE = 0x313F  # EGL_PLATFORM_DEVICE_EXT
 _MAX_DEVICES = 8
@@ -30,7 +30,7 @@ _HINT = (
 
 @cache
 def rendering_back_end() -> BackEnd:
-    """Give the first back-end that works on this machine. RenderingError says what is missing and what fixes it."""
+    """Return the first back-end that works on this machine. Raises RenderingError with the reasons and a hint."""
     asked = os.environ.get(VARIABLE, "")
     reasons = []
     for name, obstacle in (("egl", _obstacle_to_egl), ("osmesa", _obstacle_to_osmesa)):
@@ -44,7 +44,7 @@ def rendering_back_end() -> BackEnd:
 
 
 def make_context(width: int, height: int) -> Any:
-    """Make an OpenGL context without a screen; it belongs to the thread that makes it current."""
+    """Make an OpenGL context without a screen. It belongs to the thread that makes it current."""
     name = rendering_back_end()
     mujoco()
     os.environ.setdefault("PYOPENGL_PLATFORM", name)
@@ -55,7 +55,7 @@ def make_context(width: int, height: int) -> Any:
 
 
 def _obstacle_to_egl() -> str:
-    """Say why EGL cannot open any device; nothing when it can."""
+    """Return why EGL cannot open any device; an empty string if it can."""
     library = _load("EGL")
     if library is None:
         return "no library libEGL"
@@ -63,7 +63,7 @@ def _obstacle_to_egl() -> str:
     query = library.eglGetProcAddress(b"eglQueryDevicesEXT")
     display = library.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
     if not query or not display:
-        return "libEGL knows no devices without a screen"
+        return "libEGL does not support devices without a screen"
     return "" if _opens_a_device(library, query, display) else "libEGL finds no driver"
 
 

@@ -1,6 +1,6 @@
-"""What the cameras see: the robot's covers, a floor, and a few things in front of the robot.
+"""The visible scene: the robot's covers, a floor, and some objects in front of the robot.
 
-Nothing of it can be touched, so the mechanics are the same with and without.
+Nothing of it collides, so the mechanics are the same with and without it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rtf.simulator.engine import mujoco
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: Pixels of the largest picture that a camera can take, width and height.
+#: Width and height of the largest picture of a camera, in pixels.
 LARGEST_PICTURE = (1280, 960)
 #: Below the soles of the straight legs (m).
 FLOOR = -0.64
@@ -29,23 +29,23 @@ RED = (0.9, 0.05, 0.05, 1.0)
 GREEN = (0.05, 0.7, 0.1, 1.0)
 
 _OUTSIDE = (-1.3, -0.9, 0.45)  # of the external camera, ahead of the robot on its left
-#: Where the light goes and how strong it is; the second is from the right, so that round things look round.
+#: Direction and intensity of the lights; the second one comes from the right and gives the shapes contrast.
 _LIGHTS = (((0.5, 0.3, -0.8), 0.6), ((0.6, -0.7, -0.2), 0.25))
 _SKY, _HORIZON = (0.35, 0.5, 0.7), (0.85, 0.9, 0.95)
 _CENTRE = (0.0, 0.0, -0.08)
-#: The published cover of a hand has stretched fingers; beyond these places in the hand's frame (m) it is cut off, for
-#: the fingers that move are shown instead.
+#: The published cover of a hand has stretched fingers. It is cut off beyond these coordinates in the hand's frame (m),
+#: as the moving fingers have shapes of their own.
 _PALM_LENGTH, _PALM_WIDTH = 0.084, 0.062
 _SKIN = (0.75, 0.75, 0.78, 1.0)
 
 
 def add_scene(spec: Any, published: list[Any], fingers: list[Any], *, keep_meshes: bool) -> None:
-    """Make the robot visible, with light ``published`` covers unless they are kept, and put things around it."""
+    """Make the robot visible, with simplified or ``published`` covers, and add the surroundings."""
     if not keep_meshes:
         for geom in published:
             if geom.meshname:
                 _lighten(spec.mesh(geom.meshname), geom)
-    # What is solid as well is in a group that is not shown.
+    # Shapes that also collide are in a group that is not shown.
     for geom in [*published, *fingers]:
         geom.group = collisions.VISUAL_GROUP
     for finger in fingers:
@@ -57,7 +57,7 @@ def add_scene(spec: Any, published: list[Any], fingers: list[Any], *, keep_meshe
 
 
 def _add_sky(spec: Any) -> None:
-    """Let the background be bright, as in a room, and not black."""
+    """Make the background bright, as in a room."""
     spec.add_texture(
         name="sky",
         type=mujoco().mjtTexture.mjTEXTURE_SKYBOX,
@@ -70,7 +70,7 @@ def _add_sky(spec: Any) -> None:
 
 
 def _lighten(mesh: Any, geom: Any) -> None:
-    """Put a mesh with few faces in the place of the file's."""
+    """Replace the mesh of a file by a simplified one."""
     corners = meshes.read_stl(Path(mesh.file)) * np.abs(np.asarray(mesh.scale, dtype=np.float32))
     if geom.parent.name.endswith("_hand"):
         corners = corners[_is_palm(corners + np.asarray(geom.pos, dtype=np.float32))]
@@ -107,7 +107,7 @@ def _add_surroundings(world: Any) -> None:
 
 
 def _looking(place: tuple[float, float, float], at: tuple[float, float, float]) -> NDArray[np.float64]:
-    """Give the quaternion of an upright camera at ``place`` that looks at a point."""
+    """Return the quaternion of an upright camera at ``place`` that looks at a point."""
     backwards = np.subtract(place, at)
     backwards /= np.linalg.norm(backwards)
     right = np.cross((0.0, 0.0, 1.0), backwards)

@@ -1,4 +1,4 @@
-"""The sensors of the simulated robot as devices of a configuration, to be attached to the simulation."""
+"""Devices of a robot configuration for the sensors, which are attached to the simulation."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import IAnalogSensor, IMultipleAnalogSensors
 from rtf.robot.measurements import IMeasurementsSource
-from rtf.simulator.device import simulation_of
-from rtf.simulator.sensing import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
+from rtf.simulator.robot_devices import simulation_of
+from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -25,19 +25,19 @@ S = TypeVar("S", SimulatedForceTorques, SimulatedImu)
 
 
 class _AttachedSensors(Device, IMultipleAnalogSensors, IMeasurementsSource, Generic[S]):
-    """Sensors of a simulation that runs in another thread: each reading is between two of its steps."""
+    """Sensors of a simulation that runs in another thread: they are read between two of its steps."""
 
     _sensors: S | None = None
 
     @abstractmethod
     def _make(self, simulation: Simulation) -> S:
-        """The sensors. Raises DeviceError when the robot has not got them."""
+        """Return the sensors. Raises DeviceError if the robot does not have them."""
 
     def open(self, configuration: Property) -> None:
         """See Device."""
 
     def attach(self, devices: Mapping[str, Device]) -> None:
-        """See Device: to a simulated robot."""
+        """Attach the sensors to a simulated robot."""
         self._sensors = self._make(simulation_of(self, devices))
 
     def detach(self) -> None:
@@ -63,7 +63,7 @@ class _AttachedSensors(Device, IMultipleAnalogSensors, IMeasurementsSource, Gene
             return sensors.read_sensor(category, index)
 
     def read_all(self) -> Measurements:
-        """See IMeasurementsSource; all of the same step."""
+        """See IMeasurementsSource. All readings are of the same step."""
         sensors = self._attached()
         with sensors.simulation.lock:
             return sensors.read_all()

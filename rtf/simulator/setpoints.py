@@ -2,9 +2,9 @@
 
 The setpoint of an axis is a polynomial of the fifth degree in time, and after its end a straight line. A minimum-jerk
 move is the polynomial that begins with the current position, speed and acceleration of the setpoint and ends at rest;
-from rest that is the well-known ``10 s³ - 15 s⁴ + 6 s⁵`` (Flash and Hogan 1985). It begins with no more acceleration
-than it has on its way from rest. A change of speed is a parabola, and goes on as a line. A block costs one evaluation
-of all axes for many steps, so a step only looks up a row.
+from rest that is the well-known ``10 s³ - 15 s⁴ + 6 s⁵`` (Flash and Hogan 1985). The acceleration at its begin is
+limited to the greatest one of a move from rest. A change of speed is a parabola, and goes on as a line. All axes are
+evaluated for a block of steps at once, so a step only looks up a row.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
     from rtf.robot.interfaces import FloatArray
 
-#: Steps that are computed at once.
+#: The number of steps of a block.
 BLOCK = 64
 _DEGREE = 5
-#: The greatest acceleration of a minimum-jerk move from rest, times its way by the square of its time.
+#: The greatest acceleration of a minimum-jerk move from rest, as a factor of distance / duration².
 _GREATEST = 10 / np.sqrt(3)
 
 

@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from rtf.robot.periodic_thread import Publisher
     from rtf.simulator.model import IcubModel
 
-#: Seconds that the loop may be behind the machine's clock before it gives up catching up.
+#: The greatest lag (s) behind the machine's clock that the loop catches up.
 _LATE = 0.1
-#: Random numbers that are drawn at once.
+#: The number of random numbers that are drawn at once.
 _DRAWN = 4096
 
 
 class Simulation:
-    """A robot in its world. ``advance`` lets time pass, in one thread at a time; other threads command under ``lock``.
+    """A simulated robot. ``advance`` is called by one thread at a time; commands of others hold ``lock``.
 
     ``factor`` is the greatest real-time factor; None: as fast as possible. ``seed`` is that of all random numbers: two
     simulations with the same seed and the same commands at the same steps are identical to the last bit.
@@ -82,7 +82,7 @@ class Simulation:
     def at(self, tick: int, happening: Callable[[], None], *, looks: bool = False) -> None:
         """Schedule an event at a step. The loop calls it with the lock held; events of one step in their order.
 
-        ``looks``: the event only reads, so that the physics need not be computed again after it.
+        ``looks``: the event only reads, so the physics engine need not be updated after it.
         """
         heapq.heappush(self._queue, (tick, next(self._order), happening, looks))
 
@@ -192,15 +192,15 @@ class Simulation:
                 self.lock.acquire()
 
     def pace(self, factor: float | None) -> None:
-        """From now on let time pass at most so many times as fast as the machine's clock; None: as fast as it can.
+        """Set the greatest real-time factor; None: as fast as possible.
 
         Called with the lock held.
         """
         self.factor = factor
-        self._paced = None  # what is paced begins anew, or it would catch up with the past
+        self._paced = None  # the pace starts anew, otherwise the loop would catch up with the past
 
     def reset(self) -> None:
-        """Put the robot back to its home, at rest and healthy, as if it had just been started; time goes on."""
+        """Reset the robot to its state after the start: at home, at rest and healthy. The time is not reset."""
         self.lock.acquire()
         try:
             self._halfway = False

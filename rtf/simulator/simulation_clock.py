@@ -16,12 +16,12 @@ CLOCK = "/clock"
 #: Step of the time while there is no participant, s.
 _IDLE = 0.01
 _CLOCK_PERIOD, _QUIET_CLOCK_PERIOD = 0.001, 0.01
-#: A sleeper checks so often whether the simulated time still passes, s of the machine's clock.
+#: Period of a sleeper's check whether the simulated time still passes, s of the machine's clock.
 _LOOK = 0.5
 
 
 def serve_time(simulation: Simulation, name: str, *, network: Network, lockstep: bool) -> LockstepServer:
-    """Let the simulated time pass from now on, and publish it; every millisecond while there are readers.
+    """Start the simulated time, and publish it every millisecond while there are readers.
 
     ``lockstep``: time passes only while all participants wait for it.
     """
@@ -42,8 +42,8 @@ def serve_time(simulation: Simulation, name: str, *, network: Network, lockstep:
 class SimulationClock(clock.Clock):
     """The clock of a simulation in this process. A sleeper is no participant in lockstep.
 
-    When the simulated time has ended, or the clock was closed, it goes on with the machine's clock, so that no sleeper
-    hangs.
+    After the end of the simulated time, or when the clock was closed, it follows the machine's clock, so that no
+    sleeper hangs.
     """
 
     def __init__(self, simulation: Simulation, server: LockstepServer) -> None:

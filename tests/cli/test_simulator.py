@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from rtf.simulator.service import SimulatorService
+    from rtf.simulator.control_service import SimulatorService
 
 Captured = pytest.CaptureFixture[str]
 
@@ -110,7 +110,7 @@ class TestFaults:
         """With all there is to say of it."""
         assert simulator(["faults", "jam"]) == 0
         text = capsys.readouterr().out
-        assert "torque=400 Nm: what it would take to move it; 0 … 100000" in text
+        assert "torque=400 Nm: the torque that would move it; 0 … 100000" in text
         assert "friction  (" not in text
 
     def test_for_programs(self, capsys: Captured):
@@ -132,8 +132,8 @@ class TestTalking:
     @pytest.fixture
     def service(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SimulatorService]:
         """A robot of one part in lockstep, as the configuration finds it."""
+        from rtf.simulator.control_service import SimulatorService
         from rtf.simulator.icub import SimulatedIcub
-        from rtf.simulator.service import SimulatorService
 
         monkeypatch.setenv("YARP_CONFIG_HOME", str(tmp_path / "user"))
         for name in ("YARP_NAMESPACE", "YARP_PORT_PREFIX"):
@@ -169,7 +169,7 @@ class TestTalking:
     def test_what_it_refuses_is_told(self, service: SimulatorService, capsys: Captured):
         """Its sentence on stderr, and exit code 1."""
         assert simulator(["inject", "jam", "l_elbow", "force=1", "--robot", "bot"]) == 1
-        assert "jam has no parameter force; what can be set is torque" in capsys.readouterr().err
+        assert "jam has no parameter force; its parameters: torque" in capsys.readouterr().err
         assert service.injector.active == ()
 
     @pytest.mark.parametrize(

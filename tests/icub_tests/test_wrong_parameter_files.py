@@ -43,7 +43,7 @@ FILES = {
     "no_ports": ("time 1\n\n[PORTS]\n", 3, "[PORTS] names no port; leave it out"),
     "no_such_fault": ("part head\ninject nonsense\n", 2, "inject: there is no fault 'nonsense'; there are jam, "),
     "no_such_victim": ('part head\ninject "jam neck_yow"\n', 2, "has no joint 'neck_yow'; did you mean 'neck_yaw'?"),
-    "no_such_number": ('inject "jam l_elbow force=3"\n', 1, "jam has no parameter force; what can be set is torque"),
+    "no_such_number": ('inject "jam l_elbow force=3"\n', 1, "jam has no parameter force; its parameters: torque"),
 }
 #: The tests that some of the files are for; all others are for JointLimits.
 TESTS = {

@@ -205,7 +205,7 @@ def test_a_joint_that_was_left_idle_is_no_fault_of_those_that_move_later(
 ):
     """One that goes idle by itself is."""
     test = made("position-stress")
-    bench.guard.give_up(1, "it does not obey")
+    bench.guard.exclude(1, "it does not obey")
     test._judge_modes(0, np.array([[POSITION, IDLE, POSITION]]))
     assert failures(said) == {}
     test._judge_modes(0, np.array([[POSITION, IDLE, IDLE]]))

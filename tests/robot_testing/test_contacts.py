@@ -246,9 +246,9 @@ def test_letting_go_is_no_second_contact(limb: Limb):
         limb.step(steps=50)
 
 
-def test_joints_that_were_given_up_are_not_stopped(limb: Limb):
+def test_joints_that_were_excluded_are_not_stopped(limb: Limb):
     """They are idle, and a board may refuse."""
-    limb.guard.give_up(1, "it does not obey")
+    limb.guard.exclude(1, "it does not obey")
     with pytest.raises(GuardError):
         limb.step((60.0, 0.0, 20.0), steps=20)
     assert limb.device.stopped == [[0, 2]]

@@ -73,7 +73,7 @@ def test_what_led_to_a_stop_is_kept_though_the_test_goes_on(tmp_path: Path):
             bench.publish()
             with pytest.raises(GuardError, match=f"joint{joint} .* beyond its limits"):
                 bench.guard.watch()
-            bench.guard.give_up(joint, "it is elsewhere")
+            bench.guard.exclude(joint, "it is elsewhere")
         bench.device.shown = {}
         for _ in range(1100):
             bench.publish()

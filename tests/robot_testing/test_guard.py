@@ -356,7 +356,7 @@ def test_limits_that_a_board_does_not_have_are_none(bench: Bench):
         guard.watch()
 
 
-def test_joint_whose_board_does_not_answer_is_given_up_all_the_same(bench: Bench, monkeypatch: pytest.MonkeyPatch):
+def test_joint_whose_board_does_not_answer_is_excluded_all_the_same(bench: Bench, monkeypatch: pytest.MonkeyPatch):
     """Nobody powers it afterwards."""
     guard = bench.guard()
 
@@ -366,8 +366,8 @@ def test_joint_whose_board_does_not_answer_is_given_up_all_the_same(bench: Bench
     with monkeypatch.context() as patch:
         patch.setattr(bench.board, "set_control_modes", lost)
         with pytest.raises(NoAnswerError):
-            guard.give_up(1, "it runs away")
-    assert guard.given_up(1)
+            guard.exclude(1, "it runs away")
+    assert guard.is_excluded(1)
     bench.device.position_move([50.0], [1])
     bench.time.sleep(10.0)
     bench.publish()
@@ -376,10 +376,10 @@ def test_joint_whose_board_does_not_answer_is_given_up_all_the_same(bench: Bench
     assert bench.device.encoders([1]) == pytest.approx(50.0)
 
 
-def test_joint_that_was_given_up_is_not_watched(bench: Bench):
+def test_joint_that_was_excluded_is_not_watched(bench: Bench):
     """It is left idle, and said so."""
     guard = bench.guard()
-    guard.give_up(1, "it does not obey")
+    guard.exclude(1, "it does not obey")
     assert bench.device.control_modes(1) == (ControlMode.IDLE,)
     assert bench.said == ["joint1 is left idle: it does not obey"]
     bench.measure("joint_positions", 1, 1000.0)
@@ -594,7 +594,9 @@ def test_what_does_not_come_back_is_stopped(bench: Bench):
     guard = bench.guard()
     bench.measure("joint_positions", 1, 50.0)
     bench.device.commands.clear()
-    with pytest.raises(RobotError, match=r"joint1 did not come back to where it was within 20 s; it was stopped"):
+    with pytest.raises(
+        RobotError, match=r"joint1 did not return to its position before the test within 20 s; it was stopped"
+    ):
         bench.restore(guard)
     assert bench.device.commands[-1] == "stop [1]"
 
@@ -636,17 +638,17 @@ def test_what_somebody_else_gave_up_is_left_alone(bench: Bench):
     bench.time.sleep(10.0)
     bench.device.set_control_modes(ControlMode.IDLE, 1)
     bench.publish()
-    guard.leave_alone({1})
+    guard.adopt_exclusions({1})
     guard.restore()
     assert bench.device.control_modes(1) == (ControlMode.IDLE,)
     assert bench.device.encoders([1]) == pytest.approx(50.0)
 
 
-def test_what_was_given_up_is_not_powered_with_a_neighbour(bench: Bench):
+def test_what_was_excluded_is_not_powered_with_a_neighbour(bench: Bench):
     """Nobody would look at it then; after that its neighbour is without power, too."""
     bench.device.together = frozenset({1, 2})
     guard = bench.guard()
-    guard.give_up(1, "it runs away")
+    guard.exclude(1, "it runs away")
     bench.time.sleep(0.5)
     bench.publish()
     guard.watch()
@@ -655,14 +657,14 @@ def test_what_was_given_up_is_not_powered_with_a_neighbour(bench: Bench):
     with pytest.raises(GuardError, match=r"joint1 \(/fake joint 1\) had been left idle, and was in pos: .* idle again"):
         guard.watch()
     assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
-    assert [guard.given_up(joint) for joint in range(3)] == [False, True, True]
+    assert [guard.is_excluded(joint) for joint in range(3)] == [False, True, True]
     assert bench.said[-1] == "joint2 is left idle: it is coupled with joint1, which is to stay idle"
 
 
 def test_what_does_not_become_idle_is_told_once(bench: Bench):
     """The others can still be tested; it is asked again and again."""
     guard = bench.guard()
-    guard.give_up(1, "it runs away")
+    guard.exclude(1, "it runs away")
     for told in (True, False):
         bench.time.sleep(0.5)
         bench.device.set_control_modes(ControlMode.POSITION, 1)
@@ -675,13 +677,13 @@ def test_what_does_not_become_idle_is_told_once(bench: Bench):
 def test_a_state_of_before_is_no_power(bench: Bench):
     """The one that was given up a moment ago may still be shown in its old mode."""
     guard = bench.guard()
-    guard.give_up(1, "it runs away")
+    guard.exclude(1, "it runs away")
     guard.watch()
     assert bench.said == ["joint1 is left idle: it runs away"]
 
 
 @pytest.mark.parametrize("by_somebody_else", [False, True])
-def test_neighbours_of_what_was_given_up_are_not_put_back(bench: Bench, by_somebody_else: bool):
+def test_neighbours_of_what_was_excluded_are_not_put_back(bench: Bench, by_somebody_else: bool):
     """They went idle with it, and it would have power with them; not even for a moment."""
     bench.device.together = frozenset({1, 2})
     guard = bench.guard()
@@ -689,9 +691,9 @@ def test_neighbours_of_what_was_given_up_are_not_put_back(bench: Bench, by_someb
     bench.time.sleep(10.0)
     if by_somebody_else:
         bench.device.set_control_modes(ControlMode.IDLE, 1)
-        guard.leave_alone({1})
+        guard.adopt_exclusions({1})
     else:
-        guard.give_up(1, "it runs away")
+        guard.exclude(1, "it runs away")
     bench.device.commands.clear()
     bench.publish()
     bench.restore(guard)
@@ -703,19 +705,19 @@ def test_neighbours_of_what_was_given_up_are_not_put_back(bench: Bench, by_someb
 def test_a_neighbour_that_kept_its_power_is_put_back(bench: Bench):
     """There are boards that change modes one by one."""
     guard = bench.guard()
-    guard.give_up(1, "it runs away")
+    guard.exclude(1, "it runs away")
     bench.device.set_control_modes(ControlMode.VELOCITY, 2)
     bench.publish()
     bench.restore(guard)
     assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.POSITION)
 
 
-def test_where_couplings_are_not_told_what_was_given_up_stays_idle(bench: Bench):
+def test_where_couplings_are_not_told_what_was_excluded_stays_idle(bench: Bench):
     """On the way back its neighbour powers it; it is noticed, and the last word is idle."""
     bench.device.together = frozenset({1, 2})
     bench.device.set_variable("kinematic_mj", Bottle())
     guard = bench.guard()
-    guard.give_up(1, "it runs away")
+    guard.exclude(1, "it runs away")
     bench.time.sleep(1.0)
     bench.measure("joint_positions", 2, 50.0)
     with pytest.raises(RobotError, match=r"on the way back joint1 \(/fake joint 1\) had been left idle"):
@@ -723,11 +725,11 @@ def test_where_couplings_are_not_told_what_was_given_up_stays_idle(bench: Bench)
     assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
 
 
-def test_without_a_state_what_was_given_up_stays_idle(bench: Bench):
+def test_without_a_state_what_was_excluded_stays_idle(bench: Bench):
     """Whatever is held then does not power it."""
     bench.device.together = frozenset({1, 2})
     guard = bench.guard()
-    guard.give_up(1, "it runs away")
+    guard.exclude(1, "it runs away")
     bench.time.sleep(5.0)
     with pytest.raises(StaleStateError):
         guard.watch()
@@ -739,7 +741,7 @@ def test_what_was_blocked_is_noted(bench: Bench, tmp_path: Path, monkeypatch: py
     monkeypatch.setenv("RTF_RUN_FOLDER", str(tmp_path))
     guard = bench.guard()
     bench.measure("joint_positions", 1, 50.0)
-    with pytest.raises(RobotError, match="did not come back"):
+    with pytest.raises(RobotError, match="did not return"):
         bench.restore(guard)
     assert MotionLedger(tmp_path).is_blocked("/fake")
 

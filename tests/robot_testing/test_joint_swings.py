@@ -82,7 +82,7 @@ def test_a_joint_that_is_turned_unseen_takes_those_along_that_are_coupled_with_i
     assert sorted(outcomes) == [1, 2]
     assert bench.swinger.in_doubt(1) == "is coupled with joint2, which was left without power"
     assert bench.swinger.in_doubt(2) == bench.swinger.in_doubt(0) == ""
-    assert [bench.guard.given_up(joint) for joint in range(3)] == [False, True, True]
+    assert [bench.guard.is_excluded(joint) for joint in range(3)] == [False, True, True]
     assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
     again = bench.swinger.go([0.0] * 3, [0, 1, 2], [20.0] * 3)
     assert "is coupled with joint2" in again[1].complaint

@@ -60,39 +60,39 @@ def test_what_was_said_last_counts(tmp_path: Path):
     """Of each robot on its own; one that nobody was asked about may not move."""
     ledger = MotionLedger(tmp_path)
     assert not ledger.may_move("icub")
-    ledger.decided("icub", may_move=True)
-    ledger.decided("other", may_move=False)
+    ledger.record_permission("icub", may_move=True)
+    ledger.record_permission("other", may_move=False)
     assert MotionLedger(tmp_path).may_move("icub")
     assert not MotionLedger(tmp_path).may_move("other")
-    ledger.decided("icub", may_move=False)
+    ledger.record_permission("icub", may_move=False)
     assert not MotionLedger(tmp_path).may_move("icub")
 
 
-def test_what_was_given_up_and_kept_is_of_one_part(tmp_path: Path):
+def test_what_was_excluded_and_kept_is_of_one_part(tmp_path: Path):
     """And the first snapshot is the one from before any test."""
     ledger = MotionLedger(tmp_path)
-    ledger.gave_up("/icub/head", 2)
-    ledger.gave_up("/icub/head", 0)
-    assert ledger.given_up("/icub/head") == {0, 2}
-    assert ledger.given_up("/icub/torso") == set()
+    ledger.record_excluded("/icub/head", 2)
+    ledger.record_excluded("/icub/head", 0)
+    assert ledger.excluded("/icub/head") == {0, 2}
+    assert ledger.excluded("/icub/torso") == set()
     for position in (1.0, 2.0):
-        ledger.keep("/icub/head", Snapshot(np.array([position]), (ControlMode.POSITION,)))
-    kept = MotionLedger(tmp_path).kept("/icub/head")
+        ledger.save_snapshot("/icub/head", Snapshot(np.array([position]), (ControlMode.POSITION,)))
+    kept = MotionLedger(tmp_path).snapshot("/icub/head")
     assert kept is not None
     assert kept.positions.tolist() == [1.0]
-    assert ledger.kept("/icub/torso") is None
+    assert ledger.snapshot("/icub/torso") is None
 
 
 def test_what_was_put_back_is_done_with(tmp_path: Path):
     """Then the next one keeps how the part is; as long as nobody has put it back, the first counts."""
     ledger = MotionLedger(tmp_path)
-    ledger.keep("/icub/head", Snapshot(np.array([1.0]), (ControlMode.POSITION,)))
-    ledger.put_back("/icub/torso")
-    assert ledger.kept("/icub/head") is not None
-    ledger.put_back("/icub/head")
-    assert ledger.kept("/icub/head") is None
-    ledger.keep("/icub/head", Snapshot(np.array([2.0]), (ControlMode.POSITION,)))
-    kept = ledger.kept("/icub/head")
+    ledger.save_snapshot("/icub/head", Snapshot(np.array([1.0]), (ControlMode.POSITION,)))
+    ledger.discard_snapshot("/icub/torso")
+    assert ledger.snapshot("/icub/head") is not None
+    ledger.discard_snapshot("/icub/head")
+    assert ledger.snapshot("/icub/head") is None
+    ledger.save_snapshot("/icub/head", Snapshot(np.array([2.0]), (ControlMode.POSITION,)))
+    kept = ledger.snapshot("/icub/head")
     assert kept is not None
     assert kept.positions.tolist() == [2.0]
 
@@ -100,34 +100,34 @@ def test_what_was_put_back_is_done_with(tmp_path: Path):
 def test_what_was_allowed_before_a_run_was_resumed_is_of_the_past(tmp_path: Path):
     """So is where robots were; what did not obey still does not."""
     ledger = MotionLedger(tmp_path)
-    ledger.decided("icub", may_move=True)
-    ledger.gave_up("/icub/head", 2)
-    ledger.keep("/icub/head", Snapshot(np.array([1.0]), (ControlMode.POSITION,)))
-    ledger.resumed()
+    ledger.record_permission("icub", may_move=True)
+    ledger.record_excluded("/icub/head", 2)
+    ledger.save_snapshot("/icub/head", Snapshot(np.array([1.0]), (ControlMode.POSITION,)))
+    ledger.record_resume()
     assert not ledger.may_move("icub")
-    assert ledger.kept("/icub/head") is None
-    assert ledger.given_up("/icub/head") == {2}
-    assert ledger.left_idle("icub") == ["/icub/head joint 2"]
-    assert ledger.left_idle("icu") == []
+    assert ledger.snapshot("/icub/head") is None
+    assert ledger.excluded("/icub/head") == {2}
+    assert ledger.excluded_joints("icub") == ["/icub/head joint 2"]
+    assert ledger.excluded_joints("icu") == []
 
 
 def test_a_run_that_moved_nothing_gets_no_ledger_when_it_is_resumed(tmp_path: Path):
     """Its folder stays as it is."""
-    MotionLedger(tmp_path).resumed()
+    MotionLedger(tmp_path).record_resume()
     assert not list(tmp_path.iterdir())
 
 
 def test_what_was_in_the_way_is_until_somebody_lets_the_robot_move(tmp_path: Path):
     """Of that robot, and of that part."""
     ledger = MotionLedger(tmp_path)
-    ledger.decided("icub", may_move=True)
-    ledger.blocked("/icub/left_arm")
+    ledger.record_permission("icub", may_move=True)
+    ledger.record_obstacle("/icub/left_arm")
     assert ledger.is_blocked("/icub/left_arm")
     assert not ledger.is_blocked("/icub/head")
-    ledger.decided("other", may_move=True)
-    ledger.decided("icub", may_move=False)
+    ledger.record_permission("other", may_move=True)
+    ledger.record_permission("icub", may_move=False)
     assert ledger.is_blocked("/icub/left_arm")
-    ledger.decided("icub", may_move=True)
+    ledger.record_permission("icub", may_move=True)
     assert not ledger.is_blocked("/icub/left_arm")
 
 
@@ -136,7 +136,7 @@ def test_a_line_that_was_torn_is_left_out(tmp_path: Path, torn: str):
     """Whoever wrote it was killed meanwhile; all others count."""
     (tmp_path / FILE_NAME).write_text('{"robot": "icub", "may_move": true}\n' + torn)
     assert MotionLedger(tmp_path).may_move("icub")
-    MotionLedger(tmp_path).decided("icub", may_move=False)
+    MotionLedger(tmp_path).record_permission("icub", may_move=False)
     assert not MotionLedger(tmp_path).may_move("icub")
 
 
@@ -144,5 +144,5 @@ def test_without_a_run_nothing_is_kept(monkeypatch: pytest.MonkeyPatch):
     """And nobody minds."""
     monkeypatch.delenv("RTF_RUN_FOLDER", raising=False)
     ledger = MotionLedger()
-    ledger.decided("icub", may_move=True)
+    ledger.record_permission("icub", may_move=True)
     assert not ledger.may_move("icub")

@@ -19,7 +19,7 @@ from .test_guard import Bench
 COUPLED = Transmission(np.ones(3), np.array([[1.0, 0, 0], [0, 1, -1], [0, 1, 1]]), ((0,), (1, 2), (1, 2)))
 
 
-def test_a_joint_that_was_given_up_gets_no_power_any_more():
+def test_a_joint_that_was_excluded_gets_no_power_any_more():
     """Nor does the one that shares its motors, which its board has taken along: both would get it at once."""
     with ExitStack() as stack:
         bench = Bench(stack)
@@ -30,7 +30,7 @@ def test_a_joint_that_was_given_up_gets_no_power_any_more():
             with limp(part, COUPLED, 1, held=True) as motor:
                 bench.board.set_control_modes([ControlMode.PWM] * 2, [1, 2])
                 motor.along = [2]
-                guard.give_up(1, "it does again what it may not")
+                guard.exclude(1, "it does again what it may not")
                 bench.board.set_control_modes(ControlMode.IDLE, 2)
                 raise GuardError("it was stopped", 1)
 

@@ -55,10 +55,10 @@ def test_what_refuses_to_be_stiff_is_held_all_the_same(bench: PartBench, test: J
     test.hold()
 
 
-def test_joints_that_were_given_up_get_no_power_any_more(bench: PartBench, test: Joints):
+def test_joints_that_were_excluded_get_no_power_any_more(bench: PartBench, test: Joints):
     """Nor are they waited for, whoever moves the part."""
     part = bench.part
-    bench.guard.give_up(1, "it does not obey")
+    bench.guard.exclude(1, "it does not obey")
     bench.time.sleep(0.1)
     bench.device.asked.clear()
     assert part.held() == [0, 2]
@@ -75,9 +75,9 @@ def test_joints_that_were_given_up_get_no_power_any_more(bench: PartBench, test:
     assert bench.device.control_modes() == (POSITION, IDLE, POSITION)
 
 
-def test_a_joint_that_was_given_up_is_in_no_mode_and_arrives_nowhere(bench: PartBench):
+def test_a_joint_that_was_excluded_is_in_no_mode_and_arrives_nowhere(bench: PartBench):
     """Where there is no other to wait for, it is told at once; where nothing is asked of any, all is well."""
-    bench.guard.give_up(1, "it does not obey")
+    bench.guard.exclude(1, "it does not obey")
     before = bench.time.now()
     assert not bench.part.set_mode(POSITION, [1])
     assert not bench.part.move([5.0], [1]).reached

@@ -13,7 +13,7 @@ from rtf.robot_testing.proof import (
     Case,
     ClaimsError,
     Expectation,
-    Finding,
+    JudgedCase,
     Judgement,
     cases_of,
     judge,
@@ -207,7 +207,7 @@ def test_a_joint_is_found_where_the_failure_is_its_own(names: str, subject: str,
 def test_the_matrix_tells_what_does_not_hold():
     """A fault that nothing finds stands out, and a cell cannot break the table."""
     case = Case("JointLimits", Expectation.FOUND, "jam", "l_elbow", {"torque": 400.0})
-    page = write_matrix([Finding(case, Judgement.MISSED, "passed", "a | b\nc", 1.0)])
+    page = write_matrix([JudgedCase(case, Judgement.MISSED, "passed", "a | b\nc", 1.0)])
     assert "0 of 1 claims hold" in page
     assert "| jam | plant | **nothing** |" in page
     assert "| JointLimits | jam | l_elbow | torque 400 Nm | **missed** | a \\| b c |" in page
@@ -227,7 +227,7 @@ def test_the_matrix_tells_what_does_not_hold():
 )
 def test_the_matrix_says_how_bad_a_fault_was(case: Case, severity: str):
     """Also where its claim leaves the numbers as they are."""
-    assert f" | {severity} | found | " in write_matrix([Finding(case, Judgement.FOUND, "failed", "", 0.0)])
+    assert f" | {severity} | found | " in write_matrix([JudgedCase(case, Judgement.FOUND, "failed", "", 0.0)])
 
 
 def test_every_shipped_claim_can_be_tried():
@@ -236,7 +236,7 @@ def test_every_shipped_claim_can_be_tried():
     cases = [case for file in files for case in cases_of(read_claims(file))]
     assert len({case.name for case in cases}) == len(cases)
     assert sum(case.expectation is Expectation.HEALTHY for case in cases) == len(files)
-    page = write_matrix([Finding(case, Judgement.FOUND, "failed", "", 0.0) for case in cases if case.fault])
+    page = write_matrix([JudgedCase(case, Judgement.FOUND, "failed", "", 0.0) for case in cases if case.fault])
     assert "**nothing**" not in page
 
 

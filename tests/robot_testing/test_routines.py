@@ -31,7 +31,7 @@ class Scripted:
         if joint is not None:
             raise GuardError(f"{NAMES[joint]} is too fast", joint)
 
-    def give_up(self, joint, reason):
+    def exclude(self, joint, reason):
         """Keep who was left without power."""
         assert reason
         self.idle.append(joint)

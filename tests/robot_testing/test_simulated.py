@@ -20,7 +20,7 @@ from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.server.control_board import ControlBoardDevice
 from rtf.robot_testing import simulated
 from rtf.robot_testing.simulated import is_simulated
-from rtf.simulator.control import BOARD_ENDS, SimulatorControl, control_port
+from rtf.simulator.control_client import BOARD_ENDS, SimulatorControl, control_port
 from rtf.testing.events import Message, SubResultEnded, TestEnded
 from rtf.testing.verdict import Verdict
 
@@ -76,8 +76,8 @@ class Lab:
 
     def simulator(self, *parts: str) -> SimulatorControl:
         """A simulator of the same robot's name, with these parts."""
+        from rtf.simulator.control_service import SimulatorService
         from rtf.simulator.icub import SimulatedIcub
-        from rtf.simulator.service import SimulatorService
 
         robot = self.stack.enter_context(SimulatedIcub("bot", network=self.network, parts=parts))
         service = SimulatorService(robot, network=self.network, end=os.abort, lockstep=False)

@@ -24,7 +24,7 @@ from rtf.robot.interfaces import SensorCategory
 from rtf.simulator.axes import INDEX
 from rtf.simulator.faults import KINDS, FaultInjector, Layer, Target, catalogue, find_kind
 from rtf.simulator.faults.injection import MOST_FAULTS
-from rtf.simulator.outlets import SimulatedOutlet
+from rtf.simulator.simulated_outlets import SimulatedOutlet
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -74,7 +74,7 @@ class Bench:
 
     def __init__(self, seed: int = 0, age: float = 0.2) -> None:
         from rtf.simulator.part import SimulatedPart
-        from rtf.simulator.sensing import SimulatedForceTorque, SimulatedImu
+        from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedImu
         from rtf.simulator.simulation import Simulation
 
         own = dataclasses.replace(model(), model=copy.copy(model().model))
@@ -745,7 +745,7 @@ def test_a_fault_that_is_cleared_before_its_end_does_not_end_twice(bench: Bench)
 
 # Several ----------------------------------------------------------------------------------------------------------
 
-KEEPERS = [kind.kind for kind in IN_PROCESS if kind.keeps]
+KEEPERS = [kind.kind for kind in IN_PROCESS if kind.restores]
 
 
 @pytest.mark.parametrize("kind", KEEPERS)
@@ -811,10 +811,10 @@ def test_a_fault_strikes_its_joint_and_no_other(bench: Bench):
         ("ft_bias", "left_hand", {}, "there are left_arm"),
         ("imu_frozen", "imu2", {}, "one inertial unit, imu"),
         ("camera_black", "middle", {}, "there are left"),
-        ("loss", "/icubSim/nothing:o", {}, f"but at {PORT}"),
-        ("crash", "head", {}, "is not needed"),
-        ("jam", JOINT, {"force": 1.0}, "what can be set is torque"),
-        ("motor_dead", JOINT, {"share": 1.0}, "what can be set is nothing"),
+        ("loss", "/icubSim/nothing:o", {}, f"there are {PORT}"),
+        ("crash", "head", {}, "takes no target"),
+        ("jam", JOINT, {"force": 1.0}, "its parameters: torque"),
+        ("motor_dead", JOINT, {"share": 1.0}, "its parameters: none"),
         ("jam", JOINT, {"torque": -1.0}, "from 0 to 100000 Nm"),
         ("jam", JOINT, {"torque": float("nan")}, "from 0 to 100000 Nm"),
         ("loss", PORT, {"share": 1.5}, "from 0 to 1"),
@@ -823,7 +823,7 @@ def test_a_fault_strikes_its_joint_and_no_other(bench: Bench):
 def test_what_cannot_be_is_refused_with_the_hint(
     bench: Bench, kind: str, target: str, values: dict[str, float], hint: str
 ):
-    """A name or a value that is wrong is told with what would be right, and nothing is broken."""
+    """The message on a wrong name or value has the right ones, and the robot stays healthy."""
     before = health(bench)
     with pytest.raises(RefusedError) as refused:
         bench.faults.inject(kind, target, values)
@@ -837,7 +837,7 @@ def test_what_cannot_be_is_refused_with_the_hint(
 )
 def test_times_that_cannot_be_are_refused(bench: Bench, times: dict[str, float]):
     """A fault begins now or later, and lasts."""
-    with pytest.raises(RefusedError, match="begins after 0 s or more"):
+    with pytest.raises(RefusedError, match="the delay must be 0 s or more"):
         bench.inject("jam", **times)
 
 
@@ -852,7 +852,7 @@ def test_there_is_a_bound(bench: Bench):
     """Nobody fills the memory with faults."""
     for _ in range(MOST_FAULTS):
         bench.inject("motor_dead", delay=1000.0)
-    with pytest.raises(RefusedError, match="clear some"):
+    with pytest.raises(RefusedError, match="clear one first"):
         bench.inject("motor_dead")
 
 

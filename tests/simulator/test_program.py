@@ -20,7 +20,7 @@ from rtf.middleware.network import Network
 from rtf.middleware.port import Port
 from rtf.middleware.rpc import RpcClient
 from rtf.middleware.time import LockstepClock
-from rtf.simulator.control import SimulatorControl
+from rtf.simulator.control_client import SimulatorControl
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -217,7 +217,7 @@ def test_without_a_name_server(lab: Lab):
         configuration.write_place(gone.contact)
     program = lab.start()
     assert program.end() == 1
-    assert "FAILED: icubSim was not started" in program.said
+    assert "FAILED: icubSim could not be started" in program.said
 
 
 def test_it_can_be_the_name_server_itself(lab: Lab):

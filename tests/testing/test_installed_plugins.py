@@ -37,7 +37,7 @@ FAULT = """
 from rtf.simulator.faults.base import RobotFault, Layer
 class Wobble(RobotFault):
     kind, layer = "wobble", Layer.PLANT
-    meaning, shows = "It wobbles.", "It shows."
+    description, symptom = "It wobbles.", "It shows."
     def begin(self): pass
     def end(self): pass
 """

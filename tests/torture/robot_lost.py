@@ -22,7 +22,7 @@ from rtf import clock
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.network import Network
-from rtf.simulator.control import SimulatorControl
+from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import journal
 from rtf.testing.events import FixtureChanged, FixtureIncident, PhaseStarted, SubResultEnded, TestEnded, TestStarted
 from rtf.testing.events import from_line as event_from_line

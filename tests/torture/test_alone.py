@@ -22,7 +22,7 @@ from rtf.middleware.naming.server import NameServer
 from rtf.robot.client.control_board import RemoteControlBoard, connect
 from rtf.robot.errors import StaleStateError
 from rtf.robot.interfaces import Pid, PidType
-from rtf.simulator.control import SimulatorControl
+from rtf.simulator.control_client import SimulatorControl
 from rtf.testing.events import FixtureChanged, TestStarted
 from rtf.testing.verdict import FixtureState, Verdict
 from waiting import eventually

@@ -191,7 +191,7 @@ def test_killed_runner_loses_nothing_and_is_resumed(folder: Path, seed: int):
     check_reports(folder, finished)
 
     ledger = MotionLedger(folder / "rtf-runs/latest")
-    ledger.decided("icub", may_move=True)
+    ledger.record_permission("icub", may_move=True)
     resumed = run_command(folder, "--resume", "rtf-runs/latest", "--junit", "live.xml")
     assert resumed.exit_code == 0, resumed.stderr
     assert not ledger.may_move("icub"), "what somebody said of the robot before the run was resumed is of the past"

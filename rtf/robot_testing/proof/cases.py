@@ -1,4 +1,4 @@
-"""Cases: one test, one fault or none, one severity, and what is expected of it."""
+"""Cases of the proof: a test, a fault or none, a severity, and the expected result."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ if TYPE_CHECKING:
 
     from rtf.robot_testing.proof.claims import Claim, Claims, Reason
 
-#: These end the program that every other case stands on; the fixture's own tests prove what becomes of them.
+#: Faults of these layers end the simulator, which the other cases share; the tests of the fixture cover them.
 _NOT_IN_SUITES = frozenset({Layer.PROCESS})
 
 
 class Expectation(Enum):
-    """What is to come of a case."""
+    """The expected result of a case."""
 
-    FOUND = "found"  # the test fails, and names what is broken
-    SILENT = "silent"  # it passes
-    EXPECTED = "expected"  # it does not pass, for a reason that is documented
-    HEALTHY = "healthy"  # it passes on a robot without a fault
-    OTHER = "other"  # no claim speaks of the fault: it passes, or there is a reason that holds for many tests
+    FOUND = "found"  # the test fails, and names the faulty component
+    SILENT = "silent"  # the test passes
+    EXPECTED = "expected"  # the test does not pass, for a documented reason
+    HEALTHY = "healthy"  # the test passes on a robot without a fault
+    OTHER = "other"  # no claim covers the fault: the test passes, or there is a general reason why not
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One run of a test. ``name`` is unique among the cases of a proof."""
+    """A run of a test. ``name`` is unique among the cases of a proof."""
 
     test: str
     expectation: Expectation
@@ -47,7 +47,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        """For people, and for the file that a case is in."""
+        """A readable name, also used in the suite file."""
         severity = " ".join(f"{name}={value:g}" for name, value in self.values.items())
         when = " ".join(
             [f"delay={self.delay:g}"] * (self.delay > 0) + [f"duration={self.duration}"] * bool(self.duration)
@@ -58,7 +58,7 @@ class Case:
 
     @property
     def injection(self) -> str:
-        """The fault as the parameter ``inject`` of a robot test has it."""
+        """The fault in the syntax of the parameter ``inject`` of robot tests."""
         if not self.fault:
             return ""
         words = [self.fault, self.target or "-", *(f"{name}={value!r}" for name, value in self.values.items())]
@@ -70,12 +70,12 @@ class Case:
 
     @property
     def needs_cameras(self) -> bool:
-        """Whether the robot must have its eyes open."""
+        """Whether the simulator must be started with cameras."""
         return self.test == "CameraTest" or (bool(self.fault) and find_kind(self.fault).target_kind is Target.CAMERA)
 
 
 def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
-    """The cases of one test: the healthy robot, and each severity of each claim. ``fast``: only what is marked so."""
+    """Yield the cases of a test: the healthy robot, and each severity of each claim. ``fast``: marked claims only."""
     parameters = claims.parameters | (claims.fast_parameters if fast else {})
     yield Case(claims.test, Expectation.HEALTHY, parameters=parameters, fast=True, timeout=claims.timeout)
     for claim in claims.claims:
@@ -86,7 +86,7 @@ def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
 
 
 def others_of(claims: Claims, reasons: Sequence[Reason]) -> Iterator[Case]:
-    """The test on every fault of which it claims nothing, at its usual severity, in the part that it tests."""
+    """Yield the cases of a test with each fault that no claim covers, at default severity, in the tested part."""
     claimed = {claim.fault for claim in claims.claims}
     parameters = {**({"part": AXES[INDEX[_AXIS]].part} if claims.of_a_part else {}), **claims.parameters}
     for name in provable_kinds():
@@ -104,19 +104,19 @@ def others_of(claims: Claims, reasons: Sequence[Reason]) -> Iterator[Case]:
 
 
 def provable_kinds() -> list[str]:
-    """The kinds of faults that a test can be asked to find while its robot lives."""
+    """Return the kinds of faults that a test can find: the robot keeps running, and something is broken."""
     return [name for name, kind in KINDS.items() if kind.layer not in _NOT_IN_SUITES and not kind.stimulus]
 
 
 def _target(fault: str, part: str) -> str:
-    """What a fault strikes where nothing is said: the usual one of its kind, or the first joint of another part."""
+    """Return the default target of a fault: that of its kind, or the first joint of another part."""
     kind = KINDS[fault].target_kind
     if kind is Target.AXIS and part in PARTS and part != AXES[INDEX[_AXIS]].part:
         return PARTS[part][0].name
     return _TARGETS[kind]
 
 
-#: What is struck where nothing else is said.
+#: The default targets.
 _AXIS = "l_elbow"
 _TARGETS = {
     Target.AXIS: _AXIS,

@@ -1,29 +1,29 @@
-"""What tests claim, read from ``claims/<file>.toml`` beside them: ``joint_limits.toml`` for ``joint_limits.py``.
+"""Claims of tests, read from ``claims/<file>.toml`` beside the test: ``joint_limits.toml`` for ``joint_limits.py``.
 
 ::
 
-    parameters = { part = "left_arm" }    # what the test is given in all cases, beside what a case says
-    fast_parameters = { joints = [1, 3] } # and on the healthy robot in the fast subset, where all joints take long
+    parameters = { part = "left_arm" }    # of the test in all cases, besides those of a case
+    fast_parameters = { joints = [1, 3] } # for the healthy robot in the fast subset
 
-    [[finds]]                             # the test must fail, and name what is broken
+    [[finds]]                             # the test must fail, and name the faulty component
     fault = "jam"
     target = "l_elbow"
     values = { torque = 400 }             # or a list of such tables: one case for each severity
-    parameters = { part = "left_arm" }    # for this case; without it the part of the joint that is broken
-    names = "l_elbow"                     # what a failure must mention; without it the target
+    parameters = { part = "left_arm" }    # for this case; default: the part of the faulty joint
+    names = "l_elbow"                     # what a failure must mention; default: the target
     fast = true                           # belongs to the fast subset
 
-    [[silent]]                            # the test must pass all the same
+    [[silent]]                            # the test must pass
     fault = "ft_bias"
     target = "left_arm"
 
-    [[expected]]                          # outside of the claim, and yet the test does not pass
+    [[expected]]                          # not a claim, and yet the test does not pass
     fault = "motor_dead"
     target = "l_elbow"
     reason = "a joint that does not move reaches no limit"
 
-Of faults that a test says nothing of it is expected that it passes, or that one of the reasons holds that stand in
-``claims/others/reasons.toml``.
+With a fault that no claim of a test covers, the test must pass, or a reason in ``claims/others/reasons.toml`` must
+apply.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ _ENTRY = {"fault", "target", "values", "names", "parameters", "reason", "fast", 
 
 
 class ClaimsError(RobotError, ValueError):
-    """A file of claims that says what cannot be; the sentence begins with the file."""
+    """An invalid file of claims; the message begins with the file name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One entry: a fault, with one or several severities, and what is to come of it."""
+    """An entry: a fault with one or several severities, and the expected result."""
 
     kind: str  # finds, silent, expected
     fault: str
@@ -81,14 +81,14 @@ class Claims:
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """Why tests that claim nothing of some faults do not pass on a robot that has one; no ``tests``: any of them."""
+    """A reason why tests without a claim on some faults do not pass with one of them; no ``tests``: all tests."""
 
     faults: frozenset[str]
     tests: frozenset[str]
     text: str
 
     def holds_for(self, test: str, fault: str) -> bool:
-        """Whether it is about this test and this fault."""
+        """Return whether the reason applies to this test and this fault."""
         return fault in self.faults and (not self.tests or test in self.tests)
 
 
@@ -108,13 +108,13 @@ def read_reasons(path: Path) -> tuple[Reason, ...]:
 
 
 def read_claims(path: Path) -> Claims:
-    """Read one file. Raises ClaimsError for what is unknown, for faults that do not exist, and for missing reasons."""
+    """Read a file of claims. Raises ClaimsError for unknown keys and faults, and for missing reasons."""
     data = _read(path)
     _known(path, data, _TOP, "the file")
     try:
         test = load_test(find("test", path.stem, beside=path.parent.parent))
     except PluginError as error:
-        raise ClaimsError(f"{path}: there is no test {path.stem}.py whose claims these are: {error}") from None
+        raise ClaimsError(f"{path}: there is no test {path.stem}.py for these claims: {error}") from None
     claims = [_claim(path, kind, entry) for kind in _KINDS for entry in data.get(kind, [])]
     of_a_part = isinstance(getattr(type(test), "part", None), Parameter)
     if of_a_part:
@@ -132,7 +132,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _with_part(claim: Claim) -> Claim:
-    """A test of one part works with the one whose joint is broken, unless the claim says another."""
+    """Return the claim with the part of the faulty joint as the part under test, unless the claim names one."""
     if "part" in claim.parameters or claim.target not in INDEX:
         return claim
     return replace(claim, parameters={"part": AXES[INDEX[claim.target]].part, **claim.parameters})
@@ -170,4 +170,4 @@ def _check_kind(path: Path, table: str, fault: str) -> None:
 def _known(path: Path, table: dict[str, Any], known: set[str], where: str) -> None:
     unknown = sorted(set(table) - known)
     if unknown:
-        raise ClaimsError(f"{path}: {where} has {', '.join(unknown)}; there are {', '.join(sorted(known))}")
+        raise ClaimsError(f"{path}: {where} has unknown keys {', '.join(unknown)}; known: {', '.join(sorted(known))}")

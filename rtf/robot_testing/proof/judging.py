@@ -1,4 +1,4 @@
-"""What came of the cases: the runner's results, compared with what was claimed."""
+"""Judgement of cases: comparison of the runner's results with the claims."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 
 
 class Judgement(Enum):
-    """What is said of a case; the first four are as they should be."""
+    """The judgement of a case; the first four are good."""
 
     FOUND = "found"
     SILENT = "silent"
     HEALTHY = "healthy"
     EXPECTED = "expected"
-    MISSED = "missed"  # the fault was there and the test passed
-    UNNAMED = "unnamed"  # it failed, and named something else
-    ALARM = "false alarm"  # it did not pass, and should have
-    NOT_TESTED = "not tested"  # it could not be carried out, or was not
+    MISSED = "missed"  # the test passed in spite of the fault
+    UNNAMED = "unnamed"  # the test failed, and named something else
+    ALARM = "false alarm"  # the test did not pass although it should have
+    NOT_TESTED = "not tested"  # the test was not run, or could not judge
 
     @property
     def good(self) -> bool:
@@ -42,8 +42,8 @@ _PASSED = frozenset({Verdict.PASSED, Verdict.MEASURED})
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
-    """A case, what is said of it, and the sentence of the test that it rests on."""
+class JudgedCase:
+    """A case with its judgement, and the message of the test that it is based on."""
 
     case: Case
     judgement: Judgement
@@ -52,24 +52,24 @@ class Finding:
     seconds: float
 
 
-def judge(case: Case, result: TestResult | None) -> Finding:
-    """Compare a case with its result."""
+def judge(case: Case, result: TestResult | None) -> JudgedCase:
+    """Judge a case by its result."""
     if result is None or result.verdict is None:
-        return Finding(case, Judgement.NOT_TESTED, "", "it was not run", 0.0)
+        return JudgedCase(case, Judgement.NOT_TESTED, "", "it was not run", 0.0)
     verdict = result.verdict
     failures = [f"{problem.subject}: {problem.detail}" for problem in result.problems]
     sentence = failures[0] if failures else ""
     last = result.last
     if not sentence and last is not None:
         sentence = last.detail
-    return Finding(case, _said(case, verdict, result.problems), str(verdict), sentence, result.duration)
+    return JudgedCase(case, _judgement(case, verdict, result.problems), str(verdict), sentence, result.duration)
 
 
-def _said(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgement:
+def _judgement(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgement:
     passed, expectation = verdict in _PASSED, case.expectation
     if expectation is Expectation.OTHER and case.reason and not passed:
         return Judgement.EXPECTED
-    if verdict in _NOTHING:
+    if verdict in _NO_STATEMENT:
         return Judgement.NOT_TESTED
     if expectation is Expectation.FOUND:
         return _found(case, verdict, problems)
@@ -89,14 +89,14 @@ def _found(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgeme
 
 
 def _names(problem: Message, name: str) -> bool:
-    """Whether a failure is of what is to be found. One that is filed under a joint is of no other, whatever it says."""
+    """Return whether a failure names the faulty component. A failure of a joint's sub-result is of that joint only."""
     joints = INDEX.keys() & set(re.split(r"[ /]", problem.subject))
     if joints and name in INDEX:
         return name in joints
     return name in f"{problem.subject}: {problem.detail}"
 
 
-#: After these nothing is known of the robot.
-_NOTHING = frozenset(
+#: Verdicts that say nothing about the robot.
+_NO_STATEMENT = frozenset(
     {Verdict.SKIPPED, Verdict.NOT_RUN, Verdict.BLOCKED, Verdict.INTERRUPTED, Verdict.FIXTURE_LOST, Verdict.INCONCLUSIVE}
 )

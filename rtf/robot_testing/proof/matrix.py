@@ -1,4 +1,4 @@
-"""The result of a proof as a page: which test finds which fault, from which severity on, and what was said."""
+"""The report of a proof: which test finds which fault, at which severity, with which message."""
 
 from __future__ import annotations
 
@@ -12,68 +12,68 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.robot_testing.proof.cases import Case
-    from rtf.robot_testing.proof.judging import Finding
+    from rtf.robot_testing.proof.judging import JudgedCase
 
 _LONGEST = 160
 
 
-def write_matrix(findings: Sequence[Finding]) -> str:
-    """The page in Markdown: a summary, a table of faults and tests, and every case with its sentence."""
-    others = [finding for finding in findings if finding.case.expectation is Expectation.OTHER]
-    findings = [finding for finding in findings if finding.case.expectation is not Expectation.OTHER]
-    good = sum(finding.judgement.good for finding in findings)
+def write_matrix(judged: Sequence[JudgedCase]) -> str:
+    """Return the report in Markdown: a summary, a table of faults and tests, and every case with its message."""
+    others = [one for one in judged if one.case.expectation is Expectation.OTHER]
+    judged = [one for one in judged if one.case.expectation is not Expectation.OTHER]
+    good = sum(one.judgement.good for one in judged)
     parts = [
         "# The proof\n\n",
         "Which test finds which fault of the simulated robot. Made by `rtf proof`; each line is a run of the test in\n",
         "the ordinary runner, on a robot with that fault.\n\n",
-        f"{good} of {len(findings)} claims hold; ",
-        f"{len(_found(findings))} of {len(provable_kinds())} kinds of faults are found.\n\n",
-        _by_fault(findings),
+        f"{good} of {len(judged)} claims hold; ",
+        f"{len(_found(judged))} of {len(provable_kinds())} kinds of faults are found.\n\n",
+        _by_fault(judged),
         "## Cases\n\n",
-        _cases(findings),
+        _cases(judged),
         _others(others) if others else "",
     ]
     return "".join(parts)
 
 
-def _others(findings: Sequence[Finding]) -> str:
-    """What came of faults of which a test claims nothing: how many passed, and each that did not."""
-    loud = [finding for finding in findings if finding.judgement is not Judgement.SILENT]
+def _others(judged: Sequence[JudgedCase]) -> str:
+    """Return the section on faults without a claim: the number of passed cases, and each other case."""
+    loud = [one for one in judged if one.judgement is not Judgement.SILENT]
     return (
-        "\n## Faults of which a test claims nothing\n\n"
-        f"Every test was also run on every fault that it says nothing of, {len(findings)} pairs: "
-        f"{len(findings) - len(loud)} passed. These did not:\n\n{_cases(loud)}"
+        "\n## Faults without a claim\n\n"
+        f"Every test was also run on every fault that none of its claims covers, {len(judged)} pairs: "
+        f"{len(judged) - len(loud)} passed. These did not:\n\n{_cases(loud)}"
     )
 
 
-def _found(findings: Sequence[Finding]) -> set[str]:
-    return {finding.case.fault for finding in findings if finding.judgement is Judgement.FOUND}
+def _found(judged: Sequence[JudgedCase]) -> set[str]:
+    return {one.case.fault for one in judged if one.judgement is Judgement.FOUND}
 
 
-def _by_fault(findings: Sequence[Finding]) -> str:
+def _by_fault(judged: Sequence[JudgedCase]) -> str:
     rows = ["## Faults\n\n", "| fault | layer | found by |\n| --- | --- | --- |\n"]
     for name in provable_kinds():
-        tests = sorted({f.case.test for f in findings if f.case.fault == name and f.judgement is Judgement.FOUND})
+        tests = sorted({f.case.test for f in judged if f.case.fault == name and f.judgement is Judgement.FOUND})
         rows.append(f"| {name} | {KINDS[name].layer.value} | {', '.join(tests) or '**nothing**'} |\n")
     return "".join([*rows, "\n"])
 
 
-def _cases(findings: Sequence[Finding]) -> str:
+def _cases(judged: Sequence[JudgedCase]) -> str:
     rows = [
-        "| test | fault | where | severity | came to | the test said |\n| --- | --- | --- | --- | --- | --- |\n",
+        "| test | fault | target | severity | result | message of the test |\n| --- | --- | --- | --- | --- | --- |\n",
     ]
     order = list(Expectation)
-    for finding in sorted(findings, key=lambda f: (f.case.test, order.index(f.case.expectation), f.case.name)):
-        case = finding.case
-        came = finding.judgement.value if finding.judgement.good else f"**{finding.judgement.value}**"
-        said = case.reason or finding.sentence
+    for one in sorted(judged, key=lambda f: (f.case.test, order.index(f.case.expectation), f.case.name)):
+        case = one.case
+        came = one.judgement.value if one.judgement.good else f"**{one.judgement.value}**"
+        said = case.reason or one.sentence
         cells = [case.test, case.fault or "none", case.target, _severity(case), came, said]
         rows.append(f"| {' | '.join(_cell(cell) for cell in cells)} |\n")
     return "".join(rows)
 
 
 def _severity(case: Case) -> str:
-    """How bad the fault is, in all its numbers, also those that nobody set; and when it begins and ends."""
+    """Return the severity of the fault: all its parameters, defaults included, and its begin and end."""
     kind = KINDS.get(case.fault)
     words = [
         f"{one.name} {case.values.get(one.name, one.default):g} {one.unit}".strip()

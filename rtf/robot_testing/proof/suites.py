@@ -1,10 +1,10 @@
-"""The cases as suites for the ordinary runner, which runs as many of them at a time as it is told: each has a robot.
+"""The cases as suites for the runner, which can run several suites at a time: each has a robot of its own.
 
-What came before a case leaves its traces in a robot: where its joints stand, and how far its chance has gone. So which
-cases share one does not depend on how many run at a time, and what a test measures is the same on every machine.
+Earlier cases change a robot: the positions of its joints, and the state of its random numbers. So the assignment of
+cases to robots does not depend on the number of parallel suites, and measurements are the same on every machine.
 
-The runner takes two fixtures for two only when each has a ``param``, and another one. So each name server has a name of
-its own and each simulator a clock of its own; the ports of the robots are called the same.
+The runner tells two fixtures apart by their ``param`` only. So each name server has a name of its own, and each
+simulator a clock of its own; the robots have the same port names.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from rtf.robot_testing.proof.cases import Case
 
-#: How many cases share a robot. It starts and ends in two seconds, and a case takes about five.
+#: The number of cases that share a robot. A robot starts and ends in two seconds, and a case takes about five.
 _CASES = 6
 _FILES = "proof-*.xml"
 _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
@@ -36,9 +36,9 @@ _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 def write_suites(cases: Sequence[Case], folder: Path) -> tuple[list[Path], dict[str, Case]]:
-    """Write the cases into suites, in place of those of an earlier proof in the folder.
+    """Write the cases into suites, and replace those of an earlier proof in the folder.
 
-    Returns the files, and each case by the id of its test in the run.
+    Return the files, and the cases by the ids of their tests in the run.
     """
     for file in folder.glob(_FILES):
         file.unlink()
@@ -51,9 +51,9 @@ def write_suites(cases: Sequence[Case], folder: Path) -> tuple[list[Path], dict[
 
 
 def read_suites(folder: Path, cases: Iterable[Case]) -> dict[str, Case]:
-    """Which of the cases those of the written suites are, by the ids of their tests.
+    """Return the cases of written suites, by the ids of their tests.
 
-    Raises ClaimsError when one of them is claimed no more.
+    Raises ClaimsError if a case has no claim any more.
     """
     by_name = {case.name: case for case in cases}
     by_test: dict[str, Case] = {}
@@ -61,7 +61,7 @@ def read_suites(folder: Path, cases: Iterable[Case]) -> dict[str, Case]:
         suite = load_suite(file).suite
         for test in suite.tests if suite is not None else ():
             if test.description not in by_name:
-                raise ClaimsError(f"{file}: nobody claims {test.description!r} any more: begin the proof anew")
+                raise ClaimsError(f"{file}: no claim has the case {test.description!r}; start a new proof")
             by_test[test.id] = by_name[test.description]
     return by_test
 

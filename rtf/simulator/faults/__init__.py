@@ -1,7 +1,7 @@
-"""Faults of the simulated robot: each a small object in its layer, put in and taken out at run time.
+"""Faults of the simulated robot, which are injected and cleared at run time.
 
-``base`` says what a fault is, ``kinds`` finds them by name, ``injection`` puts them in at their time; the other modules
-are the layers. ``catalogue`` writes them down.
+``base`` has the base classes, ``kinds`` finds a kind by its name, ``injection`` begins and ends faults at their times,
+``catalogue`` formats the list of kinds. The other modules have the kinds, by layer.
 """
 
 from rtf.simulator.faults import catalogue

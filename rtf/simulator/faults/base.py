@@ -1,4 +1,4 @@
-"""What a fault is: what it strikes, what can be set about it, and how it begins and ends."""
+"""Base classes of faults: target, parameters, begin and end."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Layer(Enum):
-    """Where a fault happens, from the mechanics outwards."""
+    """The layer of a fault, from the mechanics outwards."""
 
     PLANT = "plant"
     MOTOR = "motor"
@@ -33,7 +33,7 @@ class Layer(Enum):
 
 
 class Target(Enum):
-    """What a fault strikes; the value says how it is named."""
+    """The type of a fault's target; the value is its description."""
 
     AXIS = "a joint, such as l_elbow"
     FORCE_TORQUE = "a force-torque sensor, such as left_arm"
@@ -45,34 +45,34 @@ class Target(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number that can be set about a fault."""
+    """A numeric parameter of a fault."""
 
     name: str
     default: float
     unit: str
-    meaning: str
+    description: str
     minimum: float = -1e9
     maximum: float = 1e9
 
 
 class Fault(ABC):
-    """One fault of a robot. ``begin`` and ``end`` are called by the simulation's loop, or through its lock.
+    """A fault of a robot. ``begin`` and ``end`` are called by the simulation's loop, or with its lock held.
 
-    Its parameters are attributes of the same names. Raises RefusedError for a target that the robot has not got, for a
-    parameter that the kind does not have, and for one that is out of range.
+    Parameters become attributes of the same names. Raises RefusedError for a target that the robot does not have, and
+    for a parameter that the kind does not have or that is out of range.
     """
 
     kind: ClassVar[str]
     layer: ClassVar[Layer]
     target_kind: ClassVar[Target]
     parameters: ClassVar[tuple[Parameter, ...]] = ()
-    #: Something that happens to a healthy robot: nothing is wrong with it, and no test has to find it.
+    #: Whether the kind is something that happens to a healthy robot, such as a push. No test has to find it.
     stimulus: ClassVar[bool] = False
-    #: Whether ``begin`` keeps what it finds and ``end`` puts that back, so that the order of several matters.
-    keeps: ClassVar[bool] = False
-    #: What is wrong, in a sentence, and how it shows.
-    meaning: ClassVar[str]
-    shows: ClassVar[str]
+    #: Whether ``end`` restores values that ``begin`` has saved, so that the order of several faults matters.
+    restores: ClassVar[bool] = False
+    #: A sentence on the defect, and one on its symptom.
+    description: ClassVar[str]
+    symptom: ClassVar[str]
 
     def __init__(self, robot: SimulatedIcub, target: str = "", values: Mapping[str, float] | None = None) -> None:
         self.robot = robot
@@ -93,29 +93,29 @@ class Fault(ABC):
                 )
             setattr(self, parameter.name, value)
         if values:
-            known = ", ".join(parameter.name for parameter in self.parameters) or "nothing"
-            raise RefusedError(f"{self.kind} has no parameter {', '.join(values)}; what can be set is {known}")
+            known = ", ".join(parameter.name for parameter in self.parameters) or "none"
+            raise RefusedError(f"{self.kind} has no parameter {', '.join(values)}; its parameters: {known}")
 
     @abstractmethod
     def aim(self) -> None:
-        """Find the target. Raises RefusedError when the robot has not got it."""
+        """Find the target. Raises RefusedError if the robot does not have it."""
 
     def start(self) -> None:
-        """Begin now."""
+        """Begin the fault now."""
         self.began = self.simulation.now
         self.begin()
 
     @abstractmethod
     def begin(self) -> None:
-        """Break what is to be broken."""
+        """Apply the fault to the robot."""
 
     @abstractmethod
     def end(self) -> None:
-        """Fix it."""
+        """Remove the fault from the robot."""
 
 
 class AxisFault(Fault):
-    """A fault of one joint; ``axis`` is its place among all."""
+    """A fault of one joint; ``axis`` is its index in :data:`~rtf.simulator.axes.AXES`."""
 
     target_kind = Target.AXIS
     axis: int
@@ -129,7 +129,7 @@ class AxisFault(Fault):
 
     @property
     def axes(self) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-        """The same as an array of one."""
+        """The index as an array of length 1."""
         return np.array([self.axis])
 
 
@@ -140,4 +140,4 @@ class RobotFault(Fault):
 
     def aim(self) -> None:
         if self.target:
-            raise RefusedError(f"{self.kind} strikes the whole robot; {self.target!r} is not needed")
+            raise RefusedError(f"{self.kind} affects the whole robot and takes no target, not {self.target!r}")

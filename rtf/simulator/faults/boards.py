@@ -1,4 +1,4 @@
-"""Faults of the boards: what they do with commands and modes, and what they are configured with."""
+"""Faults of the motor boards: commands, modes, configuration."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
 
 class MissedCommand(AxisFault):
-    """See ``meaning``."""
+    """Loss of some commands of a joint."""
 
     kind = "missed_command"
     layer = Layer.BOARD
-    meaning = "The board loses commands: one of so many gets lost."
-    shows = "Some moves do not begin."
-    parameters = (Parameter("every", 2.0, "", "one of so many is lost; 1: all", 1.0, 1e6),)
+    description = "The board loses every n-th command."
+    symptom = "Some moves do not begin."
+    parameters = (Parameter("every", 2.0, "", "n; 1: all commands are lost", 1.0, 1e6),)
     every: float
 
     def begin(self) -> None:
@@ -37,12 +37,12 @@ class MissedCommand(AxisFault):
 
 
 class CommandOfAnyMode(AxisFault):
-    """See ``meaning``."""
+    """Acceptance of commands that the mode of the joint does not take."""
 
     kind = "command_of_any_mode"
     layer = Layer.BOARD
-    meaning = "As long as the board controls the position of a joint, it takes the commands of all modes."
-    shows = "A joint moves by a command that its mode does not take, so whoever has lost it still drives it."
+    description = "As long as the board controls the position of a joint, it takes the commands of all modes."
+    symptom = "A joint obeys a command that its mode does not take, so a client that has lost the joint still moves it."
 
     def begin(self) -> None:
         self.boards.obeying_faults.append(self._obeys)
@@ -55,7 +55,7 @@ class CommandOfAnyMode(AxisFault):
 
 
 class _ModeFault(AxisFault):
-    """Changes what a board does with a request for a mode."""
+    """A fault in the response to mode requests."""
 
     layer = Layer.BOARD
 
@@ -69,16 +69,16 @@ class _ModeFault(AxisFault):
         return self.decide(state, wanted) if axis == self.axis else None
 
     def decide(self, state: ControlMode, wanted: int) -> ControlMode | None:
-        """The mode that follows, None for what a healthy board would do."""
+        """Return the resulting mode; None: that of a healthy board."""
         raise NotImplementedError
 
 
 class FaultLeft(_ModeFault):
-    """See ``meaning``."""
+    """Release of a hardware fault by any mode request."""
 
     kind = "fault_left"
-    meaning = "The board lets a joint leave its hardware fault for any mode, not only by a forced idle."
-    shows = "A joint in fault obeys at once: dangerous, for nobody has looked at it."
+    description = "The board lets a joint leave its hardware fault for any mode, not only by a forced idle."
+    symptom = "A joint in fault obeys at once, although the cause of the fault was not checked."
 
     def decide(self, state: ControlMode, wanted: int) -> ControlMode | None:
         if state is ControlMode.HARDWARE_FAULT and wanted in REQUESTS and wanted != ControlMode.FORCE_IDLE:
@@ -87,11 +87,11 @@ class FaultLeft(_ModeFault):
 
 
 class ModeIgnored(_ModeFault):
-    """See ``meaning``."""
+    """Refusal of mode requests that are acknowledged all the same."""
 
     kind = "mode_ignored"
-    meaning = "The board says yes to a mode and stays in the one it is in."
-    shows = "The mode that is read back is not the one that was asked for."
+    description = "The board acknowledges a mode and stays in the present one."
+    symptom = "The mode that is read back is not the requested one."
 
     def decide(self, state: ControlMode, wanted: int) -> ControlMode | None:
         del wanted
@@ -99,11 +99,11 @@ class ModeIgnored(_ModeFault):
 
 
 class WrongMode(_ModeFault):
-    """See ``meaning``."""
+    """Position mode instead of torque mode."""
 
     kind = "wrong_mode"
-    meaning = "The board takes torque mode for position mode."
-    shows = "Torque is asked for, position is read back."
+    description = "The board enters position mode when torque mode is requested."
+    symptom = "Torque mode is requested, position mode is read back."
 
     def decide(self, state: ControlMode, wanted: int) -> ControlMode | None:
         allowed = state is not ControlMode.HARDWARE_FAULT
@@ -111,18 +111,18 @@ class WrongMode(_ModeFault):
 
 
 class _WrongNumber(AxisFault):
-    """Changes a number that the board goes by."""
+    """A wrong number in the configuration of a board."""
 
     layer = Layer.CONFIGURATION
-    keeps = True
+    restores = True
 
     @property
     def numbers(self) -> FloatArray:
-        """The numbers of all axes, of which one is wrong."""
+        """The configured numbers of all axes, to be changed in place."""
         raise NotImplementedError
 
     def wrong(self, healthy: float) -> float:
-        """What stands there instead."""
+        """The wrong number."""
         raise NotImplementedError
 
     def begin(self) -> None:
@@ -136,12 +136,12 @@ class _WrongNumber(AxisFault):
 
 
 class WrongGearRatio(_WrongNumber):
-    """See ``meaning``."""
+    """Wrong gearbox ratio in the configuration."""
 
     kind = "wrong_gear_ratio"
-    meaning = "The gearbox ratio in the configuration is not the one that is built in."
-    shows = "Joint and motor encoder disagree by the same factor everywhere."
-    parameters = (Parameter("factor", 1.5, "", "by which it is wrong", -10.0, 10.0),)
+    description = "The gearbox ratio in the configuration is not that of the mechanics."
+    symptom = "Joint and motor encoder disagree by the same factor everywhere."
+    parameters = (Parameter("factor", 1.5, "", "by which the ratio is wrong", -10.0, 10.0),)
     factor: float
 
     @property
@@ -153,12 +153,12 @@ class WrongGearRatio(_WrongNumber):
 
 
 class WrongUpperLimit(_WrongNumber):
-    """See ``meaning``."""
+    """Wrong upper limit in the configuration."""
 
     kind = "wrong_upper_limit"
-    meaning = "The upper limit in the configuration is not where the joint can go."
-    shows = "The joint stops before its limit, or never comes near what it could reach."
-    parameters = (Parameter("by", 10.0, "deg", "how much too high; negative: too low", -360.0, 360.0),)
+    description = "The upper limit in the configuration is not that of the mechanics."
+    symptom = "The joint meets a stop before its limit, or does not use its range."
+    parameters = (Parameter("by", 10.0, "deg", "how much the limit is too high; negative: too low", -360.0, 360.0),)
     by: float
 
     @property
@@ -170,11 +170,11 @@ class WrongUpperLimit(_WrongNumber):
 
 
 class WrongLowerLimit(WrongUpperLimit):
-    """See ``meaning``."""
+    """Wrong lower limit in the configuration."""
 
     kind = "wrong_lower_limit"
-    meaning = "The lower limit in the configuration is not where the joint can go."
-    parameters = (Parameter("by", -10.0, "deg", "how much too high; negative: too low", -360.0, 360.0),)
+    description = "The lower limit in the configuration is not that of the mechanics."
+    parameters = (Parameter("by", -10.0, "deg", "how much the limit is too high; negative: too low", -360.0, 360.0),)
 
     @property
     def numbers(self) -> FloatArray:
@@ -182,13 +182,13 @@ class WrongLowerLimit(WrongUpperLimit):
 
 
 class LimitsIgnored(_WrongNumber):
-    """See ``meaning``."""
+    """Limits that the board announces and does not enforce."""
 
     kind = "limits_ignored"
     layer = Layer.BOARD
-    meaning = "The board tells its limits and does not keep them."
-    shows = "A command beyond a limit is carried out, up to the mechanical stop."
-    parameters = (Parameter("by", 5.0, "deg", "how far it goes beyond", 0.0, 360.0),)
+    description = "The board announces its limits and does not enforce them."
+    symptom = "A command beyond a limit is carried out, up to the mechanical stop."
+    parameters = (Parameter("by", 5.0, "deg", "how far the joint can go beyond them", 0.0, 360.0),)
     by: float
 
     @property
@@ -200,14 +200,14 @@ class LimitsIgnored(_WrongNumber):
 
 
 class WrongCoupling(AxisFault):
-    """See ``meaning``."""
+    """Wrong coupling matrix in the configuration."""
 
     kind = "wrong_coupling"
     layer = Layer.CONFIGURATION
-    keeps = True
-    meaning = "The coupling matrix in the configuration is not the one of the mechanics."
-    shows = "Motor encoders disagree with the joints when a coupled neighbour moves."
-    parameters = (Parameter("factor", 0.5, "", "by which its row is wrong", -10.0, 10.0),)
+    restores = True
+    description = "The coupling matrix in the configuration is not that of the mechanics."
+    symptom = "Motor encoders disagree with the joints when a coupled neighbour moves."
+    parameters = (Parameter("factor", 0.5, "", "by which the row of the joint is wrong", -10.0, 10.0),)
     factor: float
 
     def begin(self) -> None:
@@ -219,14 +219,14 @@ class WrongCoupling(AxisFault):
 
 
 class WrongGains(AxisFault):
-    """See ``meaning``."""
+    """Wrong gains of the position controller."""
 
     kind = "wrong_gains"
     layer = Layer.CONFIGURATION
-    keeps = True
-    meaning = "The gains of the position controller are wrong."
-    shows = "Too small: the joint lags and sags. Too large: it swings and buzzes."
-    parameters = (Parameter("factor", 0.05, "", "what all gains are multiplied by", 0.0, 100.0),)
+    restores = True
+    description = "The gains of the position controller are wrong."
+    symptom = "Too small: the joint lags and sags. Too large: it swings and buzzes."
+    parameters = (Parameter("factor", 0.05, "", "by which all gains are multiplied", 0.0, 100.0),)
     factor: float
     _healthy: Pid
 

@@ -1,4 +1,4 @@
-"""The kinds of faults written down: as text for people, as a table for a page, as plain data for programs."""
+"""The list of the kinds of faults: as text, as a Markdown table, as plain data for JSON."""
 
 from __future__ import annotations
 
@@ -17,48 +17,48 @@ _WIDTH = 110
 
 
 def facts(kind: type[Fault]) -> dict[str, Any]:
-    """All that is to be known of a kind; in what can be written as JSON."""
+    """Return the facts of a kind, in types that JSON has."""
     return {
         "kind": kind.kind,
         "layer": kind.layer.value,
         "target": kind.target_kind.value,
         "parameters": [asdict(one) for one in kind.parameters],
-        "meaning": kind.meaning,
-        "shows": kind.shows,
+        "description": kind.description,
+        "symptom": kind.symptom,
     }
 
 
 def as_text(kinds: Iterable[type[Fault]]) -> str:
-    """By layer, a paragraph each."""
+    """Return a paragraph for each kind, by layer."""
     lines = []
     for layer, members in _by_layer(kinds):
         lines.append(f"{layer.value.upper()}")
         for kind in members:
             lines.append(f"  {kind.kind}  ({kind.target_kind.value})")
             lines += textwrap.wrap(
-                f"{kind.meaning} {kind.shows}", _WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6
+                f"{kind.description} {kind.symptom}", _WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6
             )
-            lines += [f"      {one.name}={_amount(one)}: {one.meaning}; {_range(one)}" for one in kind.parameters]
+            lines += [f"      {one.name}={_amount(one)}: {one.description}; {_range(one)}" for one in kind.parameters]
         lines.append("")
     return "\n".join(lines)
 
 
 def as_markdown(kinds: Iterable[type[Fault]]) -> str:
-    """A table for each layer."""
+    """Return a Markdown table for each layer."""
     lines = []
     for layer, members in _by_layer(kinds):
         lines += [
             f"### {layer.value.capitalize()}",
             "",
-            "| kind | target | parameters | what is wrong, and how it shows |",
+            "| kind | target | parameters | defect, and *symptom* |",
         ]
         lines += ["| --- | --- | --- | --- |"]
         for kind in members:
             parameters = "<br>".join(
-                f"`{one.name}` = {_amount(one)}: {one.meaning} ({_range(one)})" for one in kind.parameters
+                f"`{one.name}` = {_amount(one)}: {one.description} ({_range(one)})" for one in kind.parameters
             )
             target = kind.target_kind.name.lower().replace("_", "-")
-            lines.append(f"| `{kind.kind}` | {target} | {parameters} | {kind.meaning} *{kind.shows}* |")
+            lines.append(f"| `{kind.kind}` | {target} | {parameters} | {kind.description} *{kind.symptom}* |")
         lines.append("")
     return "\n".join(lines)
 

@@ -12,19 +12,19 @@ if TYPE_CHECKING:
 
     from rtf.robot.interfaces import FloatArray
 
-_BIAS = (Parameter("bias", 5.0, "deg", "what is added", -360.0, 360.0),)
-_RATE = (Parameter("rate", 1.0, "deg/s", "how fast it grows", -100.0, 100.0),)
-_FACTOR = (Parameter("factor", 1.2, "", "what it is multiplied by", -10.0, 10.0),)
+_BIAS = (Parameter("bias", 5.0, "deg", "added to the reading", -360.0, 360.0),)
+_RATE = (Parameter("rate", 1.0, "deg/s", "growth of the error", -100.0, 100.0),)
+_FACTOR = (Parameter("factor", 1.2, "", "factor of the reading", -10.0, 10.0),)
 
 
 class _EncoderFault(AxisFault):
-    """Changes what a joint's encoder shows; the controller goes by it, too."""
+    """A fault of a joint encoder; it affects the controller, too."""
 
     layer = Layer.ENCODER
 
     @property
     def among(self) -> list[Callable[[FloatArray, FloatArray, float], None]]:
-        """The faults of all such encoders."""
+        """The active faults of encoders of this type."""
         return self.boards.encoder_faults
 
     def begin(self) -> None:
@@ -39,7 +39,7 @@ class _EncoderFault(AxisFault):
 
 
 class _MotorEncoderFault(_EncoderFault):
-    """Changes what the encoder on a motor's rotor shows."""
+    """A fault of the encoder on a motor's rotor."""
 
     @property
     def among(self) -> list[Callable[[FloatArray, FloatArray, float], None]]:
@@ -56,19 +56,19 @@ class _Drift(_EncoderFault):
 
 
 class EncoderDrift(_Drift):
-    """See ``meaning``."""
+    """Drift of the joint encoder."""
 
     kind = "encoder_drift"
-    meaning = "The joint encoder drifts."
-    shows = "The joint follows the drift while its error stays small: only a second sensor, or a limit, tells."
+    description = "The joint encoder drifts."
+    symptom = "The joint follows the drift while its error stays small: only a second sensor, or a limit, shows it."
 
 
 class MotorEncoderDrift(_MotorEncoderFault, _Drift):
-    """See ``meaning``."""
+    """Drift of the motor encoder."""
 
     kind = "motor_encoder_drift"
-    meaning = "The motor encoder drifts: it loses ticks."
-    shows = "Joint and motor encoder differ more with every swing."
+    description = "The motor encoder drifts: it loses ticks."
+    symptom = "Joint and motor encoder differ more with every swing."
 
 
 class _Bias(_EncoderFault):
@@ -81,19 +81,19 @@ class _Bias(_EncoderFault):
 
 
 class EncoderBias(_Bias):
-    """See ``meaning``."""
+    """Offset of the joint encoder."""
 
     kind = "encoder_bias"
-    meaning = "The zero of the joint encoder is wrong."
-    shows = "A jump when it happens; then the limits are met too early on one side, too late on the other."
+    description = "The zero of the joint encoder is wrong."
+    symptom = "The reading jumps at once; later one limit is met too early, the other too late."
 
 
 class MotorEncoderBias(_MotorEncoderFault, _Bias):
-    """See ``meaning``."""
+    """Offset of the motor encoder."""
 
     kind = "motor_encoder_jump"
-    meaning = "The motor encoder has jumped: it has lost ticks once."
-    shows = "The motor encoder does not come back to where it was."
+    description = "The motor encoder has jumped: it has lost ticks once."
+    symptom = "The motor encoder does not return to its earlier reading."
     parameters = (Parameter("bias", 360.0, "deg", "of the rotor", -1e5, 1e5),)
 
 
@@ -108,19 +108,19 @@ class _Scale(_EncoderFault):
 
 
 class EncoderScale(_Scale):
-    """See ``meaning``."""
+    """Wrong resolution of the joint encoder."""
 
     kind = "encoder_scale"
-    meaning = "The resolution of the joint encoder is configured wrongly."
-    shows = "The joint moves less or more than it says; it does not agree with its motor."
+    description = "The resolution of the joint encoder is configured wrongly."
+    symptom = "The joint moves less or more than its encoder shows; it does not agree with its motor."
 
 
 class MotorEncoderScale(_MotorEncoderFault, _Scale):
-    """See ``meaning``."""
+    """Wrong resolution of the motor encoder."""
 
     kind = "motor_encoder_scale"
-    meaning = "The resolution of the motor encoder is configured wrongly."
-    shows = "The motor turns less or more than the joint and the gearbox say."
+    description = "The resolution of the motor encoder is configured wrongly."
+    symptom = "The motor turns less or more than joint and gearbox ratio imply."
 
 
 class _Sign(_EncoderFault):
@@ -131,19 +131,19 @@ class _Sign(_EncoderFault):
 
 
 class EncoderSign(_Sign):
-    """See ``meaning``."""
+    """Wrong counting direction of the joint encoder."""
 
     kind = "encoder_sign"
-    meaning = "The joint encoder counts the wrong way."
-    shows = "The joint jumps, saturates and runs into a limit."
+    description = "The joint encoder counts the wrong way."
+    symptom = "The joint jumps, saturates and runs into a limit."
 
 
 class MotorEncoderSign(_MotorEncoderFault, _Sign):
-    """See ``meaning``."""
+    """Wrong counting direction of the motor encoder."""
 
     kind = "motor_encoder_sign"
-    meaning = "The motor encoder counts the wrong way."
-    shows = "A positive duty cycle makes it count down."
+    description = "The motor encoder counts the wrong way."
+    symptom = "A positive duty cycle makes it count down."
 
 
 class _Frozen(_EncoderFault):
@@ -158,27 +158,27 @@ class _Frozen(_EncoderFault):
 
 
 class EncoderFrozen(_Frozen):
-    """See ``meaning``."""
+    """Constant reading of the joint encoder."""
 
     kind = "encoder_frozen"
-    meaning = "The joint encoder shows the same value for ever."
-    shows = "The joint does not move by its own account while it does in truth."
+    description = "The joint encoder shows the same value all the time."
+    symptom = "The joint moves while its reading does not change."
 
 
 class MotorEncoderFrozen(_MotorEncoderFault, _Frozen):
-    """See ``meaning``."""
+    """Constant reading of the motor encoder."""
 
     kind = "motor_encoder_frozen"
-    meaning = "The motor encoder shows the same value for ever."
-    shows = "The joint moves, its motor does not."
+    description = "The motor encoder shows the same value all the time."
+    symptom = "The joint moves, the reading of its motor does not change."
 
 
 class EncoderNoise(_EncoderFault):
-    """See ``meaning``."""
+    """Noise of the joint encoder."""
 
     kind = "encoder_noise"
-    meaning = "The joint encoder is noisy."
-    shows = "Positions jitter, the motor buzzes."
+    description = "The joint encoder is noisy."
+    symptom = "Positions jitter, the motor buzzes."
     parameters = (Parameter("deviation", 0.5, "deg", "standard deviation", 0.0, 90.0),)
     deviation: float
 
@@ -188,12 +188,12 @@ class EncoderNoise(_EncoderFault):
 
 
 class Backlash(_MotorEncoderFault):
-    """See ``meaning``."""
+    """Play between rotor and joint."""
 
     kind = "backlash"
-    meaning = "The gearbox has play: the rotor turns a bit before the joint does."
-    shows = "The motor encoder leads the joint by half the play, on the side to which it drives."
-    parameters = (Parameter("play", 3.0, "deg", "of the joint, from side to side", 0.0, 90.0),)
+    description = "The gearbox has play: the rotor turns a bit before the joint does."
+    symptom = "The motor encoder leads the joint by half the play, on the side to which it drives."
+    parameters = (Parameter("play", 3.0, "deg", "the whole play, as an angle of the joint", 0.0, 90.0),)
     play: float
 
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
@@ -204,7 +204,7 @@ class Backlash(_MotorEncoderFault):
 
 
 class _TorqueFault(AxisFault):
-    """Changes what the torque sensing of a joint shows."""
+    """A fault of the torque sensing of a joint."""
 
     layer = Layer.SENSOR
 
@@ -220,12 +220,12 @@ class _TorqueFault(AxisFault):
 
 
 class TorqueBias(_TorqueFault):
-    """See ``meaning``."""
+    """Offset of the torque sensor of a joint."""
 
     kind = "torque_bias"
-    meaning = "The joint's torque sensing has an offset."
-    shows = "Torque without load; in torque mode the joint drifts away."
-    parameters = (Parameter("bias", 3.0, "Nm", "what is added", -1e3, 1e3),)
+    description = "The joint's torque sensing has an offset."
+    symptom = "A torque is shown without load; in torque mode the joint drifts away."
+    parameters = (Parameter("bias", 3.0, "Nm", "added to the reading", -1e3, 1e3),)
     bias: float
 
     def show(self, torques: FloatArray, now: float) -> None:
@@ -234,11 +234,11 @@ class TorqueBias(_TorqueFault):
 
 
 class TorqueScale(_TorqueFault):
-    """See ``meaning``."""
+    """Wrong factor of the torque sensor of a joint."""
 
     kind = "torque_scale"
-    meaning = "The joint's torque sensing has a wrong factor, or a wrong sign."
-    shows = "Torques do not agree with gravity."
+    description = "The joint's torque sensing has a wrong factor, or a wrong sign."
+    symptom = "The torques do not agree with gravity."
     parameters = _FACTOR
     factor: float
 

@@ -1,4 +1,4 @@
-"""Putting faults into a robot at their time, and taking them out again."""
+"""Injection of faults into a robot, at their times."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from rtf.simulator.faults.base import Fault
     from rtf.simulator.icub import SimulatedIcub
 
-#: How many faults may be there at the same time.
+#: The greatest number of faults at the same time.
 MOST_FAULTS = 1000
 
 
 @dataclass(slots=True)
 class ActiveFault:
-    """A fault that was put in. ``running`` is false until its time has come."""
+    """An injected fault. ``running`` is false until it has begun."""
 
     number: int
     fault: Fault
@@ -32,7 +32,7 @@ class ActiveFault:
 
 
 class FaultInjector:
-    """The faults of one robot. Any number may be there at the same time, on the same joint, too."""
+    """The faults of one robot. Several can be active at the same time, also on the same joint."""
 
     def __init__(self, robot: SimulatedIcub) -> None:
         self._robot = robot
@@ -44,7 +44,7 @@ class FaultInjector:
 
     @property
     def active(self) -> tuple[ActiveFault, ...]:
-        """What was put in and has not ended."""
+        """The injected faults that have not ended."""
         with self._simulation.lock:
             return tuple(self._faults.values())
 
@@ -57,13 +57,16 @@ class FaultInjector:
         delay: float = 0.0,
         duration: float = float("inf"),
     ) -> int:
-        """Put a fault in, ``delay`` seconds from now, for ``duration``; returns its number. Raises RefusedError."""
+        """Inject a fault ``delay`` seconds from now for ``duration`` seconds, and return its number.
+
+        Raises RefusedError for a wrong fault, and when there are too many.
+        """
         if not (delay >= 0 and math.isfinite(delay) and duration > 0):
-            raise RefusedError(f"{kind}: it begins after 0 s or more, and lasts longer than 0 s")
+            raise RefusedError(f"{kind}: the delay must be 0 s or more, and the duration more than 0 s")
         fault = find_kind(kind)(self._robot, target, values)
         with self._simulation.lock:
             if len(self._faults) >= MOST_FAULTS:
-                raise RefusedError(f"{kind}: there are {MOST_FAULTS} faults already; clear some")
+                raise RefusedError(f"{kind}: there are {MOST_FAULTS} faults already; clear one first")
             number = next(self._numbers)
             begins = self._simulation.now + delay
             self._faults[number] = ActiveFault(number, fault, begins, begins + duration)
@@ -76,7 +79,7 @@ class FaultInjector:
             return number
 
     def clear(self, number: int | None = None) -> int:
-        """Take one fault out, or all; returns how many. Raises RefusedError for a number that is not there."""
+        """Clear one fault, or all; return how many. Raises RefusedError for an unknown number."""
         with self._simulation.lock:
             if number is not None and number not in self._faults:
                 raise RefusedError(f"there is no fault number {number}; there are {sorted(self._faults)}")
@@ -96,18 +99,18 @@ class FaultInjector:
             self._running.append(found)
 
     def _end(self, number: int) -> None:
-        """End a fault. Those that keep what they found, and began after it, make way meanwhile.
+        """End a fault. Later faults that restore saved values are ended before it and begun again after it.
 
-        Otherwise the first of two would put back what was healthy, and the second what the first had made of it.
+        Otherwise the second of two faults would save, and restore, the value that the first one had set.
         """
         found = self._faults.pop(number, None)
         if found is None or not found.running:
             return
         place = self._running.index(found)
-        keepers = [one.fault for one in self._running[place + 1 :] if one.fault.keeps and found.fault.keeps]
-        for fault in reversed(keepers):
+        later = [one.fault for one in self._running[place + 1 :] if one.fault.restores and found.fault.restores]
+        for fault in reversed(later):
             fault.end()
         found.fault.end()
         del self._running[place]
-        for fault in keepers:
+        for fault in later:
             fault.begin()

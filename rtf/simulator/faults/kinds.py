@@ -1,4 +1,4 @@
-"""All kinds of faults by name: those that come with the simulator, and plug-ins."""
+"""All kinds of faults by name: those of the simulator, and plug-ins."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from rtf.robot.errors import RefusedError
-from rtf.simulator.faults import boards, encoders, mechanics, network, sensing
+from rtf.simulator.faults import boards, encoders, mechanics, network, sensors
 from rtf.simulator.faults.base import Fault
 from rtf.testing import plugins
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 KINDS: Mapping[str, type[Fault]] = {
-    kind.kind: kind for layer in (mechanics, encoders, boards, sensing, network) for kind in layer.KINDS
+    kind.kind: kind for layer in (mechanics, encoders, boards, sensors, network) for kind in layer.KINDS
 }
-#: Names come from the network, too: one with a slash would be a file anywhere.
+#: Names can come from the network: one with a slash would name any file.
 _NAME = re.compile(r"[\w-]+")
 
 
 def find_kind(name: str) -> type[Fault]:
-    """The kind of a name: the simulator's own, or a plug-in. Raises RefusedError where there is none."""
+    """Return the kind of this name: one of the simulator, or a plug-in. Raises RefusedError for an unknown name."""
     if name in KINDS:
         return KINDS[name]
     try:

@@ -1,4 +1,4 @@
-"""Faults of mechanics and motors."""
+"""Faults of mechanics and of motors."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
 
 class _Friction(AxisFault):
-    """More dry friction at the hinges of a joint."""
+    """A fault that adds dry friction at the hinges of a joint."""
 
     layer = Layer.PLANT
-    keeps = True
+    restores = True
     torque: float
 
     def begin(self) -> None:
@@ -37,32 +37,32 @@ class _Friction(AxisFault):
 
 
 class Jam(_Friction):
-    """See ``meaning``."""
+    """Mechanical block of a joint."""
 
     kind = "jam"
-    meaning = "The joint is mechanically blocked where it is."
-    shows = "It does not move whatever it is told, at full output and current."
-    parameters = (Parameter("torque", 400.0, "Nm", "what it would take to move it", 0.0, 1e5),)
+    description = "The joint is mechanically blocked at its position."
+    symptom = "The joint does not move, at full output and current."
+    parameters = (Parameter("torque", 400.0, "Nm", "the torque that would move it", 0.0, 1e5),)
 
 
 class Friction(_Friction):
-    """See ``meaning``."""
+    """Additional dry friction of a joint."""
 
     kind = "friction"
-    meaning = "The joint has more dry friction than it should."
-    shows = "It takes more output to move it, and it stops short of its target."
-    parameters = (Parameter("torque", 5.0, "Nm", "what is added to the friction", 0.0, 1e5),)
+    description = "The joint has too much dry friction."
+    symptom = "It needs more output to move, and it stops short of its target."
+    parameters = (Parameter("torque", 5.0, "Nm", "added to the friction", 0.0, 1e5),)
 
 
 class Push(AxisFault):
-    """See ``meaning``."""
+    """External torque on a joint; a stimulus, not a defect."""
 
     kind = "push"
     stimulus = True
     layer = Layer.PLANT
-    keeps = True
-    meaning = "Somebody, or something, pushes the joint."
-    shows = "A compliant joint gives way, a stiff one needs torque to hold."
+    restores = True
+    description = "A person or an object pushes the joint."
+    symptom = "A compliant joint gives way, a stiff one needs torque to hold."
     parameters = (Parameter("torque", 2.0, "Nm", "with its sign", -1e3, 1e3),)
     torque: float
 
@@ -76,7 +76,7 @@ class Push(AxisFault):
 
 
 class _MotorFault(AxisFault):
-    """Changes what a motor makes of its output (per cent)."""
+    """A fault in the conversion of a motor's output (per cent) to torque."""
 
     layer = Layer.MOTOR
 
@@ -87,16 +87,16 @@ class _MotorFault(AxisFault):
         self.boards.motor_faults.remove(self.drive)
 
     def drive(self, output: FloatArray, now: float) -> None:
-        """Change the output in place."""
+        """Change the output (per cent) in place."""
         raise NotImplementedError
 
 
 class MotorDead(_MotorFault):
-    """See ``meaning``."""
+    """Motor without torque."""
 
     kind = "motor_dead"
-    meaning = "The motor does not turn: a broken cable, or a dead amplifier."
-    shows = "The joint falls, or stays, whatever the output is."
+    description = "The motor does not turn: a broken cable, or a dead amplifier."
+    symptom = "The joint falls, or stays, at any output."
 
     def drive(self, output: FloatArray, now: float) -> None:
         del now
@@ -104,12 +104,12 @@ class MotorDead(_MotorFault):
 
 
 class MotorWeak(_MotorFault):
-    """See ``meaning``."""
+    """Motor with a part of its torque."""
 
     kind = "motor_weak"
-    meaning = "The motor gives only a part of its torque."
-    shows = "More output for the same load; slow under load."
-    parameters = (Parameter("share", 0.3, "", "what is left of the torque", 0.0, 1.0),)
+    description = "The motor gives only a part of its torque."
+    symptom = "It needs more output for the same load, and is slow under load."
+    parameters = (Parameter("share", 0.3, "", "the part of the torque that is left", 0.0, 1.0),)
     share: float
 
     def drive(self, output: FloatArray, now: float) -> None:
@@ -118,11 +118,11 @@ class MotorWeak(_MotorFault):
 
 
 class MotorSign(_MotorFault):
-    """See ``meaning``."""
+    """Motor that turns the wrong way."""
 
     kind = "motor_sign"
-    meaning = "The motor turns the wrong way: two of its wires are exchanged."
-    shows = "The joint runs away from its target into a limit."
+    description = "The motor turns the wrong way: two of its wires are exchanged."
+    symptom = "The joint runs away from its target into a limit."
 
     def drive(self, output: FloatArray, now: float) -> None:
         del now
@@ -130,13 +130,13 @@ class MotorSign(_MotorFault):
 
 
 class MotorOvercurrent(AxisFault):
-    """See ``meaning``."""
+    """Additional current of a motor."""
 
     kind = "motor_overcurrent"
     layer = Layer.MOTOR
-    meaning = "The motor draws more current than it should, as with a short circuit in its windings."
-    shows = "The current reads higher; beyond its limit the joint goes into hardware fault."
-    parameters = (Parameter("current", 20.0, "A", "what is added", 0.0, 1e3),)
+    description = "The motor draws too much current, as with a short circuit in its windings."
+    symptom = "The measured current is higher; beyond its limit the joint goes into hardware fault."
+    parameters = (Parameter("current", 20.0, "A", "added to the current", 0.0, 1e3),)
     current: float
 
     def begin(self) -> None:

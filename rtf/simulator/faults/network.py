@@ -1,4 +1,4 @@
-"""Faults of the network, of the streams that servers publish, and of the program itself."""
+"""Faults of the network, of published streams, and of the robot program."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rtf.robot.errors import RefusedError
 from rtf.simulator.faults.base import Fault, Layer, Parameter, RobotFault, Target
 
 if TYPE_CHECKING:
-    from rtf.simulator.outlets import SimulatedOutlet
+    from rtf.simulator.simulated_outlets import SimulatedOutlet
 
 
 class _PortFault(Fault):
@@ -21,9 +21,7 @@ class _PortFault(Fault):
     def aim(self) -> None:
         known = self.robot.outlets.by_name
         if self.target not in known:
-            raise RefusedError(
-                f"{self.kind}: nothing is published at {self.target!r}, but at {', '.join(sorted(known))}"
-            )
+            raise RefusedError(f"{self.kind}: there is no stream {self.target!r}; there are {', '.join(sorted(known))}")
         self.outlet = known[self.target]
 
     def begin(self) -> None:
@@ -33,17 +31,17 @@ class _PortFault(Fault):
         self.outlet.disturbances.remove(self.disturb)
 
     def disturb(self, delays: list[float], now: float) -> list[float]:
-        """What becomes of a message that is to be sent with these delays (s), each once."""
+        """Return the delays (s) of the copies of a message, for those that it had so far."""
         raise NotImplementedError
 
 
 class Latency(_PortFault):
-    """See ``meaning``."""
+    """Constant delay of all messages of a port."""
 
     kind = "latency"
-    meaning = "Messages come late."
-    shows = "The time between stamp and arrival; the rate stays."
-    parameters = (Parameter("delay", 0.05, "s", "by which each is late", 0.0, 60.0),)
+    description = "Messages come late."
+    symptom = "The time between stamp and arrival grows; the rate stays."
+    parameters = (Parameter("delay", 0.05, "s", "delay of each message", 0.0, 60.0),)
     delay: float
 
     def disturb(self, delays: list[float], now: float) -> list[float]:
@@ -52,11 +50,11 @@ class Latency(_PortFault):
 
 
 class Jitter(_PortFault):
-    """See ``meaning``."""
+    """Random delay of the messages of a port."""
 
     kind = "jitter"
-    meaning = "Messages come at irregular times."
-    shows = "The deviation of the periods grows; the mean stays."
+    description = "Messages come at irregular times."
+    symptom = "The deviation of the periods grows; the mean stays."
     parameters = (Parameter("most", 0.02, "s", "the greatest delay", 0.0, 60.0),)
     most: float
 
@@ -66,11 +64,11 @@ class Jitter(_PortFault):
 
 
 class Loss(_PortFault):
-    """See ``meaning``."""
+    """Random loss of messages of a port."""
 
     kind = "loss"
-    meaning = "Messages get lost on the way."
-    shows = "Gaps in the numbers of the stamps; fewer messages than expected."
+    description = "Messages are lost on the way."
+    symptom = "The sequence numbers of the stamps have gaps; there are fewer messages than expected."
     parameters = (Parameter("share", 0.2, "", "of the messages", 0.0, 1.0),)
     share: float
 
@@ -80,11 +78,11 @@ class Loss(_PortFault):
 
 
 class Duplicate(_PortFault):
-    """See ``meaning``."""
+    """Repetition of messages of a port."""
 
     kind = "duplicate"
-    meaning = "Messages come twice."
-    shows = "The same number and the same contents one after the other."
+    description = "Messages come twice."
+    symptom = "A sequence number, and the contents, come twice in a row."
     parameters = (Parameter("share", 0.2, "", "of the messages", 0.0, 1.0),)
     share: float
 
@@ -95,12 +93,12 @@ class Duplicate(_PortFault):
 
 
 class WrongRate(_PortFault):
-    """See ``meaning``."""
+    """Transmission of only some messages of a port."""
 
     kind = "wrong_rate"
-    meaning = "The stream is slower than it should be: only one of so many messages is sent."
-    shows = "The mean period is a multiple of the right one."
-    parameters = (Parameter("every", 2.0, "", "one of so many is sent", 1.0, 1e6),)
+    description = "The stream is too slow: only every n-th message is sent."
+    symptom = "The mean period is a multiple of the right one."
+    parameters = (Parameter("every", 2.0, "", "n", 1.0, 1e6),)
     every: float
     _count = 0
 
@@ -111,7 +109,7 @@ class WrongRate(_PortFault):
 
 
 class _ProcessFault(RobotFault):
-    """What a signal does to the program that is the robot."""
+    """A fault that sends a signal to the robot program."""
 
     layer = Layer.PROCESS
     signal: ClassVar[Signals]
@@ -120,24 +118,24 @@ class _ProcessFault(RobotFault):
         os.kill(os.getpid(), self.signal)
 
     def end(self) -> None:
-        """See Fault. From within nothing can be done."""
+        """Do nothing: the program cannot undo it itself."""
 
 
 class Crash(_ProcessFault):
-    """See ``meaning``."""
+    """Sudden end of the robot program."""
 
     kind = "crash"
-    meaning = "The program that is the robot dies at once."
-    shows = "All ports are gone, and nobody takes them back."
+    description = "The robot program dies at once."
+    symptom = "All ports are closed, and their names stay registered."
     signal = SIGKILL
 
 
 class Hang(_ProcessFault):
-    """See ``meaning``. Whoever wants it to go on sends SIGCONT."""
+    """Stop of the robot program; SIGCONT lets it continue."""
 
     kind = "hang"
-    meaning = "The program that is the robot stops to work, and stays."
-    shows = "Ports take connections and never answer; streams end."
+    description = "The robot program stops working, and does not end."
+    symptom = "Ports take connections and never answer; streams end."
     signal = SIGSTOP
 
 

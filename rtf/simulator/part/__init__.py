@@ -1,4 +1,4 @@
-"""A part of the simulated robot as a device: the interfaces of a control board over some of the boards' axes."""
+"""Parts of the simulated robot as control boards."""
 
 from rtf.simulator.part.device import SimulatedPart
 

@@ -1,4 +1,4 @@
-"""What the interfaces of a part have in common: which axes are its own, and how commands reach the boards."""
+"""Base class of a part's interfaces: its axes, and the way of commands to the boards."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class PartBase(Device):
-    """Some neighbouring axes of the boards. Reading is free; commands go through the lock, between two steps."""
+    """Some neighbouring axes of the boards. Reading takes no lock; commands take it, between two steps."""
 
     def __init__(self, part: str, boards: Boards, lock: FairLock) -> None:
         super().__init__(part)
@@ -34,7 +34,7 @@ class PartBase(Device):
         self.size = len(PARTS[part])
 
     def open(self, configuration: Property) -> None:
-        """See Device: it lives as long as the simulation."""
+        """Do nothing: the part lives as long as the simulation."""
 
     def close(self) -> None:
         """See Device."""
@@ -43,7 +43,7 @@ class PartBase(Device):
         return self.size
 
     def _places(self, joints: AxisSelection, what: str = "joint") -> NDArray[np.intp]:
-        """Where the chosen joints are among all axes."""
+        """Return the indices of the chosen joints among all axes."""
         if joints is None:
             return np.arange(self.own.start, self.own.stop)
         if type(joints) is int:
@@ -52,16 +52,16 @@ class PartBase(Device):
         return places
 
     def _read(self, values: FloatArray, joints: AxisSelection, what: str = "joint") -> FloatArray:
-        """The chosen ones of values that are there for all axes; always a copy."""
+        """Return a copy of the values of the chosen joints."""
         return values[self.own].copy() if joints is None else values[self._places(joints, what)]
 
     def _axis(self, joint: int, what: str = "joint") -> int:
-        if type(joint) is int and 0 <= joint < self.size:  # as it is asked again and again
+        if type(joint) is int and 0 <= joint < self.size:  # a fast path, as it is called often
             return joint + int(self.own.start)
         return selected(self.size, joint, what)[0] + int(self.own.start)
 
     def _write(self, values: Values, joints: AxisSelection, into: FloatArray, what: str = "joint") -> None:
-        """Put values in for the chosen ones."""
+        """Set the values of the chosen joints."""
         axes = self._places(joints, what)
         with self.lock:
             into[axes] = values_for(len(axes), values)
@@ -74,7 +74,7 @@ class PartBase(Device):
         modes: frozenset[ControlMode],
         execute: Callable[[NDArray[np.intp], FloatArray], None],
     ) -> None:
-        """Give a command to those of the chosen axes that are in a mode which takes it."""
+        """Pass a command to those of the chosen axes that are in a mode which accepts it."""
         axes = self._places(joints)
         given = values_for(len(axes), values)
         with self.lock:

@@ -1,4 +1,4 @@
-"""A part of the robot: all interfaces of a control board together, and its state in one piece."""
+"""A part of the robot: all interfaces of a control board, and its state in one message."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class SimulatedPart(PartMotion, PartMotors, PartSettings, IStateSource, Calibrat
     """A control board of the simulated robot."""
 
     def fill_state(self, state: ExtendedState) -> float:
-        """See IStateSource: what all parts have in common is computed once a moment."""
+        """See IStateSource. Values of all parts are computed once a step."""
         boards, own = self.boards, self.own
         state.floats[...] = boards.snapshot()[:, own]
         state.modes[...] = boards.modes[:, own]

@@ -30,7 +30,7 @@ _TORQUE = frozenset({ControlMode.TORQUE})
 _CURRENT = frozenset({ControlMode.CURRENT})
 _PWM = frozenset({ControlMode.PWM})
 _MOVING = TRAJECTORY_MODES | VELOCITY_MODES
-#: Beyond this a sampled loop of one millisecond is no impedance any more; as multiples of the default.
+#: The greatest impedance, as multiples of the default; beyond it a loop with 1 ms sampling is not stable.
 _STIFFEST = 10.0
 
 
@@ -44,7 +44,7 @@ class PartMotion(
     ICurrentControl,
     IPWMControl,
 ):
-    """Commands of motion, and what was commanded."""
+    """Motion commands, and their last values."""
 
     # IPositionControl
 
@@ -63,7 +63,7 @@ class PartMotion(
 
     def motion_done(self, joints: AxisSelection = None) -> bool:
         done, now = self.boards.setpoints.done, self.boards.tick
-        if type(joints) is int:  # as it is asked again and again
+        if type(joints) is int:  # a fast path, as it is called often
             return bool(done(self._axis(joints), now))
         return bool(done(self._places(joints), now).all())
 
@@ -71,11 +71,11 @@ class PartMotion(
         return self._read(self.boards.targets, joints)
 
     def set_reference_speeds(self, speeds: Values, joints: AxisSelection = None) -> None:
-        """See IPositionControl; beyond the greatest speed of the joint it is cut off."""
+        """See IPositionControl. Speeds are clipped to the greatest speed of the joint."""
         axes = self._places(joints)
         given = values_for(len(axes), speeds)
         if (given < 0).any():
-            raise RefusedError(f"{self.part}: a speed is not negative: {given.tolist()}")
+            raise RefusedError(f"{self.part}: speeds must not be negative: {given.tolist()}")
         with self.lock:
             self.boards.speeds[axes] = np.minimum(given, self.boards.max_velocity[axes])
 
@@ -86,7 +86,7 @@ class PartMotion(
         axes = self._places(joints)
         given = values_for(len(axes), accelerations)
         if (given < 0).any():
-            raise RefusedError(f"{self.part}: an acceleration is not negative: {given.tolist()}")
+            raise RefusedError(f"{self.part}: accelerations must not be negative: {given.tolist()}")
         with self.lock:
             self.boards.accelerations[axes] = given
 
@@ -139,14 +139,14 @@ class PartMotion(
         return self._read(self.boards.torques, joints)
 
     def motor_torque_parameters(self, joint: int) -> MotorTorqueParameters:
-        """See ITorqueControl: what a newton-metre costs in per cent."""
+        """See ITorqueControl: the duty cycle (per cent) of a newton-metre."""
         axis = self._axis(joint)
         return self.boards.torque_parameters.get(
             axis, MotorTorqueParameters(ktau=float(1.0 / self.boards.newton_metres[axis]))
         )
 
     def set_motor_torque_parameters(self, joint: int, parameters: MotorTorqueParameters) -> None:
-        """See ITorqueControl; they are kept, the simulated motor stays as it is."""
+        """See ITorqueControl. The parameters are stored; the simulated motor does not change."""
         with self.lock:
             self.boards.torque_parameters[self._axis(joint)] = parameters
 

@@ -14,13 +14,13 @@ from rtf.simulator.part.base import PartBase
 if TYPE_CHECKING:
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
 
-#: What the robot is supplied with, V.
+#: The supply voltage, V.
 SUPPLY = 40.0
 _FAULTY = 1
 
 
 class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl):
-    """What is measured at joints and motors, and the settings of motors and amplifiers."""
+    """Measurements of joints and motors, and the settings of motors and amplifiers."""
 
     # IEncoders
 
@@ -90,7 +90,7 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
         self._write(limit, motor, self.boards.temperature_limit, "motor")
 
     def gearbox_ratio(self, motor: int) -> float:
-        """See IMotor: what the board is configured with, which need not be what is built in."""
+        """See IMotor: the configured ratio, which can differ from that of the mechanics."""
         return float(self.boards.configured_gearbox[self._axis(motor, "motor")])
 
     def set_gearbox_ratio(self, motor: int, ratio: float) -> None:
@@ -99,7 +99,7 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
     # IAmplifierControl
 
     def enable_amplifier(self, joint: int) -> None:
-        """See IAmplifierControl: an idle joint gets into position mode."""
+        """See IAmplifierControl: an idle joint enters position mode."""
         axis = self._axis(joint)
         with self.lock:
             if self.boards.mode[axis] == ControlMode.IDLE:
@@ -145,7 +145,7 @@ class PartMotors(PartBase, IEncoders, IMotorEncoders, IMotor, IAmplifierControl)
     def set_pwm_limit(self, motor: int, limit: float) -> None:
         if not 0 <= limit <= 100:  # noqa: PLR2004 - per cent
             raise RefusedError(
-                f"{self.part} motor {motor}: a duty cycle limit is from 0 to 100 per cent, not {limit:g}"
+                f"{self.part} motor {motor}: a duty cycle limit must be from 0 to 100 per cent, not {limit:g}"
             )
         axis = self._axis(motor, "motor")
         with self.lock:

@@ -48,7 +48,7 @@ class PartSettings(
     IRemoteVariables,
     IControlCalibration,
 ):
-    """How a part is set up."""
+    """The settings of a part."""
 
     # IAxisInfo
 
@@ -56,7 +56,7 @@ class PartSettings(
         return str(AXES[self._axis(joint)].name)
 
     def joint_type(self, joint: int) -> JointType:
-        """See IAxisInfo: all turn."""
+        """See IAxisInfo: all joints are revolute."""
         self._axis(joint)
         return JointType.REVOLUTE
 
@@ -77,7 +77,7 @@ class PartSettings(
         self._request(modes, joints, self.boards.request_interaction)
 
     def _request(self, modes: M | Sequence[M], joints: AxisSelection, request: Callable[[int, int], None]) -> None:
-        """Ask for a mode of each joint; all of them are asked before the first refusal is raised."""
+        """Request a mode of each joint; the first refusal is raised after all requests."""
         axes = self._places(joints).tolist()
         wanted = modes_for(len(axes), modes)
         refused: list[RefusedError] = []
@@ -145,9 +145,9 @@ class PartSettings(
         )[axes]
 
     def set_pid_references(self, kind: PidType, values: Values, joints: AxisSelection = None) -> None:
-        """See IPidControl: like a direct position, and taken in the same mode."""
+        """See IPidControl: handled like a direct position, and accepted in the same mode."""
         if kind is not PidType.POSITION:
-            raise NotSupportedError(f"{self.part} takes no references of its controller of {kind.name.lower()}")
+            raise NotSupportedError(f"{self.part} accepts no references for its controller of {kind.name.lower()}")
         self._command("direct", values, joints, _DIRECT, self.boards.follow)
 
     def pid_errors(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
@@ -162,7 +162,7 @@ class PartSettings(
         return errors
 
     def pid_outputs(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """See IPidControl: there is one output, whatever controls it."""
+        """See IPidControl: all controllers have the same output."""
         del kind
         return self._read(self.boards.output, joints)
 
@@ -236,7 +236,7 @@ class PartSettings(
         ]
 
     def set_variable(self, key: str, value: Bottle) -> None:
-        """See IRemoteVariables: none can be changed."""
+        """Raise an error: no variable can be changed."""
         del value
         raise RefusedError(f"{self.part}: the variable {key!r} cannot be changed")
 

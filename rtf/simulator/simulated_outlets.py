@@ -1,8 +1,8 @@
 """The ports on which the simulated robot publishes, with the faults of the network.
 
-In lockstep a message has been sent when ``write`` returns, and ``settle`` waits until all readers that acknowledge have
-received it before the time advances. In real time readers are served in the background; ``settle`` then matters only
-while there are participants in the simulated time.
+In lockstep a message has been sent when ``write`` returns; ``settle`` waits until all readers that acknowledge have
+received it, before the time advances. In real time readers are served in the background, and ``settle`` has an effect
+only while there are participants in the simulated time.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _TOGETHER = 8
 
 
 class SimulatedOutlet:
-    """One port. ``disturbances`` lose, repeat and delay its messages; each may be added and removed at any step."""
+    """A port that publishes. ``disturbances`` lose, repeat and delay its messages; they can be changed at any step."""
 
     def __init__(self, port: PipelinedPort | BufferedPort[Any], simulation: Simulation) -> None:
         self.port = port

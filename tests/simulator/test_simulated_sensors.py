@@ -14,7 +14,7 @@ from rtf.robot.measurements import DeviceMeasurements
 
 if TYPE_CHECKING:
     from rtf.robot.sensor_message import Measurements
-    from rtf.simulator.sensing import SimulatedForceTorque
+    from rtf.simulator.simulated_sensors import SimulatedForceTorque
 
     from .rig import Rig
 
@@ -35,7 +35,7 @@ def rig() -> Rig:
 
 def sensors_of(rig: Rig) -> list[SimulatedForceTorque]:
     """Its force-torque sensors."""
-    from rtf.simulator.sensing import SimulatedForceTorque
+    from rtf.simulator.simulated_sensors import SimulatedForceTorque
 
     return [SimulatedForceTorque(sensor, rig.simulation) for sensor in rig.simulation.robot.ft_sensors]
 
@@ -47,7 +47,7 @@ def numbers(measured: Measurements) -> list[list[tuple[bytes, float]]]:
 
 def test_all_at_once_and_one_by_one_are_the_same(rig: Rig):
     """In one step; in the next everything has changed."""
-    from rtf.simulator.sensing import SimulatedForceTorques, SimulatedImu
+    from rtf.simulator.simulated_sensors import SimulatedForceTorques, SimulatedImu
 
     devices = SimulatedForceTorques(sensors_of(rig), rig.simulation), SimulatedImu(rig.simulation)
     assert [len(devices[0].read_all()[SensorCategory.FORCE_TORQUE]), len(devices[1].read_all()[0])] == [6, 1]
@@ -60,7 +60,7 @@ def test_all_at_once_and_one_by_one_are_the_same(rig: Rig):
 
 def test_one_that_is_not_well_is_named(rig: Rig):
     """All at once, there is nothing to be told while one of them is not well."""
-    from rtf.simulator.sensing import SimulatedForceTorques, SimulatedImu
+    from rtf.simulator.simulated_sensors import SimulatedForceTorques, SimulatedImu
 
     sensors, imu = sensors_of(rig), SimulatedImu(rig.simulation)
     sensors[2].status = imu.status = SensorStatus.ERROR
@@ -73,7 +73,7 @@ def test_one_that_is_not_well_is_named(rig: Rig):
 
 def test_what_was_made_zero_is_taken_off_at_once(rig: Rig):
     """Within the step, and for as long as the noise is as it should be; of one channel, and of all."""
-    from rtf.simulator.sensing import FORCE_NOISE
+    from rtf.simulator.simulated_sensors import FORCE_NOISE
 
     sensor = sensors_of(rig)[0]
     before = sensor.read().values

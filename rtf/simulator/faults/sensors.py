@@ -1,4 +1,4 @@
-"""Faults of force-torque sensors, of the inertial unit, and of the cameras."""
+"""Faults of force-torque sensors, of the inertial unit and of the cameras."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rtf.robot.interfaces import FloatArray
-    from rtf.simulator.sensing import SimulatedForceTorque, SimulatedImu
-    from rtf.simulator.vision import SimulatedCamera
+    from rtf.simulator.simulated_cameras import SimulatedCamera
+    from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedImu
 
 
 class _SensorFault(Fault):
@@ -47,11 +47,11 @@ class _ForceTorqueFault(_SensorFault):
 
 
 class ForceTorqueBias(_ForceTorqueFault):
-    """See ``meaning``."""
+    """Offset of a force-torque sensor."""
 
     kind = "ft_bias"
-    meaning = "The force-torque sensor has an offset: it was overloaded, or never calibrated."
-    shows = "Its force is not the weight that hangs at it."
+    description = "The force-torque sensor has an offset: it was overloaded, or never calibrated."
+    symptom = "Its force is not the weight of the links below it."
     parameters = (
         Parameter("force", 10.0, "N", "added to each force", -1e4, 1e4),
         Parameter("torque", 0.0, "Nm", "added to each torque", -1e4, 1e4),
@@ -66,11 +66,11 @@ class ForceTorqueBias(_ForceTorqueFault):
 
 
 class ForceTorqueFrozen(_ForceTorqueFault):
-    """See ``meaning``."""
+    """Constant reading of a force-torque sensor."""
 
     kind = "ft_frozen"
-    meaning = "The force-torque sensor repeats its last measurement."
-    shows = "No noise: the same numbers for ever."
+    description = "The force-torque sensor repeats its last measurement."
+    symptom = "The readings have no noise and do not change."
     _held: FloatArray | None = None
 
     def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
@@ -81,11 +81,11 @@ class ForceTorqueFrozen(_ForceTorqueFault):
 
 
 class ForceTorqueNoise(_ForceTorqueFault):
-    """See ``meaning``."""
+    """Noise of a force-torque sensor."""
 
     kind = "ft_noise"
-    meaning = "The force-torque sensor is noisy."
-    shows = "The deviation of its forces is many times what it should be."
+    description = "The force-torque sensor is noisy."
+    symptom = "The standard deviation of its forces is many times too large."
     parameters = (Parameter("deviation", 2.0, "N", "standard deviation of each force", 0.0, 1e4),)
     deviation: float
 
@@ -104,12 +104,12 @@ class _ImuFault(_SensorFault):
 
 
 class ImuRotated(_ImuFault):
-    """See ``meaning``."""
+    """Rotated mounting of the inertial unit."""
 
     kind = "imu_rotated"
-    meaning = "The inertial unit is mounted turned about its z axis."
-    shows = "Orientation and gravity do not agree with the posture of the head."
-    parameters = (Parameter("angle", 90.0, "deg", "by which it is turned", -360.0, 360.0),)
+    description = "The inertial unit is mounted with a rotation about its z axis."
+    symptom = "Orientation and direction of gravity do not agree with the posture of the head."
+    parameters = (Parameter("angle", 90.0, "deg", "angle of the rotation", -360.0, 360.0),)
     angle: float
 
     def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
@@ -121,11 +121,11 @@ class ImuRotated(_ImuFault):
 
 
 class ImuFrozen(_ImuFault):
-    """See ``meaning``."""
+    """Constant reading of the inertial unit."""
 
     kind = "imu_frozen"
-    meaning = "The inertial unit repeats its last measurement."
-    shows = "No noise; the orientation stays while the head moves."
+    description = "The inertial unit repeats its last measurement."
+    symptom = "The readings have no noise; the orientation does not change while the head moves."
 
     def begin(self) -> None:
         self._held: dict[SensorCategory, FloatArray] = {}
@@ -144,7 +144,7 @@ class _CameraFault(Fault):
     def aim(self) -> None:
         known = self.robot.cameras
         if self.target not in known:
-            there = ", ".join(known) or "none, for it was started without cameras"
+            there = ", ".join(known) or "none, as the robot was started without cameras"
             raise RefusedError(f"{self.kind}: there is no camera {self.target!r}; there are {there}")
         self.camera = known[self.target]
 
@@ -155,16 +155,16 @@ class _CameraFault(Fault):
         self.camera.faults.remove(self.show)
 
     def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
-        """The picture that is told instead."""
+        """Return the picture to be published instead."""
         raise NotImplementedError
 
 
 class CameraFrozen(_CameraFault):
-    """See ``meaning``."""
+    """Repetition of the last image of a camera."""
 
     kind = "camera_frozen"
-    meaning = "The camera sends the same picture again and again."
-    shows = "Pictures equal to the last bit while something moves."
+    description = "The camera sends the same picture again and again."
+    symptom = "Pictures are identical although the scene moves."
     _held: NDArray[np.uint8] | None = None
 
     def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
@@ -175,11 +175,11 @@ class CameraFrozen(_CameraFault):
 
 
 class CameraBlack(_CameraFault):
-    """See ``meaning``."""
+    """Black images of a camera."""
 
     kind = "camera_black"
-    meaning = "The camera sends black pictures: the cap is on, or the sensor is dead."
-    shows = "All pixels are the same."
+    description = "The camera sends black pictures: its cap is on, or its sensor is dead."
+    symptom = "All pixels are the same."
 
     def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
         del now
@@ -187,11 +187,11 @@ class CameraBlack(_CameraFault):
 
 
 class CameraSize(_CameraFault):
-    """See ``meaning``."""
+    """Images of a camera in another size than announced."""
 
     kind = "camera_size"
-    meaning = "The camera sends pictures of another size than it says."
-    shows = "Half as wide and half as high as its configuration."
+    description = "The camera sends pictures of another size than it announces."
+    symptom = "Pictures are half as wide and half as high as configured."
 
     def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
         del now

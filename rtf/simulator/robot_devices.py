@@ -1,8 +1,8 @@
-"""The simulated robot as devices of a configuration: the simulation, and the boards that are attached to it.
+"""Devices of a robot configuration: the simulation, and the boards that are attached to it.
 
-``rtf robotinterface`` builds a robot of these as it would of the devices of a real one: each board gets its server, its
-calibrator, its actions. Sensors are in :mod:`rtf.simulator.sensor_devices`. The other way to a simulated robot, with
-lockstep, cameras and faults, is ``rtf simulator``.
+``rtf robotinterface`` uses them like the devices of a real robot: each board gets its server, its calibrator and its
+actions. Sensors are in :mod:`rtf.simulator.sensor_devices`. A simulated robot with lockstep, cameras and faults is
+started by ``rtf simulator``.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 
 
 class SimulatedRobot(Device):
-    """``simulatedICub``: runs the simulation in this process; what is measured and moved is attached to it.
+    """``simulatedICub``: runs the simulation in this process. Boards and sensors are attached to it.
 
-    While it is open its time is that of this process (:func:`rtf.clock.current`), and its clock port tells it others.
-    Parameters, all with defaults: ``clock``, the name of that port; ``factor``, how many times faster than the
-    machine's clock time passes at most (1); ``seed`` of what is random (0); ``collision``: capsules, hulls or none.
+    While it is open, its clock is that of this process (:func:`rtf.clock.current`), and its clock port publishes the
+    time. Parameters, all with defaults: ``clock``, the name of that port; ``factor``, the greatest real-time factor
+    (1); ``seed`` of the random numbers (0); ``collision``: capsules, hulls or none.
     """
 
     def __init__(self, name: str = "", *, network: Network | None = None) -> None:
@@ -51,7 +51,7 @@ class SimulatedRobot(Device):
     def simulation(self) -> Simulation:
         """The simulation. Raises DeviceError while it is not open."""
         if self._simulation is None:
-            raise DeviceError(f"{self.name} is not open; open it before something is attached to it")
+            raise DeviceError(f"{self.name} is not open; open it before a device is attached to it")
         return self._simulation
 
     def open(self, configuration: Property) -> None:
@@ -83,7 +83,7 @@ class SimulatedRobot(Device):
 
 
 def simulation_of(device: Device, devices: Mapping[str, Device]) -> Simulation:
-    """The simulation that a device is attached to. Raises DeviceError for anything else."""
+    """Return the simulation that a device is attached to. Raises DeviceError if it is not attached to exactly one."""
     robots = list(devices.values())
     if len(robots) != 1 or not isinstance(robots[0], SimulatedRobot):
         raise DeviceError(f"{device.name} is attached to one simulatedICub, not to {', '.join(devices) or 'nothing'}")
@@ -93,7 +93,7 @@ def simulation_of(device: Device, devices: Mapping[str, Device]) -> Simulation:
 class SimulatedBoard(SimulatedPart):
     """``simulatedBoard``: the control board of one ``part`` of a simulated robot, such as ``left_arm``.
 
-    Until it is attached to that, everything but the number of its axes raises DeviceError.
+    Until it is attached, all methods but the number of axes raise DeviceError.
     """
 
     def __init__(self, name: str = "", *, network: Network | None = None) -> None:
@@ -109,7 +109,7 @@ class SimulatedBoard(SimulatedPart):
         self.size = len(PARTS[part])
 
     def attach(self, devices: Mapping[str, Device]) -> None:
-        """See Device: to a simulated robot."""
+        """Attach the board to a simulated robot."""
         self._simulation = simulation_of(self, devices)
 
     def detach(self) -> None:
@@ -125,7 +125,7 @@ class SimulatedBoard(SimulatedPart):
 
     @property
     def lock(self) -> FairLock:  # type: ignore[override]  # likewise
-        """What commands go through."""
+        """The lock for commands."""
         return self._attached().lock
 
     def _attached(self) -> Simulation:
@@ -134,7 +134,7 @@ class SimulatedBoard(SimulatedPart):
         return self._simulation
 
     def fill_state(self, state: ExtendedState) -> float:
-        """See IStateSource: between two steps, for it is asked by a thread of its own."""
+        """See IStateSource. Reads between two steps, as it is called in another thread than the simulation's."""
         with self.lock:
             return super().fill_state(state)
 

@@ -1,8 +1,8 @@
 """The sensors of the simulated robot as devices: force-torque sensors and the inertial unit, with noise.
 
-Without noise a sensor at rest would repeat itself, which a real one does not; the noise is that of the simulation's
-seed. Faults are functions in lists, which are empty in a healthy robot. Each sensor measures once a step at the most:
-all ports that show it tell the same.
+Without noise a sensor at rest would repeat its readings, unlike a real one; the noise follows from the simulation's
+seed. Faults are functions in lists, which are empty in a healthy robot. A sensor measures at most once a step, so that
+all ports publish the same reading.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Property
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.sensor_message import Measurements
-    from rtf.simulator.sensors import FtSensor
+    from rtf.simulator.model_sensors import FtSensor
     from rtf.simulator.simulation import Simulation
 
 #: Standard deviations: N and Nm of force and torque; deg, deg/s, m/s² and T of the inertial unit.
@@ -43,18 +43,18 @@ _IMU_NOISE = {
 }
 _FT_NOISE = np.array([FORCE_NOISE] * 3 + [TORQUE_NOISE] * 3)
 _IMU_DEVIATION = np.repeat([*_IMU_NOISE.values()], 3)
-#: What each of its sensors, the first categories of all, shows of the numbers of an inertial unit.
+#: For each sensor of the unit, by category: its slice of the numbers of an inertial unit.
 _IMU_PLACES = [(category, slice(3 * category, 3 * category + 3)) for category in _IMU_NOISE]
-# Under names of this module, as those of an enumeration are slow to find.
+# Names of this module, as the look-up of members of an enumeration is slow.
 _WELL, _FORCE_TORQUE, _CATEGORIES = SensorStatus.OK, SensorCategory.FORCE_TORQUE, len(SensorCategory)
-#: Measurements whose noise is drawn at once, which costs a tenth.
+#: Number of measurements whose noise is drawn at once, which takes a tenth of the time.
 _DRAWN = 256
 
 
 class _Sensor(Device):
-    """What the sensors have in common. They live as long as the simulation.
+    """Base class of the sensors, which live as long as the simulation.
 
-    ``deviation`` are the standard deviations of the numbers that one measures.
+    ``deviation`` has the standard deviation of each number of a reading.
     """
 
     def __init__(self, name: str, simulation: Simulation, deviation: FloatArray) -> None:
@@ -64,19 +64,19 @@ class _Sensor(Device):
         self._deviation = deviation
         self._zero = np.zeros(deviation.size)
         self._noise: Iterator[FloatArray] = iter(())
-        #: Each is given what is about to be told, by name of the sensor, and the time, and changes it in place.
+        #: Faults: each is called with the readings by sensor name, and the time, and changes them in place.
         self.faults: list[Callable[[str, SensorCategory, FloatArray, float], None]] = []
         self.status = SensorStatus.OK
         self._measured_at = -1
         simulation.on_reset.append(self._begin_anew)
 
     def _begin_anew(self) -> None:
-        """What was measured is not true any more, nor is the noise that is drawn."""
+        """Discard the last reading and the noise drawn in advance."""
         self._measured_at = -1
         self._noise = iter(())
 
     def _next_noise(self) -> FloatArray:
-        """That of one measurement, less what was made zero; it is not to be changed."""
+        """Return the noise of one reading, minus the zero offset. The array must not be changed."""
         row = next(self._noise, None)
         if row is None:
             size = self._deviation.size
@@ -94,7 +94,7 @@ class _Sensor(Device):
 
 
 class SimulatedForceTorque(_Sensor, IAnalogSensor):
-    """One force-torque sensor: three forces (N) and three torques (Nm), less what was made zero."""
+    """A force-torque sensor: three forces (N) and three torques (Nm), minus the zero offset."""
 
     def __init__(self, sensor: FtSensor, simulation: Simulation) -> None:
         super().__init__(sensor.name, simulation, _FT_NOISE)
@@ -123,7 +123,9 @@ class SimulatedForceTorque(_Sensor, IAnalogSensor):
         elif 0 <= channel < self._zero.size:
             self._zero[channel] = zero[channel]
         else:
-            raise RefusedError(f"{self.name} has {self._zero.size} channels, counted from 0, and no {channel}")
+            raise RefusedError(
+                f"{self.name} has {self._zero.size} channels, counted from 0, and none with the number {channel}"
+            )
         self._begin_anew()
 
 
@@ -217,14 +219,14 @@ class SimulatedImu(_Sensor, IMultipleAnalogSensors, IMeasurementsSource):
 
 
 _DEGREES = 180.0 / math.pi
-#: What makes of the engine's numbers those of gyroscope, accelerometer and magnetometer.
+#: Factors from the engine's units to those of gyroscope, accelerometer and magnetometer.
 _IMU_SCALES = np.repeat([_DEGREES, 1.0, 1.0], 3)
-#: The categories of which it has no sensors.
+#: The categories without sensors.
 _OTHERS: Measurements = [[]] * (_CATEGORIES - len(_IMU_NOISE))
 
 
 def roll_pitch_yaw(quaternion: FloatArray) -> tuple[float, float, float]:
-    """The rotation w, x, y, z as roll, pitch and yaw in deg: about fixed axes x, y and z in this order."""
+    """Convert a quaternion w, x, y, z to roll, pitch and yaw (deg) about the fixed axes x, y and z, in this order."""
     w, x, y, z = quaternion.tolist()
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))

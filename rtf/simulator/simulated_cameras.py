@@ -1,7 +1,7 @@
 """The cameras of the simulated robot as devices.
 
-A picture can only be made by the thread that has the graphics context, so each camera has one, which works while
-whoever asks waits and holds the lock.
+Only the thread with the graphics context can render, so each camera has a thread. It renders while the caller waits and
+holds the lock.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _FULL = 255.0
 
 
 class SimulatedCamera(Device, IFrameGrabber, IFrameGrabberControls):
-    """One camera of the model. RenderingError when the machine cannot make pictures."""
+    """A camera of the model. Raises RenderingError if the machine cannot render."""
 
     def __init__(self, name: str, simulation: Simulation, *, width: int = 320, height: int = 240) -> None:
         super().__init__(name)
         self._simulation = simulation
         self._size = width, height
         self._settings = dict.fromkeys(_FEATURES, 0.5)
-        #: Each is given a picture and the time, and returns the one that is told instead.
+        #: Faults: each is called with a picture and the time, and returns the picture to be published.
         self.faults: list[Callable[[NDArray[np.uint8], float], NDArray[np.uint8]]] = []
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"rtf-camera {name}")
         try:
@@ -46,10 +46,10 @@ class SimulatedCamera(Device, IFrameGrabber, IFrameGrabberControls):
             raise
 
     def open(self, configuration: Property) -> None:
-        """See Device: it is open from its making."""
+        """Do nothing: it is open from its construction."""
 
     def close(self) -> None:
-        """Give the graphics context back."""
+        """Release the graphics context."""
         self._thread.submit(self._camera.close).result()
         self._thread.shutdown()
 
@@ -91,7 +91,7 @@ class SimulatedCamera(Device, IFrameGrabber, IFrameGrabberControls):
 
     def set_feature(self, feature: CameraFeature, *values: float) -> None:
         if len(values) != 1 or not 0.0 <= values[0] <= 1.0:
-            raise RefusedError(f"{self.name}: {feature.name} takes one value from 0 to 1, not {values}")
+            raise RefusedError(f"{self.name}: {feature.name} must be one value from 0 to 1, not {values}")
         self._settings[self._known(feature)] = values[0]
 
     def is_active(self, feature: CameraFeature) -> bool:
@@ -106,7 +106,7 @@ class SimulatedCamera(Device, IFrameGrabber, IFrameGrabberControls):
 
     def set_automatic(self, feature: CameraFeature, *, automatic: bool) -> None:
         if self._known(feature) is feature and automatic:
-            raise RefusedError(f"{self.name}: {feature.name} is not set by the camera itself")
+            raise RefusedError(f"{self.name}: {feature.name} has no automatic setting")
 
     def _known(self, feature: CameraFeature) -> CameraFeature:
         if feature not in _FEATURES:

@@ -1,7 +1,7 @@
-"""The control port of a simulated robot: how it is, what is broken in it, and how its time passes.
+"""The control port of a simulated robot: status, faults and time.
 
-It is an ordinary RPC port, ``/NAME/simulator/rpc:i``; :class:`rtf.simulator.control.SimulatorControl` asks it. What
-works is answered with ``[ok]`` and what was asked for, everything else with ``[fail]`` and a sentence.
+It is an ordinary RPC port, ``/NAME/simulator/rpc:i``; :class:`rtf.simulator.control_client.SimulatorControl` is its
+client. Replies begin with ``[ok]`` and the result, or with ``[fail]`` and a message.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rtf.middleware.carriers.local import ports_here
 from rtf.middleware.rpc import RpcClient, RpcServer
 from rtf.robot.errors import RefusedError
 from rtf.simulator.contacts import touching
-from rtf.simulator.control import BOARD_ENDS, CONTROL, SLOWEST, WORKS, control_port
+from rtf.simulator.control_client import BOARD_ENDS, CONTROL, SLOWEST, WORKS, control_port
 from rtf.simulator.faults.injection import FaultInjector
 from rtf.simulator.faults.kinds import KINDS, find_kind
 
@@ -32,30 +32,30 @@ if TYPE_CHECKING:
     from rtf.simulator.icub import SimulatedIcub
 
 _OK, _FAIL = Vocab("ok"), Vocab("fail")
-#: Letters of a stranger's words that are said again in an answer.
+#: The greatest number of characters of a request that a reply repeats.
 _ECHO = 80
 _LATELY = 1.0  # s
 
 HELP = (
-    "status                 name, time, factor and what was achieved of it, parts, participants, contacts, faults",
+    "status                 name, time, factor and achieved factor, parts, participants, contacts, faults",
     "faults                 the kinds of faults",
-    "describe KIND          what it strikes, its parameters, what it means and how it shows",
+    "describe KIND          target, parameters, description and symptom of a kind of fault",
     "inject KIND [TARGET] [(NAME VALUE) ...] [delay S] [duration S]",
-    "                       put a fault in; the answer is its number",
-    "clear [NUMBER]         take a fault out, or all; the answer is how many",
-    "active                 the faults that are there: number, kind, target, whether it runs, from when, until when",
-    "contacts               the pairs of links that touch now",
-    "serves [PART]          where this port listens, and those of a part's board: groups of name, host and number",
-    "pause, continue        stop the time, and let it pass again",
-    "step S                 let so many seconds pass while it is paused",
-    "reset                  put the robot to its home, at rest and healthy; time goes on",
-    "factor F               how many times faster than the machine's clock time passes at most; inf: no bound",
+    "                       inject a fault; the reply is its number",
+    "clear [NUMBER]         clear a fault, or all; the reply is how many",
+    "active                 the injected faults: number, kind, target, whether it has begun, begin, end",
+    "contacts               the pairs of links that are in contact",
+    "serves [PART]          the addresses of this port and of a part's board: groups of name, host and port number",
+    "pause, continue        stop the time, and continue it",
+    "step S                 advance the paused time by S seconds",
+    "reset                  reset the robot: at home, at rest and healthy; the time is not reset",
+    "factor F               the greatest real-time factor; inf: no limit",
     "quit                   end the program",
 )
 
 
 class SimulatorService:
-    """Answers at the control port of a robot. ``end`` is called when somebody asks it to quit, in any thread."""
+    """Server of a robot's control port. ``end`` is called, in any thread, for a request to quit."""
 
     def __init__(self, robot: SimulatedIcub, *, network: Network, end: Callable[[], object], lockstep: bool) -> None:
         self.robot = robot
@@ -64,7 +64,7 @@ class SimulatorService:
         self._lockstep = lockstep
         self._end = end
         self._speed = _Speed()
-        self._questions: dict[str, Callable[[Bottle], object]] = {
+        self._requests: dict[str, Callable[[Bottle], object]] = {
             "status": self._status,
             "faults": lambda _: Bottle([_OK, *KINDS]),
             "describe": self._describe,
@@ -81,25 +81,26 @@ class SimulatorService:
         self.port = RpcServer(control_port(robot.name), self.answer, network=network)
 
     def close(self) -> None:
-        """Answer no more."""
+        """Close the port."""
         self.port.close()
 
-    def answer(self, question: Bottle) -> object:
-        """The answer to a question. From any thread."""
-        word = as_string(question.get(0))
-        asked = self._questions.get(word)
+    def answer(self, request: Bottle) -> object:
+        """Return the reply to a request. May be called in any thread."""
+        word = as_string(request.get(0))
+        asked = self._requests.get(word)
         try:
             if asked is None:
-                raise RefusedError(f"{word[:_ECHO]!r} is none of {', '.join(self._questions)}")
-            return asked(question)
+                raise RefusedError(f"{word[:_ECHO]!r} is not a request; the requests are {', '.join(self._requests)}")
+            return asked(request)
         except RtfError as error:
             return Bottle([_FAIL, str(error)])
 
-    # How it is ---------------------------------------------------------------------------------------------------
+    # Status ------------------------------------------------------------------------------------------------------
 
-    def _status(self, _question: Bottle) -> Bottle:
+    def _status(self, _request: Bottle) -> Bottle:
         simulation, time = self.robot.simulation, self.robot.clock
-        # The clock has a lock of its own, which is never taken while the lock is held: the clock does it the other way.
+        # The clock has a lock of its own, which must not be taken with the simulation's lock held: the clock takes them
+        # in the other order.
         participants = [Bottle([one.name, WORKS if one.until is None else one.until]) for one in time.participants]
         with simulation.lock:
             now = simulation.now
@@ -122,14 +123,14 @@ class SimulatorService:
             ]
         )
 
-    def _serves(self, question: Bottle) -> Bottle:
-        """What really is here, for those who ask where the names lead: registrations may be old, or a stranger's."""
+    def _serves(self, request: Bottle) -> Bottle:
+        """Return the addresses of ports of this process, as registrations can be stale or those of another robot."""
         wanted = [self.port.name]
-        if len(question) > 1:
-            part, known = _word(question.get(1), "serves: the part"), self.robot.parts
+        if len(request) > 1:
+            part, known = _word(request.get(1), "serves: the part"), self.robot.parts
             if part not in known:
-                raise RefusedError(f"serves: {part[:_ECHO]!r} is no part of this robot; it has {', '.join(known)}")
-            begin = self.port.name.removesuffix(CONTROL)  # the network may have put something before the robot's name
+                raise RefusedError(f"serves: this robot has no part {part[:_ECHO]!r}; its parts are {', '.join(known)}")
+            begin = self.port.name.removesuffix(CONTROL)  # the network may have added a prefix to the robot's name
             wanted += [f"{begin}/{part}/{end}" for end in BOARD_ENDS]
         here = [port.contact for port in ports_here() if port.name in wanted]
         return Bottle([_OK, *(Bottle([contact.name, contact.host, contact.port]) for contact in here)])
@@ -144,13 +145,13 @@ class SimulatorService:
 
     # Faults ------------------------------------------------------------------------------------------------------
 
-    def _describe(self, question: Bottle) -> Bottle:
-        return Bottle([_OK, *describe(find_kind(_word(question.get(1), "describe: the kind")))])
+    def _describe(self, request: Bottle) -> Bottle:
+        return Bottle([_OK, *describe(find_kind(_word(request.get(1), "describe: the kind")))])
 
-    def _inject(self, question: Bottle) -> Bottle:
-        kind = _word(question.get(1), "inject: the kind")
+    def _inject(self, request: Bottle) -> Bottle:
+        kind = _word(request.get(1), "inject: the kind")
         target, values, times = "", {}, {"delay": 0.0, "duration": math.inf}
-        words = list(question)[2:]
+        words = list(request)[2:]
         while words:
             word = words.pop(0)
             pair = as_list(word)
@@ -161,47 +162,49 @@ class SimulatorService:
             elif isinstance(word, str) and word in times:
                 times[word] = _number(words.pop(0) if words else None, f"inject: {word}")
             elif target:
-                raise RefusedError(f"inject: there is one target, {target}, and then {str(word)[:_ECHO]!r}")
+                raise RefusedError(
+                    f"inject: a fault has one target, {target}; there is another word, {str(word)[:_ECHO]!r}"
+                )
             else:
                 target = _word(word, "inject: the target")
         return Bottle([_OK, self.injector.inject(kind, target, values, **times)])
 
-    def _clear(self, question: Bottle) -> Bottle:
-        number = question.get(1)
+    def _clear(self, request: Bottle) -> Bottle:
+        number = request.get(1)
         if number is not None and not isinstance(number, int):
-            raise RefusedError(f"clear: {str(number)[:_ECHO]!r} is no number of a fault; 'active' tells them")
+            raise RefusedError(f"clear: {str(number)[:_ECHO]!r} is not the number of a fault; 'active' lists them")
         return Bottle([_OK, self.injector.clear(number)])
 
     # Time --------------------------------------------------------------------------------------------------------
 
-    def _ask_clock(self, question: Bottle) -> object:
-        """Hand a question on to the clock, whose business it is."""
+    def _ask_clock(self, request: Bottle) -> object:
+        """Pass a request on to the clock."""
         with RpcClient("", self.robot.clock.name, network=self._network) as client:
-            return client.call(question)
+            return client.call(request)
 
-    def _factor(self, question: Bottle) -> Bottle:
-        factor = _number(question.get(1), "factor")
+    def _factor(self, request: Bottle) -> Bottle:
+        factor = _number(request.get(1), "factor")
         if not factor >= SLOWEST:
-            raise RefusedError(f"factor: it is {SLOWEST:g} or more, not {factor:g}; to stop the time there is pause")
+            raise RefusedError(f"factor: it must be {SLOWEST:g} or more, not {factor:g}; 'pause' stops the time")
         simulation = self.robot.simulation
         with simulation.lock:
             simulation.pace(None if factor == math.inf else factor)
         return Bottle([_OK])
 
-    def _quit(self, _question: Bottle) -> Bottle:
+    def _quit(self, _request: Bottle) -> Bottle:
         self._end()
         return Bottle([_OK])
 
 
 class _Speed:
-    """How fast time has passed: between the questions of the last second, or since the one before."""
+    """The achieved real-time factor: over the requests of the last second, or since the last request."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._seen = deque([(clock.monotonic(), 0.0)], maxlen=100)
 
     def at(self, now: float) -> float:
-        """Seconds that have passed a second of the machine's clock."""
+        """Return the simulated seconds that have passed for a second of the machine's clock."""
         with self._lock:
             machine, seen = clock.monotonic(), self._seen
             seen.append((machine, now))
@@ -212,16 +215,16 @@ class _Speed:
 
 
 def describe(kind: type[Fault]) -> list[Bottle]:
-    """What is to be known of a kind of fault, as groups."""
+    """Return the facts of a kind of fault, as groups."""
     parameters = [
-        Bottle([one.name, one.default, one.unit, one.meaning, one.minimum, one.maximum]) for one in kind.parameters
+        Bottle([one.name, one.default, one.unit, one.description, one.minimum, one.maximum]) for one in kind.parameters
     ]
     return [
         Bottle(["kind", kind.kind]),
         Bottle(["layer", kind.layer.value]),
         Bottle(["target", kind.target_kind.value]),
-        Bottle(["meaning", kind.meaning]),
-        Bottle(["shows", kind.shows]),
+        Bottle(["description", kind.description]),
+        Bottle(["symptom", kind.symptom]),
         Bottle(["parameters", *parameters]),
     ]
 
@@ -232,11 +235,11 @@ def _of_fault(one: ActiveFault) -> Bottle:
 
 def _word(value: Value | None, what: str) -> str:
     if not isinstance(value, str):
-        raise RefusedError(f"{what} is a word, not {'nothing' if value is None else str(value)[:_ECHO]}")
+        raise RefusedError(f"{what} must be a word, not {'nothing' if value is None else str(value)[:_ECHO]}")
     return value
 
 
 def _number(value: Value | None, what: str) -> float:
     if not isinstance(value, int | float):
-        raise RefusedError(f"{what}: a number is needed, not {'nothing' if value is None else str(value)[:_ECHO]}")
+        raise RefusedError(f"{what} must be a number, not {'nothing' if value is None else str(value)[:_ECHO]}")
     return as_float(value)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
 
 _OK, _FAIL = Vocab("ok"), Vocab("fail")
-#: The least real-time factor: a slower simulator would look as if it hung.
+#: The least real-time factor: a slower simulator could not be told from one that hangs.
 SLOWEST = 0.1
 #: The status of a participant that does not wait for a time.
 WORKS = "works"

@@ -22,7 +22,7 @@ from rtf.middleware.rpc import RpcServer
 from rtf.middleware.time import LockstepClock, NetworkClock, clock_from_environment
 from rtf.robot.errors import RefusedError
 from rtf.simulator.axes import INDEX
-from rtf.simulator.control import SimulatorControl, control_port, describe_status
+from rtf.simulator.control_client import SimulatorControl, control_port, describe_status
 from rtf.simulator.faults import KINDS
 from waiting import eventually, open_descriptors
 
@@ -41,8 +41,8 @@ class Bench:
     """A robot of two parts with its service, and somebody who talks to it."""
 
     def __init__(self, network: Network, *, lockstep: bool = True, factor: float | None = 1.0) -> None:
+        from rtf.simulator.control_service import SimulatorService
         from rtf.simulator.icub import SimulatedIcub
-        from rtf.simulator.service import SimulatorService
 
         self.network = network
         self.ended = threading.Event()
@@ -214,28 +214,31 @@ def test_faults_come_and_go(bench: Bench):
         ("factor inf", "[ok]"),
         ("factor 10", "[ok]"),
         ("quit", "[ok]"),
-        ("", "[fail] \"'' is none of status, faults, describe"),
-        ("dance", "[fail] \"'dance' is none of status, faults, describe"),
-        ("inject", '[fail] "inject: the kind is a word, not nothing"'),
-        ("inject 5", '[fail] "inject: the kind is a word, not 5"'),
+        ("", "[fail] \"'' is not a request; the requests are status, faults, describe"),
+        ("dance", "[fail] \"'dance' is not a request; the requests are status, faults, describe"),
+        ("inject", '[fail] "inject: the kind must be a word, not nothing"'),
+        ("inject 5", '[fail] "inject: the kind must be a word, not 5"'),
         ("inject quake", "[fail] \"there is no fault 'quake'; there are jam"),
-        ("inject jam l_elbow r_elbow", "[fail] \"inject: there is one target, l_elbow, and then 'r_elbow'"),
+        (
+            "inject jam l_elbow r_elbow",
+            "[fail] \"inject: a fault has one target, l_elbow; there is another word, 'r_elbow'",
+        ),
         ("inject jam l_elbow (torque)", '[fail] "inject: write (NAME VALUE), not torque"'),
-        ("inject jam l_elbow (torque much)", '[fail] "inject: a parameter: a number is needed, not much"'),
-        ("inject jam l_elbow delay", '[fail] "inject: delay: a number is needed, not nothing"'),
-        ("inject jam l_elbow delay soon", '[fail] "inject: delay: a number is needed, not soon"'),
-        ("inject jam l_elbow delay -1", '[fail] "jam: it begins after 0 s or more'),
+        ("inject jam l_elbow (torque much)", '[fail] "inject: a parameter must be a number, not much"'),
+        ("inject jam l_elbow delay", '[fail] "inject: delay must be a number, not nothing"'),
+        ("inject jam l_elbow delay soon", '[fail] "inject: delay must be a number, not soon"'),
+        ("inject jam l_elbow delay -1", '[fail] "jam: the delay must be 0 s or more'),
         ("clear 5", '[fail] "there is no fault number 5'),
-        ("clear everything", "[fail] \"clear: 'everything' is no number of a fault"),
-        ("factor 0", '[fail] "factor: it is 0.1 or more, not 0'),
-        ("factor nan", '[fail] "factor: it is 0.1 or more'),
-        ("factor fast", '[fail] "factor: a number is needed, not fast"'),
-        ("describe", '[fail] "describe: the kind is a word, not nothing"'),
+        ("clear everything", "[fail] \"clear: 'everything' is not the number of a fault"),
+        ("factor 0", '[fail] "factor: it must be 0.1 or more, not 0'),
+        ("factor nan", '[fail] "factor: it must be 0.1 or more'),
+        ("factor fast", '[fail] "factor must be a number, not fast"'),
+        ("describe", '[fail] "describe: the kind must be a word, not nothing"'),
         ("step 1", '[fail] "pause first"'),
     ],
 )
 def test_answers(bench: Bench, question: str, answer: str):
-    """What works is answered with what was asked for; what does not, with a sentence that names it and the hint."""
+    """A request is answered with its result, or with a message that names the error and has a hint."""
     assert bench.ask(question).startswith(answer)
 
 
@@ -247,11 +250,11 @@ def test_kinds_are_told_and_described(bench: Bench):
     assert told.find("layer") == "plant"
     parameters = told.find_group("parameters")
     assert parameters is not None
-    assert parameters[1] == Bottle(["torque", 400.0, "Nm", "what it would take to move it", 0.0, 1e5])
+    assert parameters[1] == Bottle(["torque", 400.0, "Nm", "the torque that would move it", 0.0, 1e5])
 
 
 def test_help_is_a_line_each(bench: Bench):
-    """Every question is in it; tools print it one below the other."""
+    """Every request is in it; tools print one a line."""
     with pytest.raises(RefusedError, match="there is no fault 'help'"):
         bench.control.inject("help")
     answer = bench.service.answer(Bottle.parse("help"))

@@ -1,6 +1,6 @@
 """The sensors on the robot's links: six force-torque sensors and the inertial unit of the head.
 
-A sensor of the model is a few numbers in ``data.sensordata``; the classes here say which.
+A sensor of the model is a slice of ``data.sensordata``; the classes here hold the slices.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _FORCE_TORQUE = {
     "l_foot_ft_sensor": "l_foot",
     "r_foot_ft_sensor": "r_foot",
 }
-#: Links that must stay bodies of their own, for a sensor measures what holds them.
+#: Links that must stay separate bodies, because a sensor measures the forces at their joint.
 SENSED_LINKS = frozenset(_FORCE_TORQUE.values())
 
 _IMU = "head_imu_0"
@@ -33,19 +33,19 @@ _IMU_ROTATION = (-math.pi / 2, math.pi / 2, 0.0)  # roll, pitch, yaw about fixed
 
 @dataclass(frozen=True, slots=True)
 class FtSensor:
-    """A six-axis force-torque sensor in the sensor's frame; :meth:`read` has the sign that the robot's have.
+    """A six-axis force-torque sensor, in the sensor's frame; :meth:`read` has the sign of the robot's sensors.
 
-    The slices are the engine's numbers, which are what the nearer link, the one towards the root, does to the further
-    one: a hanging arm shows its weight upwards there. The robot's sensors measure from child to parent, the other way.
+    The slices are the engine's numbers: the force of the parent link on the child link, so a hanging arm shows its
+    weight upwards. The robot's sensors measure the force of the child on the parent, with the opposite sign.
     """
 
     name: str
     frame: str  # the link whose frame is the sensor's
-    force: slice  # of data.sensordata, N, nearer link on further
+    force: slice  # of data.sensordata, N, parent on child
     torque: slice  # Nm, likewise, about the sensor's origin
 
     def read(self, sensordata: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give force (N) and torque (Nm) that the further link puts on the nearer one, as six numbers."""
+        """Return force (N) and torque (Nm) of the child link on the parent link, as six numbers."""
         return -sensordata[self.force.start : self.torque.stop]
 
 
@@ -62,7 +62,7 @@ class ImuSensor:
 
 
 def add_sensors(spec: Any) -> None:
-    """Put the sensors on the links."""
+    """Add the sensors to the links."""
     kinds, site = mujoco().mjtSensor, mujoco().mjtObj.mjOBJ_SITE
     for name, link in _FORCE_TORQUE.items():
         spec.body(link).add_site(name=name)
@@ -76,7 +76,7 @@ def add_sensors(spec: Any) -> None:
 
 
 def ft_sensors(model: Any) -> tuple[FtSensor, ...]:
-    """Say where the force-torque sensors of a compiled model are."""
+    """Return the force-torque sensors of a compiled model."""
     return tuple(
         FtSensor(name, link, _slice(model, f"{name}/force"), _slice(model, f"{name}/torque"))
         for name, link in _FORCE_TORQUE.items()
@@ -84,7 +84,7 @@ def ft_sensors(model: Any) -> tuple[FtSensor, ...]:
 
 
 def imu_sensor(model: Any) -> ImuSensor:
-    """Say where the inertial unit of a compiled model is."""
+    """Return the inertial unit of a compiled model."""
     return ImuSensor(
         name=_IMU,
         frame=_IMU,
@@ -102,7 +102,7 @@ def _slice(model: Any, name: str) -> slice:
 
 
 def _quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
-    """Give the rotation by roll about x, then pitch about y, then yaw about z, all fixed, as w, x, y, z."""
+    """Return the quaternion w, x, y, z of the rotation by roll, pitch and yaw about fixed x, y and z, in this order."""
     cr, sr = math.cos(roll / 2), math.sin(roll / 2)
     cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
     cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
