@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.page.compare import journal_of
-from rtf.page.process import ServerProcess, listen
+from rtf.page.server_process import ServerProcess, listen
 from rtf.page.settings import LOG_NAME, Settings
 from rtf.testing.reporting import Reporter, ReportError
 
@@ -67,14 +67,14 @@ class WebReporter(Reporter):
     def handle(self, event: Event, results: RunResult) -> None:  # noqa: ARG002 - the journal has it
         """Let the server look at the journal."""
         if self._server is not None:
-            self._server.poke()
+            self._server.notify()
 
     def linger(self, stop: threading.Event) -> None:
         server, self._server = self._server, None
         if server is None:
             return
         if self.stays and server.alive:
-            server.say_over()
+            server.announce_end()
             sys.stderr.write(f"web page: stays at {self._address} until Ctrl-C\n")
             while server.alive and not stop.wait(1.0):
                 pass

@@ -1,7 +1,7 @@
 """The pytest plug-in: suites of robot tests beside all other tests. Hooks and options, and nothing else.
 
-It is loaded in every session of every project of the environment, so it imports nothing of ours and changes nothing
-until a suite file is collected; what it then needs is in :mod:`rtf.pytest_suites`.
+It is loaded in every pytest session of the environment, so it imports no other module of the framework and changes
+nothing until a suite file is collected; the rest is in :mod:`rtf.pytest_suites`.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ import pytest
 if TYPE_CHECKING:
     from rtf.pytest_suites.nodes import SuiteFile
 
-#: What workers of pytest-xdist have told the session that started them: lines of the summary, and whether one broke.
+#: Reports of pytest-xdist workers to their session: lines of the summary, and whether one had an internal error.
 _FROM_WORKERS = pytest.StashKey[dict[str, Any]]()
 _XDIST_SESSION = pytest.StashKey[str]()
 
 #: Options with one value: name, metavar, help. Each is an ini value, too, with underscores.
 _SINGLE = (
-    ("timeout", "S", "limit of one run() where the suite says none, such as 20, 500ms, 2min"),
-    ("retries", "N", "try a test that did not pass N more times; a late pass is 'flaky'"),
+    ("timeout", "S", "default limit of one run(), such as 20, 500ms, 2min"),
+    ("retries", "N", "retry a test that did not pass up to N times; a late pass is 'flaky'"),
     ("robot", "NAME", "name of the robot, for the record"),
     ("station", "NAME", "name of the test station, for the record (default: host name)"),
     ("answer", "TEXT", "answer operator questions with this ('default': their defaults)"),
-    ("runs", "DIR", "where the folders of runs are made (default: rtf-runs)"),
+    ("runs", "DIR", "folder for the run folders (default: rtf-runs)"),
 )
 #: Options that may be given several times, after those of the ini file, one a line there.
 _SEVERAL = (
-    ("set", "KEY=VALUE", "parameter of every test, over what the suite says"),
-    ("define", "NAME=VALUE", "put VALUE in for ${NAME} in suite files"),
-    ("feature", "WORD", "grant what tests require by a bare word"),
+    ("set", "KEY=VALUE", "parameter of every test, overriding the suite"),
+    ("define", "NAME=VALUE", "replace ${NAME} in suite files by VALUE"),
+    ("feature", "WORD", "grant a requirement that tests name by a word"),
     ("report", "NAME[=FILE]", "write a report of the robot tests, such as html, history, json"),
 )
 
@@ -40,7 +40,7 @@ _SEVERAL = (
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options and their ini values."""
     group = parser.getgroup("rtf", "robot testing (rtf)")
-    group.addoption("--rtf", action="store_true", help="collect suite files in folders, too, not only where named")
+    group.addoption("--rtf", action="store_true", help="collect suite files in folders, too, not only named ones")
     group.addoption(
         "--rtf-lenient", action="store_true", help="an unknown element or attribute of a suite is a warning"
     )
@@ -55,7 +55,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Refuse wrong values before anything is collected, if there are values."""
+    """Check the values of options before anything is collected."""
     names = [name for name, _, _ in (*_SINGLE, *_SEVERAL)]
     if any(config.getoption(f"rtf_{name}") or config.getini(f"rtf_{name}") for name in names):
         from rtf.pytest_suites.settings import Settings
@@ -64,7 +64,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> SuiteFile | None:
-    """Collect a suite file that was named, or any where that was asked for."""
+    """Collect a named suite file, or any suite file with ``--rtf``."""
     if file_path.suffix.lower() != ".xml":
         return None
     config = parent.config
@@ -83,19 +83,19 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> SuiteFile 
 
 
 def lock_file(session: str) -> Path:
-    """The file by which the workers of a session keep from each other's fixtures; nobody else can guess its name."""
+    """Return the lock file by which the workers of a session share fixtures; its name cannot be guessed."""
     return Path(tempfile.gettempdir()) / f"rtf-fixtures-{session}.lock"
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_configure_node(node: Any) -> None:  # a class of pytest-xdist, which need not be installed
-    """Keep the id that all workers of this session know."""
+    """Pass the common id of the session to a worker."""
     node.config.stash[_XDIST_SESSION] = node.workerinput["testrunuid"]
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any) -> None:
-    """Keep what a worker has to say about its run."""
+    """Keep the report of a worker about its run."""
     said = getattr(node, "workeroutput", {}).get("rtf")
     if said is not None:
         kept = node.config.stash.setdefault(_FROM_WORKERS, {"lines": [], "broken": False})
@@ -104,18 +104,18 @@ def pytest_testnodedown(node: Any) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """A worker's run that broke must not look like one that passed."""
+    """Fail the session if the run of a worker had an internal error."""
     if session.config.stash.get(_FROM_WORKERS, {"broken": False})["broken"]:
         session.exitstatus = pytest.ExitCode.INTERNAL_ERROR
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """Say where the records of the workers' runs are."""
+    """Print the folders of the workers' runs."""
     for line in config.stash.get(_FROM_WORKERS, {"lines": []})["lines"]:
         terminalreporter.write_line(line)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """When all workers are gone nobody needs their file any more."""
+    """Remove the lock file when all workers have ended."""
     if _XDIST_SESSION in config.stash:
         lock_file(config.stash[_XDIST_SESSION]).unlink(missing_ok=True)

@@ -31,7 +31,7 @@ def page(words: Sequence[str]) -> ExitCode:
     options = parser.parse_args(words)
 
     from rtf.page.compare import journal_of
-    from rtf.page.process import listen
+    from rtf.page.server_process import listen
     from rtf.page.settings import Settings
 
     folder = journal_of(Path(options.run)).resolve().parent

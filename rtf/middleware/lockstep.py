@@ -89,7 +89,7 @@ class LockstepServer:
         self._paused = False
         self._step_until: float | None = None
         self._reset_wanted = False
-        self._questions = {
+        self._requests = {
             "join": self._join,
             "until": self._until,
             "leave": self._leave,
@@ -246,25 +246,25 @@ class LockstepServer:
     # Requests, each in the thread of its connection -------------------------------------------------------------
 
     def _answer(self, delivery: IncomingMessage) -> None:
-        question = delivery.read()
-        word = as_string(question.get(0))
-        asked = self._questions.get(word)
+        request = delivery.read()
+        word = as_string(request.get(0))
+        asked = self._requests.get(word)
         if asked is None:
-            delivery.reply(Bottle([_FAIL, f"{word!r} is not one of {', '.join(self._questions)}"]))
+            delivery.reply(Bottle([_FAIL, f"{word!r} is not one of {', '.join(self._requests)}"]))
         else:
-            delivery.reply(asked(question, delivery.sender))
+            delivery.reply(asked(request, delivery.sender))
 
-    def _join(self, question: Bottle, sender: str) -> Bottle:
+    def _join(self, request: Bottle, sender: str) -> Bottle:
         with self._changed:
             number, self._next = self._next, self._next + 1
-            self._participants[number] = Participant(as_string(question.get(1)) or sender, sender, get_ident())
+            self._participants[number] = Participant(as_string(request.get(1)) or sender, sender, get_ident())
             return Bottle([_OK, number, self.now])
 
-    def _until(self, question: Bottle, sender: str) -> Bottle:
+    def _until(self, request: Bottle, sender: str) -> Bottle:
         # Sums of decimal fractions differ from the intended value in the last bit.
-        time = round(as_float(question.get(2)), _DIGITS)
+        time = round(as_float(request.get(2)), _DIGITS)
         with self._changed:
-            participant = self._participants.get(as_int(question.get(1)))
+            participant = self._participants.get(as_int(request.get(1)))
             if participant is None or participant.sender != sender:
                 return Bottle([_FAIL, "join first"])
             if not math.isfinite(time):
@@ -278,29 +278,29 @@ class LockstepServer:
                 return Bottle([_FAIL, "the clock was closed" if self.broken is None else f"time ended: {self.broken}"])
             return Bottle([_OK, self.now])
 
-    def _leave(self, question: Bottle, sender: str) -> Bottle:
+    def _leave(self, request: Bottle, sender: str) -> Bottle:
         with self._changed:
-            number = as_int(question.get(1))
+            number = as_int(request.get(1))
             participant = self._participants.get(number)
             if participant is not None and participant.sender == sender:
                 del self._participants[number]
             self._tell_all()
         return Bottle([_OK])
 
-    def _now(self, _question: Bottle, _sender: str) -> Bottle:
+    def _now(self, _request: Bottle, _sender: str) -> Bottle:
         return Bottle([_OK, self.now])
 
-    def _pause(self, _question: Bottle, _sender: str) -> Bottle:
+    def _pause(self, _request: Bottle, _sender: str) -> Bottle:
         self.pause()
         return Bottle([_OK, self.now])
 
-    def _continue(self, _question: Bottle, _sender: str) -> Bottle:
+    def _continue(self, _request: Bottle, _sender: str) -> Bottle:
         self.resume()
         return Bottle([_OK, self.now])
 
-    def _step(self, question: Bottle, _sender: str) -> Bottle:
+    def _step(self, request: Bottle, _sender: str) -> Bottle:
         """Advance a paused time by a number of seconds, whether or not participants wait for it."""
-        seconds = as_float(question.get(1))
+        seconds = as_float(request.get(1))
         with self._changed:
             if not self._paused:
                 return Bottle([_FAIL, "pause first"])
@@ -311,7 +311,7 @@ class LockstepServer:
             self._changed.wait_for(lambda: self.now >= until or self._closed or not self._paused)
             return Bottle([_OK, self.now])
 
-    def _ask_for_reset(self, _question: Bottle, _sender: str) -> Bottle:
+    def _ask_for_reset(self, _request: Bottle, _sender: str) -> Bottle:
         if self._reset is None:
             return Bottle([_FAIL, "there is nothing to reset"])
         with self._changed:
@@ -320,7 +320,7 @@ class LockstepServer:
             self._changed.wait_for(lambda: not self._reset_wanted or self._closed)
             return Bottle([_OK, self.now])
 
-    def _tell_participants(self, _question: Bottle, _sender: str) -> Bottle:
+    def _tell_participants(self, _request: Bottle, _sender: str) -> Bottle:
         """Return the name of each participant and what it waits for: a time, or the word ``works``."""
         with self._changed:
             people = [Bottle([one.name, "works" if one.until is None else one.until]) for one in self.participants]

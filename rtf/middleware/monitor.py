@@ -94,8 +94,8 @@ def _look_at(network: Network, contact: Contact) -> PortState:
     return PortState(contact, latency, tuple(outputs), tuple(inputs))
 
 
-def _ask(link: TextOutput, question: str) -> Bottle:
-    link.send_lines("a", question)
+def _ask(link: TextOutput, request: str) -> Bottle:
+    link.send_lines("a", request)
     return Bottle.parse(" ".join(link.receive_lines()))
 
 

@@ -56,15 +56,15 @@ class RpcClient(Port):
 
     @overload
     def call(
-        self, question: object, *, codec: Codec[Any] | None = None, timeout: float | None = None
+        self, request: object, *, codec: Codec[Any] | None = None, timeout: float | None = None
     ) -> Bottle | None: ...
     @overload
     def call(
-        self, question: object, *, codec: Codec[Any] | None = None, answer: Codec[T], timeout: float | None = None
+        self, request: object, *, codec: Codec[Any] | None = None, answer: Codec[T], timeout: float | None = None
     ) -> T | None: ...
     def call(
         self,
-        question: object,
+        request: object,
         *,
         codec: Codec[Any] | None = None,
         answer: Codec[Any] = BOTTLE,
@@ -82,7 +82,7 @@ class RpcClient(Port):
             raise ConnectError(f"{self.name} is not connected to a server")
         output = outputs[0]
         dialect = output.dialect or self.network.dialect
-        message = OutgoingMessage("d", question, codec or codec_of(question), dialect, self.envelope)
+        message = OutgoingMessage("d", request, codec or codec_of(request), dialect, self.envelope)
         try:
             return output.call(message, answer, timeout)
         except BaseException as error:

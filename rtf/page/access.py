@@ -1,8 +1,7 @@
-"""Who may ask the server what: the checks before every answer, and the headers on it.
+"""Access control of the server: the checks of every request, and the security headers of every response.
 
-Everybody who reaches the port may look; stopping the run and answering its questions takes the token. A page of another
-origin gets nothing: the Host header must be ours, which a name that was made to lead here (DNS rebinding) is not, and
-so must the Origin be where there is one.
+Reading needs no token; stopping the run and answering its questions does. Pages of another origin get nothing: the Host
+header must name this server, which prevents DNS rebinding, and so must the Origin header, if there is one.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ from rtf.page.settings import LOG_NAME, WILDCARDS, Settings, bracketed
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-#: What the page may load and do: its own files, its own server, pictures it drew itself.
+#: The content security policy of the page: its own files, its own server, and pictures that it draws itself.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-#: What a file of the run may do when it is opened: nothing.
+#: The policy of a file of the run: nothing is allowed.
 FILE_POLICY = "default-src 'none'; frame-ancestors 'none'; sandbox"
 
 _HEADERS = (
@@ -41,11 +40,11 @@ _log = logging.getLogger("rtf.page")
 
 
 class Access:
-    """What is ours: names, origin and token of one server."""
+    """The names, the origin and the token of a server."""
 
     def __init__(self, settings: Settings) -> None:
         names = {"127.0.0.1", "localhost", "::1"}
-        if settings.host not in names:  # elsewhere on purpose
+        if settings.host not in names:  # deliberately on another address
             node = platform.node().lower()
             names |= {settings.host.lower(), node, f"{node}.local"} - WILDCARDS
         ports = {f":{settings.port}", *([""] if settings.port == _HTTP_PORT else [])}
@@ -55,7 +54,7 @@ class Access:
         self._token = settings.token.encode()
 
     def knows_host(self, host: str) -> bool:
-        """Whether a Host header is ours. Where every interface is listened on, any address is: no name leads to it."""
+        """Return whether a Host header names this server. If it listens on every interface, any IP address does."""
         if host.lower() in self._hosts:
             return True
         if not self._any_address:
@@ -63,12 +62,12 @@ class Access:
         return any(host.endswith(port) and _is_address(host.removesuffix(port)) for port in self._ports)
 
     def knows_origin(self, origin: str) -> bool:
-        """Whether an Origin header is ours."""
+        """Return whether an Origin header names this server."""
         scheme, separator, host = origin.partition("://")
         return scheme == "http" and bool(separator) and self.knows_host(host)
 
     def may_control(self, authorization: str) -> bool:
-        """Whether an Authorization header carries the token; the time it takes says nothing."""
+        """Return whether an Authorization header has the token, in constant time."""
         scheme, _, token = authorization.partition(" ")
         return bool(self._token) and scheme.lower() == "bearer" and hmac.compare_digest(token.encode(), self._token)
 
@@ -82,14 +81,14 @@ def _is_address(text: str) -> bool:
 
 
 class Guard:
-    """Stands before the application: refuses strangers, puts the headers on, and keeps errors to the log."""
+    """ASGI middleware that checks access, adds the security headers, and writes errors to the log."""
 
     def __init__(self, app: ASGIApp, access: Access) -> None:
         self._app = app
         self._access = access
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request."""
+        """Handle a request."""
         begun = False
 
         async def send_guarded(message: Message) -> None:
@@ -104,17 +103,17 @@ class Guard:
             await app(scope, receive, send_guarded)
         except Exception:
             if begun:
-                raise  # it is logged, and the answer cut off
+                raise  # it is logged, and the response ends here
             _log.exception("%s %r", scope["method"], scope["path"])
-            sorry = PlainTextResponse(f"the server broke on this; {LOG_NAME} in the run's folder says how\n", 500)
+            sorry = PlainTextResponse(f"internal error; see {LOG_NAME} in the run folder\n", 500)
             await sorry(scope, receive, send_guarded)
 
     def _refusal(self, headers: Headers) -> PlainTextResponse | None:
         if not self._access.knows_host(headers.get("host", "")):
-            return PlainTextResponse("this server is not reached by that name\n", 403)
+            return PlainTextResponse("this server does not have that host name\n", 403)
         origin = headers.get("origin")
         if origin is not None and not self._access.knows_origin(origin):
-            return PlainTextResponse("not from a page of another origin\n", 403)
+            return PlainTextResponse("requests from pages of another origin are refused\n", 403)
         return None
 
 

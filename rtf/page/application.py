@@ -1,4 +1,4 @@
-"""What the server answers, request by request: the contract of ``docs/page.md``. Who may ask is settled before."""
+"""The HTTP application of the page, with the interface of ``docs/page.md``. Access is checked before it."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.types import ASGIApp
 
-    from rtf.page.feed import Feed
+    from rtf.page.journal_feed import Feed
 
-    #: Passes a request on to the run; the answer says by ``error`` and ``late`` why it is not granted.
+    #: Passes a request on to the run; the reply has the reason of a refusal in ``error`` and ``late``.
     Command = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
 
-#: What a client may send, in bytes, and the seconds it may take for it.
+#: The limits of a client's request: bytes, and seconds.
 MAX_BODY = 64 << 10
 BODY_TIME = 10.0
-#: Seconds after which a quiet stream says that it is alive, and milliseconds after which a client comes back.
+#: Seconds between keep-alive messages of a quiet stream, and milliseconds until a client reconnects.
 KEEP_ALIVE = 10.0
 RETRY = 1000
 _CHUNK = 1 << 16
-#: Files that are unpacked, and runs that are compared, at a time.
+#: The number of series that are unpacked, and of runs that are compared, at the same time.
 _HEAVY = 2
 _STAGES = (1, 2)
 
 
 def make_application(settings: Settings, feed: Feed, command: Command | None) -> ASGIApp:
-    """The application of one page, with the guard before it. Without ``command`` nothing is controlled."""
+    """Return the application of a page, behind its guard. Without ``command`` the run cannot be controlled."""
     page = Page(settings, feed, command)
     routes = [
         Route("/", page.index),
@@ -65,7 +65,7 @@ def make_application(settings: Settings, feed: Feed, command: Command | None) ->
 
 
 class Page:
-    """The answers."""
+    """The handlers of the requests."""
 
     def __init__(self, settings: Settings, feed: Feed, command: Command | None) -> None:
         self.access = Access(settings)
@@ -81,15 +81,15 @@ class Page:
     # The page ----------------------------------------------------------------------------------------------------
 
     async def index(self, _request: Request) -> Response:
-        """The page itself."""
+        """Return the page itself."""
         return _asset(self._assets.get(INDEX))
 
     async def asset(self, request: Request) -> Response:
-        """One of its files."""
+        """Return a file of the page."""
         return _asset(self._assets.get(request.path_params["name"]))
 
     async def facts(self, _request: Request) -> Response:
-        """What the page must know before it shows anything."""
+        """Return the facts that the page needs at its start."""
         facts = {
             "mode": "live",
             "control": self._command is not None,
@@ -102,12 +102,12 @@ class Page:
     # The run -----------------------------------------------------------------------------------------------------
 
     async def events(self, request: Request) -> Response:
-        """The journal, from the beginning or from where the client left."""
+        """Stream the journal, from its beginning or from the position of a client that reconnects."""
         if request.method == "HEAD":
             return Response(media_type="text/event-stream")
         after = request.headers.get("last-event-id") or request.query_params.get("after") or "0"
         if not (after.isascii() and after.isdigit() and len(after) <= len(str(1 << 62))):
-            return _text(400, "Last-Event-ID is a number of lines")
+            return _text(400, "Last-Event-ID must be a number of lines")
         return StreamingResponse(self._stream(int(after)), media_type="text/event-stream")
 
     async def _stream(self, after: int) -> AsyncIterator[bytes]:
@@ -133,13 +133,13 @@ class Page:
                     yield b":\n\n"
 
     async def status(self, _request: Request) -> Response:
-        """What scripts ask for."""
+        """Return the status for scripts."""
         return _json(200, await asyncio.to_thread(self._status.read))
 
-    # Beside the run ----------------------------------------------------------------------------------------------
+    # Files and other runs-----------------------------------------------------------------------------------------
 
     async def series(self, request: Request) -> Response:
-        """The columns of a recorded series."""
+        """Return the columns of a recorded series."""
         try:
             path = files.inside(self._folder, request.path_params["path"])
             async with self._heavy:
@@ -149,14 +149,14 @@ class Page:
         return Response(content, media_type=files.OPAQUE)
 
     async def file(self, request: Request) -> Response:
-        """A file of the run's folder, as something to look at where it can only be that, or else to keep."""
+        """Return a file of the run folder: shown by the browser if its type is harmless, otherwise downloaded."""
         name = request.path_params["path"]
         try:
             path = files.inside(self._folder, name)
         except FileRefusedError as error:
             return _text(404, str(error))
         if path.name == LOG_NAME:
-            return _text(404, "the server's own log is not shown")
+            return _text(404, "the log of the server is not shown")
         media_type = files.media_type(path)
         size = path.stat().st_size
         headers = {"content-length": str(size), "content-security-policy": FILE_POLICY}
@@ -167,7 +167,7 @@ class Page:
         return StreamingResponse(_content(path, size), headers=headers, media_type=media_type)
 
     async def compared(self, _request: Request) -> Response:
-        """The records of the run that this one is compared with."""
+        """Return the records of the run that this one is compared with."""
         run = self._settings.compare
         if run is None:
             return _text(404, "there is no run to compare with")
@@ -177,41 +177,41 @@ class Page:
         return Response(self._compared, media_type="application/json")
 
     async def history(self, _request: Request) -> Response:
-        """The trends of all runs so far."""
+        """Return the trends of all runs."""
         path = self._settings.history
         if path is None:
-            return _text(404, "no history is kept")
+            return _text(404, "there is no history")
         try:
             async with self._heavy:
                 content = await asyncio.to_thread(_trends, path, self._status)
-        except RtfError as error:  # the file is gone, or another program's
+        except RtfError as error:  # the file was deleted, or is that of another program
             return _text(404, str(error))
         return Response(content, media_type="application/json")
 
     # Control -----------------------------------------------------------------------------------------------------
 
     async def stop(self, request: Request) -> Response:
-        """Stop after the running test, or now."""
+        """Stop the run after the running test, or now."""
         given = await self._read_command(request)
         if isinstance(given, Response):
             return given
         if type(given.get("stage")) is not int or given["stage"] not in _STAGES:
-            return _error(400, 'want {"stage": 1} (after this test) or {"stage": 2} (now)')
+            return _error(400, 'the body must be {"stage": 1} (after this test) or {"stage": 2} (now)')
         return await self._pass_on({"stop": given["stage"]})
 
     async def answer(self, request: Request) -> Response:
-        """Answer a question."""
+        """Answer a question of a test."""
         given = await self._read_command(request)
         if isinstance(given, Response):
             return given
         words = [given.get(name) for name in ("test", "question", "answer")]
         if not all(isinstance(word, str) and _is_text(word) for word in words):
-            return _error(400, 'want {"test": …, "question": …, "answer": …}, all of them text')
+            return _error(400, 'the body must be {"test": …, "question": …, "answer": …}, with texts only')
         return await self._pass_on({"answer": words})
 
     async def _read_command(self, request: Request) -> dict[str, Any] | Response:
         if not self.access.may_control(request.headers.get("authorization", "")):
-            refusal = _error(401, "this takes the token that stands in the address testrunner printed")
+            refusal = _error(401, "the token is missing or wrong; open the address that testrunner printed")
             refusal.headers["www-authenticate"] = "Bearer"
             return refusal
         if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
@@ -221,12 +221,12 @@ class Page:
                 body = await _body(request)
             given = json.loads(body)
         except TimeoutError:
-            return _error(408, "the request did not come whole")
+            return _error(408, "the request is incomplete")
         except OverflowError:
-            return _error(413, f"more than {MAX_BODY >> 10} KiB")
+            return _error(413, f"the request is larger than {MAX_BODY >> 10} KiB")
         except (ValueError, RecursionError, ClientDisconnect):
-            return _error(400, "this is no JSON")
-        return given if isinstance(given, dict) else _error(400, "want a JSON object")
+            return _error(400, "the body is not valid JSON")
+        return given if isinstance(given, dict) else _error(400, "the body must be a JSON object")
 
     async def _pass_on(self, command: dict[str, Any]) -> Response:
         if self._command is None:
@@ -259,7 +259,7 @@ def _error(status: int, text: str) -> Response:
 
 
 def _is_text(word: str) -> bool:
-    """Whether this can be written: JSON knows halves of characters."""
+    """Return whether a text can be encoded: JSON strings can have lone surrogates."""
     return word.encode(errors="replace").decode() == word
 
 
@@ -273,7 +273,7 @@ async def _body(request: Request) -> bytes:
 
 
 async def _content(path: Path, size: int) -> AsyncIterator[bytes]:
-    """So many bytes of a file, which may be growing."""
+    """Yield ``size`` bytes of a file, which may be growing."""
     async with await anyio.open_file(path, "rb") as stream:
         while size and (chunk := await stream.read(min(_CHUNK, size))):
             size -= len(chunk)

@@ -1,6 +1,6 @@
-"""What the browser gets: the files of ``reports/page``, read once, with the type each is served as.
+"""The files of the page in ``reports/page``, read once, with their media types.
 
-The live server answers with them as they are; the archive puts their texts into one file.
+The live server sends them unchanged; the archive puts their texts into one file.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-#: The page itself, which ``GET /`` answers with.
+#: The page itself, the response to ``GET /``.
 INDEX = "index.html"
 
-#: What is served, and as what. Nothing else that may lie in the folder is.
+#: The media types of the served files, by suffix. No other file in the folder is served.
 _TYPES = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -29,7 +29,7 @@ _TYPES = {
 
 @dataclass(frozen=True, slots=True)
 class Asset:
-    """One file of the page."""
+    """A file of the page."""
 
     name: str
     media_type: str
@@ -37,17 +37,17 @@ class Asset:
 
     @property
     def text(self) -> str:
-        """The content of a file that people write."""
+        """The content as text."""
         return self.content.decode()
 
 
 def page_folder() -> Path:
-    """Where the page's files are: inside the package, or beside it in a checkout."""
+    """Return the folder of the page's files: inside the package, or beside it in a checkout."""
     return shipped_folder("report") / "page"
 
 
 def read_assets(folder: Path | None = None) -> Mapping[str, Asset]:
-    """All files of the page by name, in sorted order."""
+    """Return all files of the page by name, sorted."""
     found = sorted((folder or page_folder()).iterdir())
     return {
         path.name: Asset(path.name, _TYPES[path.suffix], path.read_bytes()) for path in found if path.suffix in _TYPES

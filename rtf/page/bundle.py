@@ -1,8 +1,8 @@
-"""Joins the page's ES modules into one, in the order of their imports, for the page that is a single file.
+"""Bundling of the page's ES modules into one, in the order of their imports, for the page as a single file.
 
-This is no compiler: it takes the ``import`` lines and the word ``export`` away and changes nothing else. What that
-would break is refused, with the line and the hint. It reads lines, not JavaScript: what stands at the left margin
-counts as top level, so modules keep away from the margin what is inside braces, comments and templates.
+It removes ``import`` lines and the word ``export``, and changes nothing else. Code that this would break is refused,
+with the line and a hint. It reads lines, not JavaScript: text at the left margin counts as top level, so the modules
+indent everything inside braces, comments and templates.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ _EXPORT_HINT = "write export at the left margin before the declaration of a func
 
 
 class BundleError(PageError, ValueError):
-    """Modules that cannot be joined, or a page that cannot be one file; says where and how to fix it."""
+    """The modules cannot be joined, or the page cannot be a single file; the message has the line and a hint."""
 
 
 @dataclass(slots=True)
 class _Module:
-    """A module in pieces: what it imports on which line, what it declares and exports, and its text without these."""
+    """A parsed module: its imports by line, its declarations and exports, and its text without them."""
 
     name: str
     imports: list[tuple[int, str, list[str]]] = field(default_factory=list)
@@ -43,9 +43,9 @@ class _Module:
 
 
 def join_modules(sources: Mapping[str, str], entry: str) -> str:
-    """One module with everything that ``entry`` imports before it. Raises BundleError.
+    """Return the module ``entry`` with all modules that it imports before it. Raises BundleError.
 
-    ``sources`` are the texts by file name; modules that nobody imports are left out.
+    ``sources`` are the texts by file name; modules that are not imported are left out.
     """
     modules = _in_order(sources, entry)
     for module in modules.values():
@@ -55,7 +55,7 @@ def join_modules(sources: Mapping[str, str], entry: str) -> str:
 
 
 def _in_order(sources: Mapping[str, str], entry: str) -> dict[str, _Module]:
-    """The modules that are needed, each after those that it imports."""
+    """Return the needed modules, each after those that it imports."""
     done: dict[str, _Module] = {}
     underway: list[str] = []
 
@@ -64,7 +64,7 @@ def _in_order(sources: Mapping[str, str], entry: str) -> dict[str, _Module]:
             return
         if name in underway:
             circle = " -> ".join([*underway[underway.index(name) :], name])
-            raise BundleError(f"{wanted_at}: modules import each other in a circle, {circle}; move what both need")
+            raise BundleError(f"{wanted_at}: modules import each other in a circle, {circle}; move the common part")
         if name not in sources:
             raise BundleError(f"{wanted_at}: there is no module {name}")
         module = _read(name, sources[name])
@@ -85,7 +85,7 @@ def _read(name: str, text: str) -> _Module:
         if _COMMENT.match(line):
             module.body.append(line)
         elif _WHILE_IT_RUNS.search(line):
-            raise BundleError(f"{place}: there is nothing to import while the page runs; {_IMPORT_HINT}")
+            raise BundleError(f"{place}: dynamic imports do not work in a single file; {_IMPORT_HINT}")
         elif re.match(r"\s*import\b", line):
             module.imports.append((number, *_import(line, place)))
         else:
@@ -96,16 +96,16 @@ def _read(name: str, text: str) -> _Module:
 def _import(line: str, place: str) -> tuple[str, list[str]]:
     match = _IMPORT.fullmatch(line)
     if match is None:
-        raise BundleError(f"{place}: this import cannot be taken away: {line.strip()!r}; {_IMPORT_HINT}")
+        raise BundleError(f"{place}: this import cannot be removed: {line.strip()!r}; {_IMPORT_HINT}")
     return match[2], [name.strip() for name in match[1].split(",")]
 
 
 def _without_export(module: _Module, line: str, number: int) -> str:
-    """The line as it goes into the joined module; notes what it declares."""
+    """Return the line for the joined module, and note its declarations."""
     place = f"{module.name}:{number}"
     plain = _EXPORTED.sub("", line, count=1) if line.startswith("export ") else line
     if re.match(r"\s*export\b", plain):
-        raise BundleError(f"{place}: this export cannot be taken away: {line.strip()!r}; {_EXPORT_HINT}")
+        raise BundleError(f"{place}: this export cannot be removed: {line.strip()!r}; {_EXPORT_HINT}")
     match = _DECLARATION.match(plain)
     if match is None:
         return plain

@@ -1,4 +1,4 @@
-"""An earlier run in the few records a comparison needs, as ``GET /compare`` and the archive give them to the page."""
+"""The records of an earlier run for a comparison, for ``GET /compare`` and the archive."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def journal_of(run: Path) -> Path:
-    """The journal of a run that is named by its folder or by the journal itself. Raises JournalError."""
+    """Return the journal of a run given by its folder or by the journal itself. Raises JournalError."""
     path = run / FILE_NAME if run.is_dir() else run
     if not path.is_file():
         raise JournalError(f"there is no run in {run}: {path} is missing")
@@ -28,10 +28,9 @@ def journal_of(run: Path) -> Path:
 
 
 def records(run: Path) -> Iterator[Record]:
-    """``run_started``, each ``test_planned``, then by test ``measured`` and ``test_ended``, and ``run_ended``.
+    """Return ``run_started``, each ``test_planned``, then by test ``measured`` and ``test_ended``, and ``run_ended``.
 
-    Only the last attempt at each test counts, and of a run that was resumed what it came to in the end. Tests have the
-    ids that they have now.
+    Only the last attempt at each test counts, and of a resumed run the final results. Tests have their present ids.
     """
     ends: dict[type[Event], Record] = {}
     ids: dict[str, str] = {}

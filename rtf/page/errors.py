@@ -1,4 +1,4 @@
-"""What can go wrong behind the page: one base error and its leaves, each also a fitting built-in."""
+"""The errors of the page's server side: a base class and its subclasses, which are also built-in exceptions."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from rtf.errors import RtfError
 
 
 class PageError(RtfError):
-    """Base of the errors of the page's layer."""
+    """Base class of the errors of the page."""
 
 
 class SeriesError(PageError, ValueError):
-    """A file holds no recorded series, or one beyond all bounds."""
+    """A file has no recorded series, or one that is too large."""
 
 
 class FileRefusedError(PageError, PermissionError):
-    """A path that leads to no ordinary file inside the run's folder."""
+    """A path does not lead to a regular file inside the run folder."""

@@ -1,6 +1,6 @@
-"""Files of a run: which path leads to one inside the run's folder, and as what it may be shown.
+"""Files of a run: resolution of paths inside the run folder, and the media types by which they may be shown.
 
-Names in a journal come from tests, and those in a request from anywhere; neither is believed.
+Names in a journal come from tests, and those in a request from anywhere; neither is trusted.
 """
 
 from __future__ import annotations
@@ -13,42 +13,42 @@ from rtf.page.errors import FileRefusedError
 if TYPE_CHECKING:
     from pathlib import Path
 
-#: What a browser may show. None of it can carry a script that the page's origin would have to answer for.
+#: The types that a browser may show. None of them can contain a script, which would run with the page's origin.
 SHOWN = frozenset(
     {
         *("image/png", "image/jpeg", "image/gif", "image/webp", "image/avif", "image/bmp"),
         *("application/json", "text/plain", "text/csv", "text/markdown"),
     }
 )
-#: What keeps its type and is downloaded: a browser would show it with a program of its own, outside all bounds.
+#: The types that are kept for a download: a browser would show them with another program.
 KEPT = frozenset({"application/pdf"})
-#: Files of plain text whose names no table of media types knows.
+#: Suffixes of plain text that tables of media types do not have.
 _TEXT = frozenset({".log", ".ini", ".jsonl", ".yaml", ".yml", ".toml", ".conf"})
 OPAQUE = "application/octet-stream"
 
 
 def inside(folder: Path, name: str) -> Path:
-    """The ordinary file that a relative path means inside a folder, links resolved.
+    """Return the regular file of a relative path inside a folder, with links resolved.
 
-    Raises FileRefusedError when it leads outside, to something hidden, or to none.
+    Raises FileRefusedError if it leads outside or to a hidden file, or if there is no such file.
     """
     parts = name.split("/")
     if "\0" in name or any(part.startswith(".") or not part for part in parts):
-        raise FileRefusedError(f"{name!r} is no path inside the run's folder")
+        raise FileRefusedError(f"{name!r} is not a path inside the run folder")
     try:
         root = folder.resolve(strict=True)
         path = root.joinpath(*parts).resolve(strict=True)
         if not path.is_relative_to(root) or not path.is_file():
-            raise FileRefusedError(f"{name!r} is no file inside the run's folder")
-    except (OSError, RuntimeError) as error:  # not there, not readable, a loop of links, a name that is too long
+            raise FileRefusedError(f"{name!r} is not a file inside the run folder")
+    except (OSError, RuntimeError) as error:  # missing, unreadable, a loop of links, or a name that is too long
         if isinstance(error, FileRefusedError):
             raise
-        raise FileRefusedError(f"{name!r} is no file inside the run's folder") from None
+        raise FileRefusedError(f"{name!r} is not a file inside the run folder") from None
     return path
 
 
 def media_type(path: Path) -> str:
-    """As what a file may be shown: a type of the short list, or the one that is only ever downloaded."""
+    """Return the media type of a file: one that may be shown, or one that is always downloaded."""
     if path.suffix.lower() in _TEXT:
         return "text/plain"
     guessed, encoding = mimetypes.guess_type(path.name, strict=True)
@@ -56,5 +56,5 @@ def media_type(path: Path) -> str:
 
 
 def is_shown(kind: str) -> bool:
-    """Whether a browser may show it; it is downloaded otherwise."""
+    """Return whether a browser may show the file; otherwise it is downloaded."""
     return kind in SHOWN

@@ -1,6 +1,6 @@
-"""Recorded series for plots: read safely, thinned out so that no peak is lost, packed for the browser.
+"""Recorded series for plots: safe reading, reduction that keeps the peaks, and encoding for the browser.
 
-The format is that of ``docs/page.md``. Nothing is changed on the disk. NumPy is imported when a series is asked for.
+The format is in ``docs/page.md``. Files are not changed. NumPy is imported for the first series.
 """
 
 from __future__ import annotations
@@ -21,45 +21,45 @@ if TYPE_CHECKING:
 
     Column = NDArray[Any]
 
-#: A plot has no more pixels than this by far; more rows are thinned out.
+#: The greatest number of rows, far more than a plot has pixels; others are left out.
 MAX_ROWS = 20_000
-#: What a file may unfold to, and how many columns it may have.
+#: The greatest unpacked size of a file, in bytes, and number of its columns.
 MAX_BYTES = 1 << 28
 MAX_COLUMNS = 256
-#: How long the description of a column may be in a file; NumPy's are a line.
+#: The greatest size of a column's header in a file; NumPy's is a line.
 _MAX_HEADER = 4096
 _HEAD = struct.Struct("<III")
 
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Columns of one length, the axis first. ``thinned`` says that peaks were kept but samples left out."""
+    """Columns of equal length, the axis first. ``thinned``: samples were left out, and peaks kept."""
 
     names: tuple[str, ...]
     columns: tuple[Column, ...]
     thinned: bool = False
 
     def packed(self) -> bytes:
-        """As ``GET /series`` sends it."""
+        """Encode the series for ``GET /series``."""
         rows = len(self.columns[0])
         head = _HEAD.pack(len(self.columns), rows, int(self.thinned))
         return b"".join([head, *(column.astype("<f8").tobytes() for column in self.columns)])
 
 
 def pack_file(path: Path, max_rows: int = MAX_ROWS) -> bytes:
-    """A recorded series as ``GET /series`` sends it. Raises SeriesError."""
+    """Read a recorded series and encode it for ``GET /series``. Raises SeriesError."""
     return thin_out(read(path), max_rows).packed()
 
 
 def read(path: Path) -> Series:
-    """The series in an ``.npz`` file. Raises SeriesError for anything that is none."""
+    """Read the series in an ``.npz`` file. Raises SeriesError for any other file."""
     try:
         with zipfile.ZipFile(path) as archive:
             return _unpack(path.name, archive)
     except SeriesError:
         raise
     except Exception as error:  # noqa: BLE001 - a broken file may raise anything: zipfile, each decompressor, NumPy
-        raise SeriesError(f"{path.name} holds no series: {type(error).__name__}: {error}") from None
+        raise SeriesError(f"{path.name} has no series: {type(error).__name__}: {error}") from None
 
 
 def _unpack(name: str, archive: zipfile.ZipFile) -> Series:
@@ -73,32 +73,34 @@ def _unpack(name: str, archive: zipfile.ZipFile) -> Series:
         with archive.open(member) as stream:
             columns.append(_column(stream, member.file_size, f"{name}: {member.filename}"))
     if len({len(column) for column in columns}) != 1:
-        raise SeriesError(f"{name}: the columns are of different lengths")
+        raise SeriesError(f"{name}: the columns have different lengths")
     return Series(tuple(member.filename.removesuffix(".npy") for member in members), tuple(columns))
 
 
 def _column(stream: IO[bytes], size: int, place: str) -> Column:
-    """One column; its description is held against the size of the file before any memory is taken for it."""
+    """Read a column; its header is compared with the size of the file before memory is allocated."""
     import numpy as np
     from numpy.lib import format as npy
 
     version = npy.read_magic(stream)
     read_header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
     if read_header is None:
-        raise SeriesError(f"{place}: version {version} of the format is not known")
+        raise SeriesError(f"{place}: unknown version {version} of the format")
     shape, _, dtype = read_header(stream, max_header_size=_MAX_HEADER)
     if dtype.kind != "f" or dtype.itemsize > np.dtype(np.float64).itemsize or len(shape) != 1:
-        raise SeriesError(f"{place}: not one row of floating-point numbers but {dtype} of shape {shape}")
+        raise SeriesError(
+            f"{place}: a column must be a row of floating-point numbers, not {dtype} of shape {shape}"
+        )
     data = stream.read(min(size, shape[0] * dtype.itemsize))
     if len(data) != shape[0] * dtype.itemsize:
-        raise SeriesError(f"{place}: shorter than it says")
+        raise SeriesError(f"{place}: shorter than its header says")
     return np.frombuffer(data, dtype).astype(np.float64)
 
 
 def thin_out(series: Series, max_rows: int = MAX_ROWS) -> Series:
-    """Leave rows out where there are more than ``max_rows``: of each stretch the extremes of every column stay.
+    """Reduce a series to ``max_rows`` rows: of each interval the extremes of every column are kept.
 
-    Rows keep their order, and with it the axis stays ascending. The first and the last row stay.
+    Rows keep their order, so the axis stays ascending. The first and the last row are kept.
     """
     import numpy as np
 
@@ -112,7 +114,7 @@ def thin_out(series: Series, max_rows: int = MAX_ROWS) -> Series:
 
 
 def _extremes(columns: Sequence[Column], rows: int, stretches: int) -> list[Column]:
-    """The rows of the least and the greatest value of each stretch, column by column; what is no number is neither."""
+    """Return the rows of the least and the greatest value of each interval, by column; NaN is neither."""
     import numpy as np
 
     length = -(-rows // stretches)

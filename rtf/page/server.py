@@ -1,9 +1,8 @@
-"""The server's process: it reads the journal as it grows and answers the browsers, until the run, or a person, is done.
+"""The server process: it reads the growing journal and answers browsers, until the run, or a signal, ends it.
 
-It is started by ``rtf.page.process`` with three open files: the socket that is listened on, the channel to the runner,
-and the eventfd by which the runner says that there is something new. When the channel closes, the runner is gone,
-however it went; the server sends what there is and ends. What breaks here is written to its log, and nothing breaks
-the run.
+It is started by ``rtf.page.server_process`` with three open files: the listening socket, the channel to the runner, and
+the eventfd by which the runner notifies it of new lines. When the channel closes, the runner has ended; the server
+sends the rest and ends, too. Errors are written to its log and do not affect the run.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 import uvicorn
 
 from rtf.page.application import make_application
-from rtf.page.process import CHANNEL_FD, LISTENER_FD, MAX_LINE, POKE_FD
+from rtf.page.journal_watch import Watch, is_written
 from rtf.page.protocol import MAX_CONNECTIONS, MAX_REQUEST_HEAD, BoundedProtocol
+from rtf.page.server_process import CHANNEL_FD, LISTENER_FD, MAX_LINE, POKE_FD
 from rtf.page.settings import Settings
-from rtf.page.watch import Watch, is_written
 from rtf.testing.journal import FILE_NAME
 
 if TYPE_CHECKING:
@@ -32,22 +31,22 @@ if TYPE_CHECKING:
 
     from starlette.types import ASGIApp
 
-    from rtf.page.feed import Feed
+    from rtf.page.journal_feed import Feed
 
-#: Seconds that those who follow get, when all is over, to take the rest.
+#: Seconds for the clients to receive the rest at the end.
 FAREWELL = 2.0
-#: Seconds between two looks at whether everybody has gone; and the turns of the loop that it takes until a connection
-#: that was accepted is among the others.
+#: Seconds between two checks for remaining connections; and the number of loop iterations after which an accepted
+#: connection is in uvicorn's list.
 _TURN = 0.01
 _ACCEPTING = 5
-#: Seconds between two looks at whether a run that another process carries out is over.
+#: Seconds between two checks whether a run of another process is over.
 _LOOK_FOR_END = 0.5
-#: Seconds the runner may take to answer.
+#: Seconds for an answer of the runner.
 _ANSWER_TIME = 5.0
 
 
 class Runner:
-    """The other end of the channel: requests go there, and the news that the run is over comes back."""
+    """The other end of the channel, which gets requests and reports the end of the run."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader = reader
@@ -56,7 +55,7 @@ class Runner:
         self._count = 0
 
     async def command(self, command: dict[str, Any]) -> dict[str, Any]:
-        """Pass a request on. Raises TimeoutError when the runner does not answer, ConnectionError when it is gone."""
+        """Pass a request on. Raises TimeoutError if the runner does not answer, ConnectionError if it has ended."""
         self._count += 1
         number = self._count
         answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
@@ -69,11 +68,11 @@ class Runner:
             del self._waiting[number]
 
     def say(self, record: dict[str, Any]) -> None:
-        """Send one line."""
+        """Send a line."""
         self._writer.write(json.dumps(record).encode() + b"\n")
 
     async def listen(self, watch: Watch) -> None:
-        """Take what comes, until the runner is gone."""
+        """Receive lines until the runner has ended."""
         while line := await self._reader.readline():
             record = json.loads(line)
             if "over" in record:
@@ -83,7 +82,7 @@ class Runner:
 
 
 class Server(uvicorn.Server):
-    """uvicorn's server, for a socket that is listened on already, until ``stopping`` is set."""
+    """uvicorn's server for an existing listening socket, until ``stopping`` is set."""
 
     def __init__(self, application: ASGIApp, feed: Feed) -> None:
         super().__init__(
@@ -109,16 +108,16 @@ class Server(uvicorn.Server):
         self.stopping = asyncio.Event()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:  # noqa: ARG002 - uvicorn's signature
-        """Take a signal."""
+        """Handle a signal."""
         self._loop.call_soon_threadsafe(self.stopping.set)
 
     async def main_loop(self) -> None:
-        """Wait for the end, without waking up to look for it. Then those who follow leave when they have everything."""
+        """Wait for the end, without polling; then end the streams of the clients."""
         await self.stopping.wait()
-        self._feed.leave()
+        self._feed.close_streams()
 
-    async def take_who_waits(self, listener: socket.socket) -> None:
-        """Accept those who connected before, perhaps before the server was up."""
+    async def accept_waiting(self, listener: socket.socket) -> None:
+        """Accept the clients that connected before the server was ready."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(FAREWELL):
                 while not self.started or select.select([listener], [], [], 0)[0]:  # noqa: ASYNC110 - as below
@@ -127,7 +126,7 @@ class Server(uvicorn.Server):
                     await asyncio.sleep(0)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Answer those who are there, and let them have the rest of what was sent to them, for a moment."""
+        """Complete pending responses for a moment, then close all connections."""
         connections: set[BoundedProtocol] = self.server_state.connections  # type: ignore[assignment]  # as configured
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(FAREWELL):
@@ -141,14 +140,14 @@ class Server(uvicorn.Server):
                     await asyncio.sleep(_TURN)
         for listener in sockets or []:
             listener.close()
-        for connection in [*connections]:  # one that stalls has had its time
+        for connection in [*connections]:  # stalled ones are aborted
             connection.transport.abort()
         await asyncio.gather(*self.server_state.tasks, return_exceptions=True)
 
 
-async def serve_run(settings: Settings, listener: socket.socket, channel: socket.socket, poke: int) -> None:
-    """Serve the page of a run that goes on, as long as its runner is there."""
-    watch = Watch(Path(settings.run_folder) / FILE_NAME, poke)
+async def serve_run(settings: Settings, listener: socket.socket, channel: socket.socket, notifier: int) -> None:
+    """Serve the page of a run, as long as its runner exists."""
+    watch = Watch(Path(settings.run_folder) / FILE_NAME, notifier)
     watch.feed.grow()
     runner = Runner(*await asyncio.open_connection(sock=channel, limit=MAX_LINE))
     server = Server(make_application(settings, watch.feed, runner.command), watch.feed)
@@ -158,15 +157,15 @@ async def serve_run(settings: Settings, listener: socket.socket, channel: socket
     await asyncio.wait([serving, listening], return_when=asyncio.FIRST_COMPLETED)
     if not serving.done():
         watch.finish()
-        await server.take_who_waits(listener)
+        await server.accept_waiting(listener)
         if server.server_state.connections:
             server.stopping.set()
             await serving
-    os._exit(0)  # the run waits for this, and there is nothing left to tidy up
+    os._exit(0)  # the run waits for this, and nothing is left to clean up
 
 
 async def serve_folder(settings: Settings, listener: socket.socket) -> None:
-    """Serve the page of a run from its folder, until a signal comes. A run that still goes on is followed."""
+    """Serve the page of a run from its folder, until a signal. A run that is not over is followed."""
     path = Path(settings.run_folder) / FILE_NAME
     watch = Watch(path, None)
     watch.feed.grow()
@@ -180,7 +179,7 @@ async def serve_folder(settings: Settings, listener: socket.socket) -> None:
 
 
 def main() -> None:
-    """Be the server of a run, with the open files that the runner gave."""
+    """Run the server of a run, with the open files of the runner."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     channel = socket.socket(fileno=CHANNEL_FD)
     settings = Settings.from_line(_first_line(channel))
@@ -192,6 +191,6 @@ def _first_line(channel: socket.socket) -> bytes:
     while not line.endswith(b"\n"):
         byte = channel.recv(1)
         if not byte:
-            raise SystemExit(0)  # the runner has thought better of it
+            raise SystemExit(0)  # the runner has closed the channel
         line += byte
     return line

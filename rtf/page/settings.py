@@ -1,4 +1,4 @@
-"""What a server is told: by the runner over their channel, or by the command that shows a finished run."""
+"""The settings of a server, from the runner over their channel, or from the command that shows a finished run."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ LOG_NAME = "web-server.log"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """One page of one run.
+    """The settings of a run's page.
 
-    ``host`` and ``port`` are what is listened on. Without ``token`` nothing can be controlled. ``keep`` has the server
-    stay when the run is over. ``compare`` is the folder of an earlier run; ``history`` the file of all runs, empty for
-    the usual place, None for no history.
+    ``host`` and ``port`` are the address of the server. Without ``token`` the run cannot be controlled. ``keep``: the
+    server keeps running after the run. ``compare`` is the folder of an earlier run; ``history`` the file of all runs,
+    empty for the default, None for no history.
     """
 
     run_folder: str
@@ -30,12 +30,12 @@ class Settings:
     history: str | None = None
 
     def to_line(self) -> bytes:
-        """As it goes over the channel."""
+        """Encode the settings for the channel."""
         return json.dumps(asdict(self)).encode() + b"\n"
 
     @classmethod
     def from_line(cls, line: bytes) -> Settings:
-        """What came over the channel."""
+        """Decode settings from the channel."""
         return cls(**json.loads(line))
 
     @property
@@ -46,5 +46,5 @@ class Settings:
 
 
 def bracketed(host: str) -> str:
-    """A host as it stands in an address: IPv6 in brackets."""
+    """Return a host for a URL: IPv6 in brackets."""
     return f"[{host}]" if ":" in host else host

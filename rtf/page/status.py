@@ -1,4 +1,4 @@
-"""The status of a run for scripts: what runs now, and a number for each test, as in the C++ framework."""
+"""The status of a run for scripts: the running tests, and a number for each test, as in the C++ framework."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NUMBERS = {"not run": NOT_RUN, **dict.fromkeys(("passed", "measured", "flaky", 
 
 
 class Status:
-    """Follows a journal; reads what was appended since the last time, when it is asked."""
+    """The status by a journal; reads the lines appended since the last call."""
 
     def __init__(self, path: Path) -> None:
         self._reader = JournalReader(path)
@@ -40,7 +40,7 @@ class Status:
         self._rig = ("", "")
 
     def suites(self) -> frozenset[str]:
-        """The suites of the run. Safe to call from several threads, as everything here."""
+        """The suites of the run. All methods may be called from several threads."""
         with self._lock:
             self._catch_up()
             return frozenset(self._suites)

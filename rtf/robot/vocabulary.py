@@ -87,7 +87,7 @@ PLURAL = (Shape.ONE, Shape.ALL, Shape.GROUP)
 class Echo(Enum):
     """The elements of an answer before its data."""
 
-    TOPIC = "[is], and the second word of the question"
+    TOPIC = "[is], and the second word of the request"
     METHOD = "[is], and the word of the method, or the joint when it was one"
     BARE_IS = "[is] alone"
     NOTHING = "nothing: the data come first"

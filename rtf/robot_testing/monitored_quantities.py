@@ -153,15 +153,15 @@ def temperatures(board: RemoteControlBoard, place: MonitoredPart, limits: Limits
     return found if found.limited else None
 
 
-def greatest(board: RemoteControlBoard, question: Callable[[int], float]) -> FloatArray:
-    """Return the limits of all joints that ``question`` reads from the board; infinite if there is none.
+def greatest(board: RemoteControlBoard, request: Callable[[int], float]) -> FloatArray:
+    """Return the limits of all joints that ``request`` reads from the board; infinite if there is none.
 
     Boards answer 0, or refuse, for joints without such a limit; some support no such limits at all.
     """
 
     def most(joint: int) -> float:
         try:
-            return question(joint) or np.inf
+            return request(joint) or np.inf
         except RefusedError:
             return np.inf
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Property
+from rtf.robot.client.board_requests import CALIBRATION_DONE, plain
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.client.control_board_link import ControlBoardLink
-from rtf.robot.client.questions import CALIBRATION_DONE, plain
 from rtf.robot.client.rpc import BoardRpc
 from rtf.robot.client.settings import unique_local
 from rtf.testing.outcome import TestProblem
@@ -15,7 +15,7 @@ from rtf.testing.outcome import TestProblem
 if TYPE_CHECKING:
     from rtf.bottle import Value
     from rtf.middleware.network import Network
-    from rtf.robot.client.questions import Question
+    from rtf.robot.client.board_requests import Request
     from rtf.robot.client.settings import ClientSettings
     from rtf.robot.interfaces import AxisSelection, Values
 
@@ -35,18 +35,18 @@ class _ReadOnlyRpc(BoardRpc):
 
     commands_allowed = False
 
-    def tell(self, question: Question, *arguments: Value) -> None:
-        if question is not CALIBRATION_DONE:  # a query that the protocol treats as a command
-            self._check(question)
-        super().tell(question, *arguments)
+    def tell(self, request: Request, *arguments: Value) -> None:
+        if request is not CALIBRATION_DONE:  # a query that the protocol treats as a command
+            self._check(request)
+        super().tell(request, *arguments)
 
-    def act(self, question: Question, *arguments: Value) -> None:
-        self._check(question)
-        super().act(question, *arguments)
+    def act(self, request: Request, *arguments: Value) -> None:
+        self._check(request)
+        super().act(request, *arguments)
 
-    def _check(self, question: Question) -> None:
+    def _check(self, request: Request) -> None:
         if not self.commands_allowed:
-            raise UndeclaredMotionError(self.board, f"'{plain((question, ())).to_text()}' would be sent")
+            raise UndeclaredMotionError(self.board, f"'{plain((request, ())).to_text()}' would be sent")
 
 
 class ReadOnlyBoard(RemoteControlBoard):

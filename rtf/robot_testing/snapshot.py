@@ -83,13 +83,13 @@ class Snapshot:
         )
 
 
-def answered(question: Callable[[], _T]) -> _T | None:
+def answered(request: Callable[[], _T]) -> _T | None:
     """Return the answer of a board, or None if it does not support the request.
 
     Over the network an unsupported request is also answered by a refusal.
     """
     try:
-        return question()
+        return request()
     except (NotSupportedError, RefusedError):
         return None
 

@@ -42,7 +42,7 @@ class SimulatedIcub:
     """A robot on the network, from its construction to ``close``.
 
     ============================== ================================================================================
-    ``/NAME/PART/rpc:i`` …         each part's control board: questions, commands, ``state:o``, ``stateExt:o``
+    ``/NAME/PART/rpc:i`` …         each part's control board: requests, commands, ``state:o``, ``stateExt:o``
     ``/NAME/PART/analog:o``        its force-torque sensor (arms, legs, ``left_foot``, ``right_foot``)
     ``/NAME/FTs/measures:o``       all of them in one message, and ``rpc:o``
     ``/NAME/inertial``             the inertial unit, twelve numbers; ``/NAME/inertial/measures:o`` and ``rpc:o``

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from archives import BLOCK, blocks, put
 from rtf.page import archive
 from rtf.page.archive import Extras, write_archive
-from rtf.page.onefile import write_block
+from rtf.page.single_file import write_block
 from rtf.testing.events import (
     Asked,
     Attached,

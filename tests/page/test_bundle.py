@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from rtf.page.assets import read_assets
 from rtf.page.bundle import BundleError, join_modules
-from rtf.page.onefile import page_in_pieces
+from rtf.page.single_file import page_in_pieces
 
 NODE = shutil.which("node")
 needs_node = pytest.mark.skipif(NODE is None, reason="node is not installed")
@@ -108,7 +108,7 @@ def test_an_import_of_another_form_is_refused(line: str):
 )
 def test_nothing_is_imported_while_the_page_runs(line: str):
     """A single file has nowhere to import from."""
-    with pytest.raises(BundleError, match=r"main\.js:1: there is nothing to import while the page runs"):
+    with pytest.raises(BundleError, match=r"main\.js:1: dynamic imports do not work in a single file"):
         join_modules({"main.js": line}, "main.js")
 
 
@@ -251,7 +251,7 @@ def test_a_data_address_stays():
 @pytest.mark.parametrize("text", ["'</script>'", "'</SCRIPT'", "'<!--'", "'<script>'", "'</style>'"])
 def test_a_text_that_would_end_its_element_is_refused(text: str):
     """The page would go on as markup from there."""
-    with pytest.raises(BundleError, match=r"plain\.js: .* cannot stand in a page that is one file"):
+    with pytest.raises(BundleError, match=r"plain\.js: .* cannot be in a page that is a single file"):
         page(plain__js=f"var a = {text};")
 
 

@@ -131,5 +131,5 @@ def test_a_series_is_sent_packed(waiting: LiveRun):
     (folder / "broken.npz").write_bytes(b"PK\3\4 cut off")
     broken = waiting.page.get("/series/files/broken.npz")
     assert broken.status == 404
-    assert b"holds no series" in broken.body
+    assert b"has no series" in broken.body
     assert b"Traceback" not in broken.body

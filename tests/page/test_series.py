@@ -117,9 +117,9 @@ def zipped(**members: bytes) -> bytes:
     [
         ({"t": np.zeros((2, 2))}, "shape"),
         ({"t": np.zeros(2), "x": np.zeros(3)}, "different lengths"),
-        ({"t": np.array(["a", "b"])}, "not one row of floating-point"),
-        ({"t": np.array([1, 2])}, "not one row of floating-point"),
-        ({"t": np.array([Evil()], dtype=object)}, "not one row of floating-point"),
+        ({"t": np.array(["a", "b"])}, "must be a row of floating-point"),
+        ({"t": np.array([1, 2])}, "must be a row of floating-point"),
+        ({"t": np.array([Evil()], dtype=object)}, "must be a row of floating-point"),
         ({}, "0 columns"),
         ({f"c{number}": np.zeros(1) for number in range(series.MAX_COLUMNS + 1)}, "columns"),
     ],
@@ -134,13 +134,13 @@ def test_what_is_no_series_is_refused(tmp_path: Path, columns: dict[str, Any], s
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"", "holds no series"),
-        (b"PK\x03\x04 not really", "holds no series"),
-        (zipped(t=b"words"), "holds no series"),
-        (zipped(t=lying("(1000000000000,)")), "shorter than it says"),
+        (b"", "has no series"),
+        (b"PK\x03\x04 not really", "has no series"),
+        (zipped(t=b"words"), "has no series"),
+        (zipped(t=lying("(1000000000000,)")), "shorter than its header says"),
         (zipped(t=lying("(-1,)")), "no series|shorter"),
-        (zipped(t=lying("(1,)" + " " * 20000)), "holds no series"),
-        (zipped(t=lying("(3, 10**9)")), "holds no series"),
+        (zipped(t=lying("(1,)" + " " * 20000)), "has no series"),
+        (zipped(t=lying("(3, 10**9)")), "has no series"),
         (zipped(t=b"\x93NUMPY\x09\x00" + b"\0" * 20), "version"),
     ],
 )

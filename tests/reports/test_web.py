@@ -73,7 +73,7 @@ def test_a_busy_port_is_an_error_before_the_run(folder: Path):
         (["--web-port", "65536"], "no port"),
         (["--web-port", "-1"], "negative"),
         (["--web-host", "nowhere.invalid"], "name an address of this machine"),
-        (["--web-host", "192.0.2.1"], "cannot be listened on"),
+        (["--web-host", "192.0.2.1"], "cannot listen on"),
         (["--web-port", "0", "--compare", "no-run"], "there is no run in no-run"),
     ],
 )
@@ -145,7 +145,7 @@ def test_a_run_without_the_page_loads_nothing_of_it(folder: Path):
     script = (
         "import sys; from rtf.cli.testrunner import main; code = main(sys.argv[1:]); "
         "print(sorted({name.partition('.')[0] for name in sys.modules} & {'starlette', 'uvicorn', 'asyncio', 'h11'}), "
-        "'rtf.page.process' in sys.modules); sys.exit(code)"
+        "'rtf.page.server_process' in sys.modules); sys.exit(code)"
     )
     for arguments, loaded in (([], "[] False"), (["-w", "--web-port", "0"], "[] True")):
         done = subprocess.run(

@@ -473,9 +473,9 @@ def test_any_answer_is_a_result_or_an_error_of_robots(network: Network, answer: 
 
 
 @contextmanager
-def publishing(network: Network, device: Device, *, questions: bool = False) -> Iterator[ControlBoardServiceServer]:
+def publishing(network: Network, device: Device, *, requests: bool = False) -> Iterator[ControlBoardServiceServer]:
     """A served board whose state is published again and again, in a block."""
-    with closing(ControlBoardServiceServer(device, PART, network=network, period=0.005, questions=questions)) as server:
+    with closing(ControlBoardServiceServer(device, PART, network=network, period=0.005, requests=requests)) as server:
         thread = PeriodicThread(server, name=PART, report=network.report)
         try:
             yield server
@@ -489,7 +489,7 @@ def test_both_styles_of_clients_are_served_at_once(network: Network, dialect: Di
     network.dialect = dialect
     board = opened()
     with (
-        publishing(network, board, questions=True),
+        publishing(network, board, requests=True),
         closing(connected(network)) as four,
         closing(RemoteControlBoard("three", network=network)) as three,
     ):

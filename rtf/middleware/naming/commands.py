@@ -42,7 +42,7 @@ _HELP = (
 _REFUSALS = (AddressError, ConnectError, BottleError)
 _OK, _FAIL = Vocab("ok"), Vocab("fail")
 _NOT_KNOWN = -2
-_RELATION, _QUESTION = 4, 3
+_RELATION, _REQUEST = 4, 3
 _WORDS_WITH_SUBJECT = 2
 
 
@@ -286,7 +286,7 @@ class Commands:
         family, name = request.text(1), request.text(2)
         if len(request.words) == _RELATION:
             return _judged(self._subscriptions.set_type(family, name, request.text(3)))
-        known = self._subscriptions.type_of(family, name) if len(request.words) == _QUESTION else ""
+        known = self._subscriptions.type_of(family, name) if len(request.words) == _REQUEST else ""
         return Bottle(["type", family, name, known]) if known else Bottle([_FAIL])
 
 

@@ -39,7 +39,7 @@ class Answerer:
     """
 
     def __init__(self, contact: Contact, port: int = PORT) -> None:
-        self._question = f"{QUERY} {contact.name}".encode()
+        self._query = f"{QUERY} {contact.name}".encode()
         self._answer = cut(f"{registration(contact)}\r\n{END}\r\n".encode())[0]
         self._group = (GROUP, port)
         self._socket = _joined([contact.host], port)
@@ -61,7 +61,7 @@ class Answerer:
             selector.register(self._bell, selectors.EVENT_READ)
             while all(key.fd != self._bell for key, _ in selector.select()):
                 with contextlib.suppress(OSError):  # the network is down for a moment: clients repeat the query
-                    if _content(self._socket.recv(_MOST)).rstrip() == self._question:
+                    if _content(self._socket.recv(_MOST)).rstrip() == self._query:
                         self._socket.sendto(self._answer, self._group)
 
 
@@ -83,14 +83,14 @@ def detect(
 
 
 def _ask(namespace: str, addresses: list[str], port: int) -> None:
-    question = cut(f"{QUERY} {namespace}\n".encode())[0]
+    query = cut(f"{QUERY} {namespace}\n".encode())[0]
     for address in addresses:
         with (
             contextlib.suppress(OSError),  # the interface does not support multicast
             socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking,
         ):
             _speak_on(asking, address)
-            asking.sendto(question, (GROUP, port))
+            asking.sendto(query, (GROUP, port))
 
 
 def _speak_on(sending: socket.socket, address: str) -> None:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from rtf.bottle import Bottle, Property, Value, Vocab
 from rtf.robot import vocabulary_kinds as kinds
+from rtf.robot.client.board_requests import CALIBRATE, CALIBRATION_DONE, GETTING, KEEP_CALIBRATION, SETTING
 from rtf.robot.client.control_board_link import ControlBoardLink
 from rtf.robot.client.control_board_stub import INTEGER, SLOW, BoardStub
-from rtf.robot.client.questions import CALIBRATE, CALIBRATION_DONE, GETTING, KEEP_CALIBRATION, SETTING
 from rtf.robot.client.rpc import BoardRpc
 from rtf.robot.client.settings import TIMEOUT, unique_local
 from rtf.robot.errors import RefusedError
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.middleware.network import Network
-    from rtf.robot.client.questions import Question, Questions
+    from rtf.robot.client.board_requests import Request, RequestsByShape
     from rtf.robot.client.settings import ClientSettings
     from rtf.robot.forwarded_board import Plural
     from rtf.robot.interfaces import AxisSelection, CalibrationParameters, Pid, PidType
@@ -54,39 +54,39 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
     # Requests: one joint, a group and all joints each have a form of their own ----------------------------------------
 
     def forward_reading(self, method: Plural, axes: AxisSelection, *of: object) -> Sequence[Any]:
-        questions, lead = GETTING[method.__name__], _words(of) if of else ()
-        question, elements = questions[Shape.ALL], self._elements(questions, axes, lead)
-        if question.kind is kinds.FLOAT:
-            return self._numbers(question, lead, elements)
+        requests, lead = GETTING[method.__name__], _words(of) if of else ()
+        request, elements = requests[Shape.ALL], self._elements(requests, axes, lead)
+        if request.kind is kinds.FLOAT:
+            return self._numbers(request, lead, elements)
         try:
-            return [question.kind.read([element])[0] for element in elements]
+            return [request.kind.read([element])[0] for element in elements]
         except RefusedError as error:
-            raise self._link.rpc.nonsense(question, lead, [*elements], str(error)) from None
+            raise self._link.rpc.nonsense(request, lead, [*elements], str(error)) from None
 
     def forward_setting(self, method: Plural, values: Sequence[Any], axes: AxisSelection, *of: object) -> None:
-        questions = SETTING[method.__name__]
-        write = questions[Shape.ONE].kind.write
-        self._tell(questions, axes, _words(of), [element for value in values for element in write(value)])
+        requests = SETTING[method.__name__]
+        write = requests[Shape.ONE].kind.write
+        self._tell(requests, axes, _words(of), [element for value in values for element in write(value)])
 
     def forward_action(self, method: Plural, axes: AxisSelection) -> list[Any]:
-        questions = GETTING.get(method.__name__)
-        if questions is None:
+        requests = GETTING.get(method.__name__)
+        if requests is None:
             self._tell(SETTING[method.__name__], axes)
             return []
         rpc, numbers = (self._opened or self._link).rpc, self.chosen(axes)
         if isinstance(axes, INTEGER):
-            return [rpc.read(questions[Shape.ONE], *numbers)]
+            return [rpc.read(requests[Shape.ONE], *numbers)]
         if axes is None:
-            return [rpc.read(questions[Shape.ALL])]
-        return [not numbers or rpc.read(questions[Shape.GROUP], len(numbers), _listed(numbers))]
+            return [rpc.read(requests[Shape.ALL])]
+        return [not numbers or rpc.read(requests[Shape.GROUP], len(numbers), _listed(numbers))]
 
     def forward_single(self, method: Callable[..., R], axis: int, *arguments: object, of: tuple[object, ...] = ()) -> R:
         name, rpc = method.__name__, self._link.rpc
         if name in GETTING:
             return rpc.read(GETTING[name][Shape.SINGLE], *_words(of), axis)  # type: ignore[no-any-return]
-        question = SETTING[name][Shape.SINGLE]
+        request = SETTING[name][Shape.SINGLE]
         tell = rpc.act if name in SLOW else rpc.tell
-        return tell(question, *_words(of), axis, *self._written(question, arguments))  # type: ignore[return-value]
+        return tell(request, *_words(of), axis, *self._written(request, arguments))  # type: ignore[return-value]
 
     def forward_whole(self, method: Callable[..., R]) -> R:
         name, rpc = method.__name__, self._link.rpc
@@ -95,42 +95,42 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         tell = rpc.act if name in SLOW else rpc.tell
         return tell(SETTING[name][Shape.NONE])  # type: ignore[return-value]
 
-    def _elements(self, questions: Questions, axes: AxisSelection, lead: tuple[Value, ...]) -> Sequence[Value]:
+    def _elements(self, requests: RequestsByShape, axes: AxisSelection, lead: tuple[Value, ...]) -> Sequence[Value]:
         """Return the elements of the answer, one for each axis."""
         rpc = self._link.rpc
         if axes is None:
-            return self._list(questions[Shape.ALL], self.axes(), *lead)
+            return self._list(requests[Shape.ALL], self.axes(), *lead)
         numbers = self.chosen(axes)
         if isinstance(axes, INTEGER):
-            question = questions[Shape.ONE]
-            data = rpc.get(question, *lead, *numbers)
+            request = requests[Shape.ONE]
+            data = rpc.get(request, *lead, *numbers)
             if len(data) != 1:
-                raise rpc.nonsense(question, (*lead, *numbers), data, "one value is needed")
+                raise rpc.nonsense(request, (*lead, *numbers), data, "one value is needed")
             return data
         if not numbers:
             return []
-        if Shape.GROUP in questions:
-            return self._list(questions[Shape.GROUP], len(numbers), *lead, len(numbers), _listed(numbers))
-        every = self._list(questions[Shape.ALL], self.axes(), *lead)
+        if Shape.GROUP in requests:
+            return self._list(requests[Shape.GROUP], len(numbers), *lead, len(numbers), _listed(numbers))
+        every = self._list(requests[Shape.ALL], self.axes(), *lead)
         return [every[number] for number in numbers]
 
-    def _list(self, question: Question, count: int, *arguments: Value) -> Sequence[Value]:
+    def _list(self, request: Request, count: int, *arguments: Value) -> Sequence[Value]:
         rpc = self._link.rpc
-        data = rpc.get(question, *arguments)
+        data = rpc.get(request, *arguments)
         inner = data[0] if len(data) == 1 else None
         if not isinstance(inner, Bottle) or len(inner) != count:
-            raise rpc.nonsense(question, arguments, data, f"a list of {count} values is needed")
+            raise rpc.nonsense(request, arguments, data, f"a list of {count} values is needed")
         return inner.elements()
 
-    def _numbers(self, question: Question, lead: tuple[Value, ...], elements: Sequence[Value]) -> Sequence[Any]:
+    def _numbers(self, request: Request, lead: tuple[Value, ...], elements: Sequence[Value]) -> Sequence[Any]:
         """Check that elements are numbers. Those that the board has not measured are not finite."""
         if not {*map(type, elements)} <= _NUMBERS and not all(isinstance(element, int | float) for element in elements):
-            raise self._link.rpc.nonsense(question, lead, [*elements], "numbers are needed")
+            raise self._link.rpc.nonsense(request, lead, [*elements], "numbers are needed")
         return elements
 
     def _tell(
         self,
-        questions: Questions,
+        requests: RequestsByShape,
         axes: AxisSelection,
         lead: tuple[Value, ...] = (),
         elements: Sequence[Value] = (),
@@ -138,20 +138,20 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         """Send a command for axes, with an element for each where values are needed."""
         rpc = self._link.rpc
         if axes is None:
-            rpc.tell(questions[Shape.ALL], *lead, *_together(elements))
+            rpc.tell(requests[Shape.ALL], *lead, *_together(elements))
             return
         numbers = self.chosen(axes)
-        if isinstance(axes, INTEGER) or Shape.GROUP not in questions:
+        if isinstance(axes, INTEGER) or Shape.GROUP not in requests:
             for place, number in enumerate(numbers):
-                rpc.tell(questions[Shape.ONE], *lead, number, *elements[place : place + 1])
+                rpc.tell(requests[Shape.ONE], *lead, number, *elements[place : place + 1])
         elif numbers:
-            rpc.tell(questions[Shape.GROUP], *lead, len(numbers), _listed(numbers), *_together(elements))
+            rpc.tell(requests[Shape.GROUP], *lead, len(numbers), _listed(numbers), *_together(elements))
 
-    def _written(self, question: Question, arguments: tuple[Any, ...]) -> list[Value]:
+    def _written(self, request: Request, arguments: tuple[Any, ...]) -> list[Value]:
         """Encode the values of a single axis: finite numbers."""
         for argument in arguments:
             self._finite(*(argument if isinstance(argument, tuple) else (argument,)))
-        return question.kind.write(arguments[0] if len(arguments) == 1 else arguments)
+        return request.kind.write(arguments[0] if len(arguments) == 1 else arguments)
 
     # Methods with requests of another form --------------------------------------------------------------------------
 
@@ -167,20 +167,20 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
 
     def pids(self, kind: PidType) -> tuple[Pid, ...]:
         """Return the gains of all joints, with one request."""
-        question, rpc = GETTING["pids"][Shape.NONE], self._link.rpc
-        pids: tuple[Pid, ...] = rpc.read(question, Vocab(kind))
+        request, rpc = GETTING["pids"][Shape.NONE], self._link.rpc
+        pids: tuple[Pid, ...] = rpc.read(request, Vocab(kind))
         if len(pids) != self.axes():
-            raise rpc.nonsense(question, (Vocab(kind),), [str(pids)], f"{self.axes()} are needed")
+            raise rpc.nonsense(request, (Vocab(kind),), [str(pids)], f"{self.axes()} are needed")
         return pids
 
     def set_pids(self, kind: PidType, pids: Sequence[Pid]) -> None:
         """Set the gains of all joints, with one request."""
         if len(pids) != self.axes():
             raise self.refusal(f"{self.axes()} are needed, {len(pids)} were given")
-        question = SETTING["set_pids"][Shape.NONE]
+        request = SETTING["set_pids"][Shape.NONE]
         for pid in pids:
             self._finite(*pid)
-        self._link.rpc.tell(question, Vocab(kind), *question.kind.write(pids))
+        self._link.rpc.tell(request, Vocab(kind), *request.kind.write(pids))
 
     def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
         """Calibrate an axis. The protocol transmits the type and three parameters."""
@@ -190,9 +190,9 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
         """Store calibration parameters. The protocol transmits the type and four of them."""
         self._calibrate(KEEP_CALIBRATION, joint, parameters, _KEEP)
 
-    def _calibrate(self, question: Question, joint: int, parameters: CalibrationParameters, count: int) -> None:
+    def _calibrate(self, request: Request, joint: int, parameters: CalibrationParameters, count: int) -> None:
         kind, *numbers = parameters
-        self._link.rpc.tell(question, *self.chosen(joint), int(kind), *self._finite(*numbers[:count]))
+        self._link.rpc.tell(request, *self.chosen(joint), int(kind), *self._finite(*numbers[:count]))
 
     def calibration_done(self, joint: int) -> bool:
         """Return whether an axis is calibrated; False also for a board that cannot calibrate."""
@@ -211,11 +211,11 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
             return False
 
     def variable(self, key: str) -> Bottle:
-        question, rpc = GETTING["variable"][Shape.NAMED], self._link.rpc
-        data = rpc.get(question, key)
+        request, rpc = GETTING["variable"][Shape.NAMED], self._link.rpc
+        data = rpc.get(request, key)
         if len(data) == 1 and isinstance(data[0], Bottle):
             return data[0]
-        raise rpc.nonsense(question, (key,), data, "a list is needed")
+        raise rpc.nonsense(request, (key,), data, "a list is needed")
 
     def set_variable(self, key: str, value: Bottle) -> None:
         self._link.rpc.tell(SETTING["set_variable"][Shape.NAMED], key, *value)

@@ -12,8 +12,8 @@ from rtf.errors import RtfError
 from rtf.middleware import remote
 from rtf.middleware.names import Contact
 from rtf.middleware.qos import Qos
+from rtf.robot.client.board_requests import GETTING
 from rtf.robot.client.command_stream import CommandStream
-from rtf.robot.client.questions import GETTING
 from rtf.robot.client.rpc import BoardRpc
 from rtf.robot.client.state_reader import StateReader
 from rtf.robot.errors import DeviceError, NoAnswerError, UnreachableError

@@ -121,7 +121,7 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
         return True
 
     def pids(self, kind: PidType) -> tuple[Pid, ...]:
-        """See IPidControl: in one question."""
+        """See IPidControl: in one request."""
         return tuple(self._so_many(self._link.rpc.call(BY_NAME["getPidsRPC"], kind), self.axes(), IPidControl.pids))
 
     def set_pids(self, kind: PidType, pids: Sequence[Pid]) -> None:

@@ -15,8 +15,8 @@ import numpy as np
 
 from rtf import clock
 from rtf.bottle import Bottle, Value
+from rtf.robot.client.board_requests import HEADS
 from rtf.robot.client.control_board_link import ControlBoardLink, Rpc
-from rtf.robot.client.questions import HEADS
 from rtf.robot.client.settings import ClientSettings
 from rtf.robot.client.state_reader import chosen
 from rtf.robot.control_modes import ControlMode, InteractionMode

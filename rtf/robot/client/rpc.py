@@ -13,7 +13,7 @@ from rtf.bottle import Bottle, Value
 from rtf.errors import RtfError
 from rtf.middleware.names import Contact
 from rtf.middleware.rpc import RpcClient
-from rtf.robot.client.questions import ASKED, PROTOCOL, plain
+from rtf.robot.client.board_requests import PROTOCOL, REQUEST, plain
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError
 from rtf.robot.vocabulary import FAIL, IS, NAK, OK, PROTOCOL_VERSION
 from rtf.robot.vocabulary import PROTOCOL as VERSION
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.middleware.network import Network
-    from rtf.robot.client.questions import Asked, Question
+    from rtf.robot.client.board_requests import FilledRequest, Request
 
 #: Timeout in seconds of an action that is answered when it is done, such as the calibration of a whole part.
 ACTION_LIMIT = 600.0
@@ -70,42 +70,42 @@ class BoardRpc:
 
     # Requests ----------------------------------------------------------------------------------------------------
 
-    def get(self, question: Question, *arguments: Value) -> list[Value]:
+    def get(self, request: Request, *arguments: Value) -> list[Value]:
         """Send a request and return the data of the answer.
 
         Raises RefusedError, NotSupportedError and NoAnswerError, as ``tell`` does.
         """
-        answer = self._ask(self._port, question, arguments, self._limit)
-        head, first, end, last = question.head, answer[0], answer[-1], len(answer) - question.tail
+        answer = self._ask(self._port, request, arguments, self._limit)
+        head, first, end, last = request.head, answer[0], answer[-1], len(answer) - request.tail
         # Words are usually the same objects, and an identity check costs a tenth of a comparison.
         if last < head or (end is not OK and end != OK) or (head and first is not IS and first != IS):
-            raise self.nonsense(question, arguments, answer)
+            raise self.nonsense(request, arguments, answer)
         return answer[head:last]
 
-    def read(self, question: Question, *arguments: Value) -> Any:
+    def read(self, request: Request, *arguments: Value) -> Any:
         """Send a request and return the decoded data: one value, or a tuple of several. Errors as for ``get``."""
-        data = self.get(question, *arguments)
+        data = self.get(request, *arguments)
         try:
-            values = question.kind.read(data)
+            values = request.kind.read(data)
         except RefusedError as error:
-            raise self.nonsense(question, arguments, data, str(error)) from None
+            raise self.nonsense(request, arguments, data, str(error)) from None
         return values[0] if len(values) == 1 else values
 
-    def tell(self, question: Question, *arguments: Value) -> None:
+    def tell(self, request: Request, *arguments: Value) -> None:
         """Send a command.
 
         Raises RefusedError if the board refuses, NotSupportedError if it does not know the command, NoAnswerError if
         the reply is late or invalid.
         """
-        self._tell(self._port, question, arguments, self._limit)
+        self._tell(self._port, request, arguments, self._limit)
 
-    def act(self, question: Question, *arguments: Value) -> None:
+    def act(self, request: Request, *arguments: Value) -> None:
         """Send a command that takes long, over a separate connection, so that other requests are not blocked.
 
         The reply comes when the command is done, within :data:`ACTION_LIMIT`.
         """
         with self._port_of_its_own() as port:
-            self._tell(port, question, arguments, ACTION_LIMIT)
+            self._tell(port, request, arguments, ACTION_LIMIT)
 
     def _port_of_its_own(self) -> RpcClient:
         """Open a separate connection to the board. Raises NoAnswerError."""
@@ -114,10 +114,10 @@ class BoardRpc:
         except RtfError as error:
             raise NoAnswerError(f"{self.board} cannot be reached: {error}") from error
 
-    def _tell(self, port: RpcClient, question: Question, arguments: tuple[Value, ...], limit: float) -> None:
-        answer = self._ask(port, question, arguments, limit)
+    def _tell(self, port: RpcClient, request: Request, arguments: tuple[Value, ...], limit: float) -> None:
+        answer = self._ask(port, request, arguments, limit)
         if answer[0] is not OK and answer[0] != OK:
-            raise self.nonsense(question, arguments, answer)
+            raise self.nonsense(request, arguments, answer)
 
     def check_protocol(self, *, ignore: bool) -> None:
         """Check the version of the board's protocol. Raises NotSupportedError unless ``ignore`` is set."""
@@ -133,20 +133,20 @@ class BoardRpc:
             f"answers {_shown(answer)}; set ignoreProtocolCheck to try it anyway"
         )
 
-    def get_at_once(self, question: Question) -> list[Value]:
+    def get_at_once(self, request: Request) -> list[Value]:
         """Same as ``get``, without reconnecting; used while the connections are made."""
-        answer = self._ask(self._port, question, (), self._limit, again=False)
-        return answer[question.head : len(answer) - question.tail]
+        answer = self._ask(self._port, request, (), self._limit, again=False)
+        return answer[request.head : len(answer) - request.tail]
 
     def _ask(
-        self, port: RpcClient, question: Question, arguments: tuple[Value, ...], limit: float, *, again: bool = True
+        self, port: RpcClient, request: Request, arguments: tuple[Value, ...], limit: float, *, again: bool = True
     ) -> list[Value]:
         """Send a request and return the elements of the answer, at least one. Raises the error of a failure."""
         if again and not port.outputs:
             self._remade()
-        asked = question, arguments
+        asked = request, arguments
         try:
-            answer = port.call(asked, codec=ASKED, timeout=limit)
+            answer = port.call(asked, codec=REQUEST, timeout=limit)
         except RtfError as error:
             raise NoAnswerError(f"{self.board} did not answer {_text(asked)}: {error}") from error
         elements = answer.elements() if answer is not None else []
@@ -162,11 +162,11 @@ class BoardRpc:
         return elements
 
     def nonsense(
-        self, question: Question, arguments: tuple[Value, ...], answer: list[Value], why: str = ""
+        self, request: Request, arguments: tuple[Value, ...], answer: list[Value], why: str = ""
     ) -> NoAnswerError:
         """Return the error for an invalid answer."""
         reason = f": {why}" if why else ""
-        asked = _text((question, arguments))
+        asked = _text((request, arguments))
         return NoAnswerError(f"{self.board} answered {asked} with {_shown(answer)}, which is not valid{reason}")
 
 
@@ -179,7 +179,7 @@ def _joints(arguments: tuple[Value, ...]) -> str:
     return ""
 
 
-def _text(asked: Asked) -> str:
+def _text(asked: FilledRequest) -> str:
     """Return a request as text for a message."""
     return _shown(plain(asked).elements())
 

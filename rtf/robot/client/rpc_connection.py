@@ -34,17 +34,17 @@ class RpcConnection:
         except MiddlewareError as error:
             raise DeviceError(f"{name} cannot be connected to {server}: {error}; is its robot running?") from error
 
-    def ask(self, question: object) -> Bottle:
+    def ask(self, request: object) -> Bottle:
         """Send a request and return the reply. Raises NoAnswerError if there is none, or an invalid one."""
-        return self.ask_for(BOTTLE, question)
+        return self.ask_for(BOTTLE, request)
 
-    def ask_for(self, codec: Codec[T], question: object) -> T:
+    def ask_for(self, codec: Codec[T], request: object) -> T:
         """Send a request and return the reply, decoded by a codec. Raises NoAnswerError likewise."""
         try:
             with self._lock:
                 if not self._client.outputs:
                     self._client.add_output(self.server)
-            found: Any = self._client.call(question, answer=codec, timeout=self._patience)
+            found: Any = self._client.call(request, answer=codec, timeout=self._patience)
         except RtfError as error:
             raise NoAnswerError(f"{self.server} does not answer: {error}") from error
         if found is None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Value
     from rtf.middleware.network import Network
     from rtf.middleware.rpc import RpcClient
-    from rtf.robot.client.questions import Question
+    from rtf.robot.client.board_requests import Request
     from rtf.robot.service_rows import Message
 
 _AXES = BY_NAME["getAxesRPC"]
@@ -49,7 +49,7 @@ class ServiceRpc(BoardRpc):
                     "set ignoreProtocolCheck to try it anyway"
                 ) from None
 
-    def get_at_once(self, question: Question) -> list[Value]:  # noqa: ARG002 - it is always the same one
+    def get_at_once(self, request: Request) -> list[Value]:  # noqa: ARG002 - it is always the same one
         """Return the number of axes, without reconnecting."""
         return [self._call(self._port, _AXES, (), self._limit)]
 
@@ -70,8 +70,8 @@ class ServiceRpc(BoardRpc):
 
     def _call(self, port: RpcClient, message: Message, arguments: tuple[object, ...], limit: float) -> Any:
         try:
-            question = call(message.name, *write_all(message.takes, arguments))
-            answer = port.call(question, timeout=limit)
+            request = call(message.name, *write_all(message.takes, arguments))
+            answer = port.call(request, timeout=limit)
         except RtfError as error:
             raise NoAnswerError(f"{self.board} did not answer {_asked(message, arguments)}: {error}") from error
         elements = answer.elements() if answer is not None else []

@@ -64,7 +64,7 @@ def run_program(
         except MiddlewareError as error:
             log(Level.ERROR, f"FAILED: {robot.name} was not started: {error}")
             return FAILED, False
-        log(Level.INFO, f"port {port.name} answers questions")
+        log(Level.INFO, f"port {port.name} answers requests")
         try:
             outcome = interface.run()
         finally:

@@ -77,16 +77,16 @@ class AnalogServer(StreamServer["FloatArray"]):
         for share, port in zip(self._shares, self._ports, strict=True):
             port.write(_shown(value, share), envelope=envelope)
 
-    def _answer(self, question: Bottle) -> object:
-        if question.get(0) != _IANALOG:
+    def _answer(self, request: Bottle) -> object:
+        if request.get(0) != _IANALOG:
             return FAIL
-        what = as_vocab(question.get(1))
+        what = as_vocab(request.get(1))
         if what == _ALL:
-            values = question[2:]
+            values = request[2:]
             return self._calibrate([*enumerate(map(as_float, values))] if len(values) else [(None, None)])
-        if what == _CHANNEL and isinstance(question.get(2), int):
-            value = question.get(3)
-            return self._calibrate([(as_int(question.get(2)), None if value is None else as_float(value))])
+        if what == _CHANNEL and isinstance(request.get(2), int):
+            value = request.get(3)
+            return self._calibrate([(as_int(request.get(2)), None if value is None else as_float(value))])
         return FAIL
 
     def _calibrate(self, wanted: Sequence[tuple[int | None, float | None]]) -> Bottle:

@@ -41,9 +41,9 @@ class BoardService:
         )
         self._version = Service({"getRemoteProtocolVersion": Function(lambda: VERSION)})
 
-    def answer(self, question: Bottle) -> object:
+    def answer(self, request: Bottle) -> object:
         """Answer a call; ``[fail]`` for an unknown function, or arguments of a wrong type."""
-        elements = question.elements()
+        elements = request.elements()
         name = elements[0] if elements else None
         run = self._runs.get(name) if isinstance(name, str) else None
         if run is not None:  # the form that programs use; matching words takes longer than all the rest
@@ -52,8 +52,8 @@ class BoardService:
             except BottleError:
                 return FAIL
         if name == "getRemoteProtocolVersion":  # not listed by ``help``
-            return self._version.answer(question)
-        return self._service.answer(question)
+            return self._version.answer(request)
+        return self._service.answer(request)
 
     def _running(self, message: Message) -> Callable[..., object]:
         """Return the implementation of a function, which returns the code and the results.

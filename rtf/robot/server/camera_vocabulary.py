@@ -48,15 +48,15 @@ class CameraResponder:
             FIREWIRE: _firewire,
         }
 
-    def answer(self, question: Bottle) -> object:
+    def answer(self, request: Bottle) -> object:
         """Return the answer to a request."""
-        part = self._parts.get(as_vocab(question.get(0)))
-        return NAK if part is None else part(question)
+        part = self._parts.get(as_vocab(request.get(0)))
+        return NAK if part is None else part(request)
 
     # Images ----------------------------------------------------------------------------------------------------------
 
-    def _image(self, question: Bottle) -> object:
-        part, verb, word = (as_vocab(question.get(place)) for place in range(3))
+    def _image(self, request: Bottle) -> object:
+        part, verb, word = (as_vocab(request.get(place)) for place in range(3))
         if verb != GET:
             return FAIL
         if word.text == "w":
@@ -65,8 +65,8 @@ class CameraResponder:
             return Bottle([part, word, IS, self._camera.height()])
         if word == part:
             return Record(part, word, IS, self._picture(part))
-        if word.text == "crop" and len(question) == _WORDS_OF_CROP and as_int(question[3]) in _RECTANGLE:
-            return Record(part, word, IS, _cropped(self._picture(part), question[4]))
+        if word.text == "crop" and len(request) == _WORDS_OF_CROP and as_int(request[3]) in _RECTANGLE:
+            return Record(part, word, IS, _cropped(self._picture(part), request[4]))
         return FAIL
 
     def _picture(self, part: Vocab) -> Image:
@@ -79,10 +79,10 @@ class CameraResponder:
 
     # Optics ----------------------------------------------------------------------------------------------------------
 
-    def _optics(self, question: Bottle) -> Bottle:
-        verb, word = as_vocab(question.get(1)), as_vocab(question.get(2))
+    def _optics(self, request: Bottle) -> Bottle:
+        verb, word = as_vocab(request.get(1)), as_vocab(request.get(2))
         if verb == SET:
-            return Bottle([OPTICS, SET, int(self._set_optics(word.text, question))])
+            return Bottle([OPTICS, SET, int(self._set_optics(word.text, request))])
         if verb != GET:
             return FAIL
         return Bottle([OPTICS, word, IS, *self._get_optics(word.text)])
@@ -103,13 +103,13 @@ class CameraResponder:
             return (int(self._mirrors() and self._with_controls().feature(CameraFeature.MIRROR)[0] != 0),)
         raise RefusedError(f"a camera's optics have no {word!r}")
 
-    def _set_optics(self, word: str, question: Bottle) -> bool:
+    def _set_optics(self, word: str, request: Bottle) -> bool:
         """Set a value of the optics. Return whether it was set: with these interfaces only the mirror can be."""
         if word not in ("res", "fov", "mirr"):
             raise RefusedError(f"of a camera's optics {word!r} cannot be set")
         if word != "mirr" or not self._mirrors():
             return False
-        self._with_controls().set_feature(CameraFeature.MIRROR, as_float(question.get(3)))
+        self._with_controls().set_feature(CameraFeature.MIRROR, as_float(request.get(3)))
         return True
 
     def _mirrors(self) -> bool:
@@ -122,26 +122,26 @@ class CameraResponder:
             raise NotSupportedError("the camera has no controls")
         return self._controls
 
-    def _control(self, question: Bottle) -> Bottle:
+    def _control(self, request: Bottle) -> Bottle:
         controls = self._with_controls()
-        verb, word = as_vocab(question.get(1)), as_vocab(question.get(2))
+        verb, word = as_vocab(request.get(1)), as_vocab(request.get(2))
         if verb == GET and word.text == "camd":
             return Bottle([CONTROLS, word, IS, *controls.camera_description()])
-        feature = _feature(question)
+        feature = _feature(request)
         if verb == HAS:
             return Bottle([CONTROLS, HAS, FEATURE, word.value, int(_has(controls, word.text, feature))])
         if verb == GET:
             return Bottle([CONTROLS, word, IS, *_get(controls, word.text, feature)])
         if verb == SET:
-            return Bottle([CONTROLS, SET, int(_set(controls, word.text, feature, question[4:]))])
+            return Bottle([CONTROLS, SET, int(_set(controls, word.text, feature, request[4:]))])
         return FAIL
 
 
-def _feature(question: Bottle) -> CameraFeature:
+def _feature(request: Bottle) -> CameraFeature:
     try:
-        return CameraFeature(as_int(question[3]))
+        return CameraFeature(as_int(request[3]))
     except (ValueError, IndexError):
-        raise RefusedError(f"{question.to_text()[:60]!r} names no feature; they go from 0 to 22") from None
+        raise RefusedError(f"{request.to_text()[:60]!r} names no feature; they go from 0 to 22") from None
 
 
 def _has(controls: IFrameGrabberControls, word: str, feature: CameraFeature) -> bool:
@@ -193,9 +193,9 @@ def _set(controls: IFrameGrabberControls, word: str, feature: CameraFeature, val
     return True
 
 
-def _firewire(question: Bottle) -> Bottle:
+def _firewire(request: Bottle) -> Bottle:
     """Answer a FireWire request: 0, because a camera with this interface is not on FireWire."""
-    words = {as_vocab(value).text for value in question[1:3]}
+    words = {as_vocab(value).text for value in request[1:3]}
     return Bottle([0]) if words & _FIREWIRE else FAIL
 
 

@@ -15,7 +15,7 @@ from rtf.robot.interfaces import IAxisInfo
 from rtf.robot.parameters import flag, port_name, positive
 from rtf.robot.periodic_thread import PeriodicThread
 from rtf.robot.server.control_board_commands import StreamedCommands
-from rtf.robot.server.control_board_questions import Questions
+from rtf.robot.server.control_board_requests import ControlBoardRequests
 from rtf.robot.server.control_board_state import StateStreams
 
 if TYPE_CHECKING:
@@ -54,10 +54,10 @@ class ControlBoardServer:
         def report(sentence: str) -> None:
             network.report(f"{name}: {sentence}")
 
-        questions = Questions(device, report)
+        requests = ControlBoardRequests(device, report)
         commands = StreamedCommands(device, report)
         with ExitStack() as opened:
-            rpc = RpcServer(f"{name}/rpc:i", questions.answer, network=network)
+            rpc = RpcServer(f"{name}/rpc:i", requests.answer, network=network)
             opened.callback(rpc.close)
             streamed = Port(f"{name}/command:i", commands.take, network=network, outputs=False)
             opened.callback(streamed.close)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class ControlBoardServiceServer:
     """The ports of a board: ``NAME/nws/rpc:i``, ``NAME/command:i``, ``NAME/state:o`` and ``NAME/stateExt:o``.
 
-    They speak YARP 4.0, whatever the dialect of the network. With ``questions`` there is ``NAME/rpc:i`` as well, so
+    They speak YARP 4.0, whatever the dialect of the network. With ``requests`` there is ``NAME/rpc:i`` as well, so
     that clients of YARP 3 are served at the same time; the streams, of which there is one each in any case, then have
     the dialect of the network.
 
@@ -40,16 +40,16 @@ class ControlBoardServiceServer:
         network: Network,
         period: float = DEFAULT_PERIOD,
         outlets: Outlets | None = None,
-        questions: bool = False,
+        requests: bool = False,
     ) -> None:
         if not isinstance(device, IAxisInfo):
             raise NotSupportedError(f"{name}: a {type(device).__name__} is not a control board: it has no IAxisInfo")
         self.name = name
         self.period = period
-        streaming = network if questions else in_its_dialect(network)
+        streaming = network if requests else in_its_dialect(network)
         with ExitStack() as opened:
             self._streams: ControlBoardServer | StateStreams
-            if questions:
+            if requests:
                 self._streams = ControlBoardServer(device, name, network=network, period=period, outlets=outlets)
             else:
                 commands = StreamedCommands(device, lambda sentence: network.report(f"{name}: {sentence}"))

@@ -24,13 +24,13 @@ def with_error_replies(
     server and are reported.
     """
 
-    def answered(question: Bottle) -> object:
+    def answered(request: Bottle) -> object:
         try:
-            return answer(question)
+            return answer(request)
         except (RobotError, BottleError):
             return failure
         except Exception as error:  # noqa: BLE001 - the port must survive errors of a driver; they are reported
-            network.report(f"{port}: {question.to_text()[:80]!r} failed: {type(error).__name__}: {error}")
+            network.report(f"{port}: {request.to_text()[:80]!r} failed: {type(error).__name__}: {error}")
             return failure
 
     return answered

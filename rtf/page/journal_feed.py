@@ -1,8 +1,8 @@
-"""The journal as server-sent events: messages cut from the file as it grows, without reading what its lines say.
+"""The journal as server-sent events: the growing file is cut into messages without parsing its lines.
 
-A message is ``id: N`` with the number of lines so far, and a JSON array of the lines since the last one. All clients
-that are at the same place get the same bytes. A last line without its end waits for it. Nothing of the file is kept
-but a sparse index, from which a client that comes back is served where it left.
+A message is ``id: N`` with the number of lines so far, and a JSON array of the lines since the last one. All clients at
+the same position get the same bytes. An incomplete last line is sent when it is complete. Only a sparse index of the
+file is kept in memory, by which clients can reconnect at any position.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-#: How much of the journal goes into one message, and between two entries of the index. A longer line goes alone.
+#: The size of a message, and the distance of two entries of the index, in bytes. A longer line is a message of its own.
 BATCH = 1 << 16
 _BLOCK = 1 << 20
-#: Messages that are kept for the other clients.
+#: The number of messages that are cached for other clients.
 _KEPT = 16
 
 
 class Position(NamedTuple):
-    """A place between two lines of the journal."""
+    """A position between two lines of the journal."""
 
     line: int = 0
     offset: int = 0
 
 
 class Feed:
-    """One journal. Used by one thread; ``grow`` looks at the file, everything else goes by what it saw.
+    """The feed of a journal. Not thread-safe; ``grow`` reads the file, all other methods rely on its last call.
 
-    ``over`` says that nothing will be appended, ``closing`` that those who follow are to leave when they have it all.
-    ``first_follower`` is called when somebody comes and nobody was there.
+    ``over``: nothing will be appended. ``closing``: streams end when all lines are sent. ``first_follower`` is called
+    when the first client connects.
     """
 
     def __init__(self, path: Path, first_follower: Callable[[], None] = lambda: None) -> None:
@@ -54,14 +54,14 @@ class Feed:
         self.followers = 0
 
     def grow(self) -> bool:
-        """Take note of what was appended; says whether there is something new to send."""
+        """Index appended lines; return whether there are new ones."""
         before = self.end
         while block := self._read(self._scanned, _BLOCK):
             self._take(block)
         return self.end != before
 
     def _take(self, block: bytes) -> None:
-        """Enter the lines that end in a block into the index."""
+        """Index the lines that end in a block."""
         start = 0
         while (cut := _end_of_batch(block, start)) > start:
             self.end = Position(self.end.line + block.count(b"\n", start, cut), self._scanned + cut)
@@ -81,7 +81,7 @@ class Feed:
     # Reading -----------------------------------------------------------------------------------------------------
 
     def position(self, line: int) -> Position:
-        """The place after so many lines; the end of the journal for more lines than there are."""
+        """Return the position after a number of lines, at most the end of the journal."""
         if line >= self.end.line:
             return self.end
         line = max(0, line)
@@ -94,7 +94,7 @@ class Feed:
         return Position(line, found.offset + cut)
 
     def read(self, position: Position) -> tuple[bytes, Position]:
-        """The message that begins at a place before the end, and the place after it."""
+        """Return the message that begins at a position before the end, and the position after it."""
         known = self._messages.get(position)
         if known is None:
             lines = self._lines_from(position.offset)
@@ -105,7 +105,7 @@ class Feed:
         return known
 
     def _lines_from(self, offset: int) -> bytes:
-        """Whole lines: as many as make a message, or one that is longer than that."""
+        """Return the complete lines of a message, or a single longer line."""
         lines = self._read(offset, min(BATCH, self.end.offset - offset))
         while not (cut := _end_of_batch(lines, 0)):
             block = self._read(offset + len(lines), _BLOCK)
@@ -117,13 +117,13 @@ class Feed:
     # Following -----------------------------------------------------------------------------------------------------
 
     def announce(self) -> None:
-        """Wake everybody who waits: there is something new, or the run is over."""
+        """Wake all waiting streams: there are new lines, or the run is over."""
         self._changed.set()
         self._changed = asyncio.Event()
 
     @contextmanager
     def followed(self) -> Iterator[None]:
-        """Count somebody who follows the journal in the block."""
+        """Count a client that follows the journal within the block."""
         self.followers += 1
         if self.followers == 1:
             self.first_follower()
@@ -132,8 +132,8 @@ class Feed:
         finally:
             self.followers -= 1
 
-    def leave(self) -> None:
-        """Have everybody leave who follows, as soon as they have what there is."""
+    def close_streams(self) -> None:
+        """End all streams as soon as they have sent all lines."""
         self.closing = True
         self.announce()
 
@@ -143,20 +143,20 @@ class Feed:
 
 
 def _end_of_batch(block: bytes, start: int) -> int:
-    """Where the lines end that make one step of the index; 0 when no line ends."""
+    """Return the end of the lines of one index step; 0 if no line ends."""
     return block.rfind(b"\n", start, start + BATCH) + 1 or block.find(b"\n", start + BATCH) + 1
 
 
 def message(lines: bytes, count: int) -> bytes:
-    """Whole lines of a journal as one message, after which ``count`` lines have been sent."""
+    """Return complete lines of a journal as a message, after which ``count`` lines have been sent."""
     records = lines[:-1]
     if b"\r" in records or records.count(b"}\n{") != records.count(b"\n") or records[:1] + records[-1:] != b"{}":
-        records = b"\n".join(_record(line) for line in records.split(b"\n"))  # no runner of ours wrote this
+        records = b"\n".join(_record(line) for line in records.split(b"\n"))  # not written by the runner
     return b"id: %d\ndata: [%s]\n\n" % (count, records.replace(b"\n", b","))
 
 
 def _record(line: bytes) -> bytes:
-    """A line that may be damaged, as an object in any case: one of no kind is passed over by every reader."""
+    """Return a line, or an empty object for a damaged one, which every reader skips."""
     try:
         record = json.loads(line)
     except (ValueError, RecursionError):

@@ -1,8 +1,8 @@
-"""The page as one file: style and scripts inline, allowed by their hashes and nothing else, and a place for the data.
+"""The page as a single file: inline style and scripts, allowed by their hashes only, and a place for the data.
 
 ``index.html`` refers to its files by ``<link rel="stylesheet" href="…">``, ``<script src="…" defer></script>`` and
-``<script type="module" src="…"></script>``; exactly these are replaced. A reference of any other form is an error, for
-a page that is opened offline could not follow it.
+``<script type="module" src="…"></script>``; exactly these are replaced. A reference of any other form is an error,
+because a page that is opened offline could not load it.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ _REFERENCE = re.compile(
     r'|<script src="(?P<script>[\w.-]+)"(?: defer)?></script>'
     r'|<script type="module" src="(?P<module>[\w.-]+)"></script>'
 )
-#: What is left of a reference to a file when those that are understood are gone; ``data:`` stays inside the page.
+#: References to files that were not replaced; ``data:`` URLs are part of the page.
 _LEFT = re.compile(r"<(?:link|script|img|iframe|object|embed|source|base)\b[^>]*\b(?:href|src|data)=(?!\"data:)[^>]*>")
 #: Texts that would end an inline element early, or keep it from ending.
 _HOSTILE = re.compile(r"</(?:script|style)|<script|<!--", re.IGNORECASE)
 _CHARSET = '<meta charset="utf-8">'
-#: Data stand here: the page makes its body anew.
+#: The data are put here: the page builds its own body.
 _END = "</head>"
 
 
 def page_in_pieces(sources: Mapping[str, str] | None = None) -> tuple[bytes, bytes]:
-    """What stands before the data and after it. Raises BundleError.
+    """Return the page before the data and after them. Raises BundleError.
 
-    ``sources`` are the texts of the page's files by name, those that are shipped where there are none.
+    ``sources`` are the texts of the page's files by name, by default the shipped ones.
     """
     if sources is None:
         sources = {name: asset.text for name, asset in read_assets().items()}
@@ -46,7 +46,7 @@ def page_in_pieces(sources: Mapping[str, str] | None = None) -> tuple[bytes, byt
 
 
 class _Page:
-    """The page while its references are replaced; collects the hashes of what is put in."""
+    """The page while its references are replaced; collects the hashes of the inline elements."""
 
     def __init__(self, sources: Mapping[str, str]) -> None:
         self._sources = sources
@@ -58,8 +58,8 @@ class _Page:
         text = _REFERENCE.sub(self._inline, index)
         for needed in (_CHARSET, _END):
             if index.count(needed) != 1:
-                raise BundleError(f"{INDEX} must have {needed} once, for the policy and the data to be put there")
-        # A policy holds for what follows it.
+                raise BundleError(f"{INDEX} must have {needed} exactly once, where the policy or the data are inserted")
+        # A policy applies to the elements after it.
         text = text.replace(_CHARSET, f"{_CHARSET}\n{self._policy()}", 1)
         head, _, tail = text.rpartition(_END)
         return head.encode(), (_END + tail).encode()
@@ -74,7 +74,7 @@ class _Page:
         left = _LEFT.search(_REFERENCE.sub("", index))
         if left is not None:
             raise BundleError(
-                f"{INDEX}: {left[0]} would be missing in a single file; see {__name__} for what would not"
+                f"{INDEX}: {left[0]} would be missing in a single file; see {__name__} for the supported references"
             )
 
     def _inline(self, match: re.Match[str]) -> str:
@@ -88,7 +88,9 @@ class _Page:
     def _element(self, tag: str, attributes: str, name: str, text: str) -> str:
         hostile = _HOSTILE.search(text)
         if hostile is not None:
-            raise BundleError(f"{name}: {hostile[0]} cannot stand in a page that is one file; write it in two parts")
+            raise BundleError(
+                f"{name}: {hostile[0]} cannot be in a page that is a single file; split it"
+            )
         digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
         self._hashes[tag].append(f"'sha256-{digest}'")
         return f"<{tag}{attributes}>{text}</{tag}>"
@@ -107,9 +109,9 @@ class _Page:
 
 
 def write_block(stream: BinaryIO, attributes: Mapping[str, str], pieces: Iterable[bytes]) -> None:
-    """Write data into the page, as base64 of gzip: whatever it is, it cannot end its element."""
+    """Write data into the page, as base64 of gzip, so that they cannot end their element."""
     named = "".join(f' {name}="{_attribute(value)}"' for name, value in attributes.items())
-    # A lone surrogate, of a file name that is no text, cannot be in a page; nobody will ask for that block.
+    # A lone surrogate, of a file name that is not valid text, cannot be in a page; the block is never requested.
     stream.write(f'<script type="application/x-rtf"{named}>'.encode(errors="replace"))
     packer = zlib.compressobj(wbits=31)  # 31: with the head and the sum of gzip
     rest = b""
@@ -124,4 +126,4 @@ def write_block(stream: BinaryIO, attributes: Mapping[str, str], pieces: Iterabl
 
 
 def _attribute(value: str) -> str:
-    return html.escape(value).replace("\r", "&#13;")  # which a reader would take for a line end otherwise
+    return html.escape(value).replace("\r", "&#13;")  # otherwise parsers would read it as a line end

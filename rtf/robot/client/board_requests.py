@@ -29,7 +29,7 @@ _HEADS = {Echo.TOPIC: 2, Echo.METHOD: 2, Echo.BARE_IS: 1, Echo.NOTHING: 0}
 _TAIL, _STAMPED_TAIL = 1, 4
 
 
-class Question(NamedTuple):
+class Request(NamedTuple):
     """A request, and the position of the data in its answer: after ``head`` elements, before the last ``tail``.
 
     ``alone`` is the message without arguments, ``front`` the bytes before the arguments, after their number. Both are
@@ -44,30 +44,30 @@ class Question(NamedTuple):
     tail: int = _TAIL
 
 
-def _made(words: Iterable[Value], kind: Kind, head: int = 0, tail: int = _TAIL) -> Question:
+def _made(words: Iterable[Value], kind: Kind, head: int = 0, tail: int = _TAIL) -> Request:
     elements = [*words]
     alone, with_one = encode(Bottle.adopt(elements)), encode(Bottle.adopt([*elements, 0]))
-    return Question((*elements,), alone, with_one[pair.size : -pair.size], kind, head, tail)
+    return Request((*elements,), alone, with_one[pair.size : -pair.size], kind, head, tail)
 
 
 #: A request and its arguments.
-Asked: TypeAlias = tuple[Question, tuple[Value, ...]]
+FilledRequest: TypeAlias = tuple[Request, tuple[Value, ...]]
 
 
-class AskedCodec(BottleCodec):
+class RequestCodec(BottleCodec):
     """Codec that encodes a request from its parts, as the bottle that they form; it decodes plain bottles.
 
     The words are encoded once, and numbers, which most arguments are, directly. Building a bottle first takes ten times
     as long.
     """
 
-    def encode(self, value: Bottle | Property | Asked, dialect: Dialect) -> Sequence[Buffer]:
+    def encode(self, value: Bottle | Property | FilledRequest, dialect: Dialect) -> Sequence[Buffer]:
         if not isinstance(value, tuple):
             return super().encode(value, dialect)
-        question, arguments = value
+        request, arguments = value
         if not arguments:
-            return (question.alone,)
-        parts = [_pack_pair(LIST, len(question.words) + len(arguments)), question.front]
+            return (request.alone,)
+        parts = [_pack_pair(LIST, len(request.words) + len(arguments)), request.front]
         for argument in arguments:
             if type(argument) is int and INT32_MIN <= argument <= INT32_MAX:
                 parts.append(_pack_pair(_INT32, argument))
@@ -77,42 +77,42 @@ class AskedCodec(BottleCodec):
                 return super().encode(plain(value), dialect)
         return (b"".join(parts),)
 
-    def to_text(self, value: Bottle | Property | Asked) -> str:
+    def to_text(self, value: Bottle | Property | FilledRequest) -> str:
         return super().to_text(plain(value) if isinstance(value, tuple) else value)
 
 
-ASKED = AskedCodec()
+REQUEST = RequestCodec()
 _pack_pair, _pack_double, _INT32 = pair.pack, struct.Struct("<id").pack, Type.INT32.value
 
 
-def plain(asked: Asked) -> Bottle:
+def plain(asked: FilledRequest) -> Bottle:
     """Return a request as a bottle."""
-    question, arguments = asked
-    return Bottle.adopt([*question.words, *arguments])
+    request, arguments = asked
+    return Bottle.adopt([*request.words, *arguments])
 
 
 #: The requests of a method, by the shape of their axes.
-Questions = dict[Shape, Question]
+RequestsByShape = dict[Shape, Request]
 
 
-def _question(topic: Topic, verb: Vocab) -> Question:
+def _request(topic: Topic, verb: Vocab) -> Request:
     family = topic.family
     kind = topic.given if verb == SET and topic.given is not None else topic.kind
     tail = _STAMPED_TAIL if family.stamped else _TAIL
     return _made((verb, *map(Vocab, topic.words)), kind, _HEADS[family.echo], tail)
 
 
-def _by_method() -> tuple[dict[str, Questions], dict[str, Questions]]:
+def _by_method() -> tuple[dict[str, RequestsByShape], dict[str, RequestsByShape]]:
     """Return the requests that read and those that write."""
-    getting: dict[str, Questions] = {}
-    setting: dict[str, Questions] = {}
+    getting: dict[str, RequestsByShape] = {}
+    setting: dict[str, RequestsByShape] = {}
     for topic in vocabulary.TOPICS.values():
         if topic.fixed:
             continue  # a shorthand of another topic
         if topic.get:
-            getting.setdefault(topic.get, {}).setdefault(topic.shape, _question(topic, GET))
+            getting.setdefault(topic.get, {}).setdefault(topic.shape, _request(topic, GET))
         if topic.set:
-            setting.setdefault(topic.set, {}).setdefault(topic.shape, _question(topic, SET))
+            setting.setdefault(topic.set, {}).setdefault(topic.shape, _request(topic, SET))
     return getting, setting
 
 
@@ -124,8 +124,8 @@ def _heads() -> dict[str, dict[Shape, tuple[Value, ...]]]:
     return found
 
 
-GETTING: Mapping[str, Questions]
-SETTING: Mapping[str, Questions]
+GETTING: Mapping[str, RequestsByShape]
+SETTING: Mapping[str, RequestsByShape]
 GETTING, SETTING = _by_method()
 #: The heads of the streamed commands.
 HEADS: Mapping[str, Mapping[Shape, tuple[Value, ...]]] = _heads()

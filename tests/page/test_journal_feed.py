@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rtf.page import feed
-from rtf.page.feed import BATCH, Feed, Position, message
+from rtf.page import journal_feed
+from rtf.page.journal_feed import BATCH, Feed, Position, message
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,7 +37,9 @@ def rest(journal: Feed, position: Position) -> tuple[list[Any], Position]:
 
 
 #: Mostly short lines; now and then one that is longer than a message, or than a block that is read at once.
-SIZES = st.lists(st.sampled_from([1, 5, 80, 1000, 30_000, BATCH, 3 * BATCH, feed._BLOCK + 5]), min_size=1, max_size=60)
+SIZES = st.lists(
+    st.sampled_from([1, 5, 80, 1000, 30_000, BATCH, 3 * BATCH, journal_feed._BLOCK + 5]), min_size=1, max_size=60
+)
 
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

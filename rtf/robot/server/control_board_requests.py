@@ -50,7 +50,7 @@ _WORDS = (Vocab, str, int)
 _NO_WORD = Vocab(0)
 
 
-class Questions:
+class ControlBoardRequests:
     """Answers requests to one device, in any thread. ``report`` gets unexpected errors of its methods.
 
     A request that is refused, not supported or not understood is answered ``[fail]``, a single word ``[nak]``. Stamps
@@ -73,9 +73,9 @@ class Questions:
         )
         self._commands = {word(text): self._command(topic) for text, topic in COMMANDS.items()}
 
-    def answer(self, question: Bottle) -> Bottle:
+    def answer(self, request: Bottle) -> Bottle:
         """Answer a request. No helper functions: each call adds to the round trip."""
-        words = question.elements()
+        words = request.elements()
         if len(words) < _LEAST:
             return Bottle.adopt([NAK])
         try:
@@ -92,7 +92,7 @@ class Questions:
         except RobotError:
             return Bottle.adopt([FAIL])
         except Exception as error:  # noqa: BLE001 - the port must survive errors of a device
-            self._report(f"[{question.to_text()[:100]}] failed: {type(error).__name__}: {error}")
+            self._report(f"[{request.to_text()[:100]}] failed: {type(error).__name__}: {error}")
             return Bottle.adopt([FAIL])
 
     # Complete answers ------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""A control board is asked: every question has its exact answer, and any other one an answer, too."""
+"""Requests to a control board: each request of the protocol has its exact reply, and any other one has a reply, too."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from rtf.middleware.codecs import RAW
 from rtf.middleware.network import Network
 from rtf.middleware.rpc import RpcClient
 from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.control_board_questions import Questions
+from rtf.robot.server.control_board_requests import ControlBoardRequests
 from rtf.robot.vocabulary import COMMANDS, TOPICS
 
 from .control_board_bench import QUESTIONS, Axes, CalibratedBoard
 from .sensor_bench import ManualClock
 
-#: Questions that are put one after the other, and what is answered; ``@`` stands for a stamp, whose count goes on,
-#: and ``&`` for nine zeros. An answer of one word is written without brackets.
+#: Requests in order, with their replies; ``@`` is a stamp, whose count goes on, and ``&`` nine zeros. A reply of one
+#: word is written without brackets.
 CONVERSATION = """
 [get] [axes] > [is] [axes] 2 @
 [get] [prot] > [prot] 1 9 0 [ok]
@@ -420,7 +420,7 @@ def test_any_question_is_answered(question: Bottle):
     """Whatever is asked, there is an answer that can be sent, and no error of ours in it."""
     said: list[str] = []
     with clock.use(ManualClock()):
-        answer = Questions(CalibratedBoard(), said.append).answer(question)
+        answer = ControlBoardRequests(CalibratedBoard(), said.append).answer(question)
     assert answer[-1] in (Vocab("ok"), Vocab("fail"), Vocab("nak"))
     encode(answer)
     assert said == []

@@ -6,7 +6,7 @@ import pytest
 
 from rtf.bottle import Bottle, Dialect, Int64, Value, Vocab
 from rtf.bottle.binary import decode, encode
-from rtf.robot.client.questions import ASKED, CALIBRATION_DONE, GETTING, PROTOCOL, SETTING, Question
+from rtf.robot.client.board_requests import CALIBRATION_DONE, GETTING, PROTOCOL, REQUEST, SETTING, Request
 from rtf.robot.vocabulary import FAIL, GET, IS, NAK, OK, PROTOCOL_VERSION, SET, STAMP
 
 QUESTIONS = [
@@ -37,16 +37,16 @@ def test_bytes_are_those_of_the_bottle(arguments: tuple[Value, ...], dialect: Di
     for question in QUESTIONS:
         whole = Bottle([*question.words, *arguments])
         asked = question, arguments
-        assert b"".join(ASKED.encode(asked, dialect)) == encode(whole, dialect), question.words
-        assert ASKED.to_text(asked) == whole.to_text()
-        assert ASKED.decode(encode(whole, dialect), dialect) == whole
+        assert b"".join(REQUEST.encode(asked, dialect)) == encode(whole, dialect), question.words
+        assert REQUEST.to_text(asked) == whole.to_text()
+        assert REQUEST.decode(encode(whole, dialect), dialect) == whole
 
 
 def test_a_bottle_is_written_as_one():
     """The codec is one for bottles, too."""
     bottle = Bottle.parse("[get] [pos] 3")
-    assert ASKED.encode(bottle, Dialect.YARP3) == [encode(bottle)]
-    assert ASKED.to_text(bottle) == "[get] [pos] 3"
+    assert REQUEST.encode(bottle, Dialect.YARP3) == [encode(bottle)]
+    assert REQUEST.to_text(bottle) == "[get] [pos] 3"
 
 
 @pytest.mark.parametrize("word", [GET, SET, IS, OK, FAIL, NAK, STAMP, PROTOCOL_VERSION], ids=str)
@@ -58,5 +58,5 @@ def test_words_are_read_into_the_same_objects(word: Vocab):
 def test_words_of_the_questions_are_those_of_the_table():
     """One question of a kind, in full."""
     (question, *_) = GETTING["motion_done"].values()
-    assert isinstance(question, Question)
+    assert isinstance(question, Request)
     assert Bottle([*question.words]).to_text() == "[get] [don]"

@@ -1,7 +1,7 @@
-"""The runner's side of the live page: it opens the port, starts the server's process, and obeys what comes from there.
+"""The runner's side of the live page: it opens the port, starts the server process, and handles its requests.
 
-The runner never waits for the server: browsers that come before it is up wait at the open port. Nothing of what the
-server is made of is loaded here. A server that dies or talks nonsense does the run no harm.
+The runner never waits for the server: browsers that connect before it is ready wait at the open port. The libraries of
+the server are not imported here. A server that dies or sends invalid requests does not affect the run.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ if TYPE_CHECKING:
     from rtf.page.settings import Settings
     from rtf.testing.run_control import Control
 
-#: Where the new process finds its open files.
+#: The file descriptors of the new process.
 LISTENER_FD, CHANNEL_FD, POKE_FD = 3, 4, 5
 _FIRST_DESCRIPTOR = 10
-#: The longest line of the channel, in bytes; an answer that a person typed is in it.
+#: The longest line of the channel, in bytes; it can have an answer that a person typed.
 MAX_LINE = 1 << 18
-#: Seconds the server gets to come up, when somebody waits for it, and to take leave of its clients; and a line to go
-#: through.
+#: Limits in seconds: for the start of the server if a client waits for it, for the end of its connections, and for
+#: sending a line.
 _COME_UP = 10.0
 _LEAVE = 3.0
 _SEND_TIME = struct.pack("@ll", 1, 0)
 _BACKLOG = 128
-#: How much the run is preferred to the server where processor time is short; and what the server does first of all,
-#: so that it gives way while it loads its libraries, too. Where each session has a share of its own, the share counts.
+#: The nice value of the server, so that the run has priority; and its first statements, so that this also holds while
+#: it imports its libraries. With autogroups of sessions the nice value of the group counts.
 _NICE = 5
 _START = """
 import contextlib, os, sys
@@ -52,18 +52,18 @@ sys.path[:] = {path!r}
 from rtf.page import server
 server.main()
 """
-#: By whom a run was stopped and a question answered, as the record says it.
+#: The recorded origin of a stop request and of an answer.
 STOPPED_BY, ANSWERED_BY = "the web page", "web"
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """Open a port; 0 stands for any free one. Raises ReportError when that cannot be."""
+    """Open a port; 0 means any free one. Raises ReportError if that fails."""
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
         listener = socket.socket(family, socket.SOCK_STREAM)
     except OSError as error:
         raise ReportError(
-            f"the web page cannot be at {host!r}: {error.strerror}; name an address of this machine"
+            f"the web page cannot be served at {host!r}: {error.strerror}; name an address of this machine"
         ) from None
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -72,17 +72,15 @@ def listen(host: str, port: int) -> socket.socket:
     except OSError as error:
         listener.close()
         if error.errno == errno.EADDRINUSE:
-            text = f"port {port} is in use; take another with --web-port, or --web-port 0 for any that is free"
+            text = f"port {port} is in use; choose another with --web-port, or any free one with --web-port 0"
         else:
-            text = (
-                f"{host} port {port} cannot be listened on: {error.strerror}; name another with --web-host, --web-port"
-            )
+            text = f"cannot listen on {host} port {port}: {error.strerror}; choose others with --web-host, --web-port"
         raise ReportError(text) from None
     return listener
 
 
 class ServerProcess:
-    """The server of one run's page."""
+    """The server process of a run's page."""
 
     def __init__(self, settings: Settings, listener: socket.socket, log: Path, control: Control | None) -> None:
         self._listener = listener
@@ -99,42 +97,42 @@ class ServerProcess:
         finally:
             there.close()
         self._send(settings.to_line())
-        self._hearing = threading.Thread(target=self._hear, name="rtf-page", daemon=True)
-        self._hearing.start()
+        self._receiving = threading.Thread(target=self._receive, name="rtf-page", daemon=True)
+        self._receiving.start()
 
-    def poke(self) -> None:
-        """Say that there is something new in the journal; takes a microsecond and never waits."""
-        try:  # each event passes here; suppress() would take as long again
+    def notify(self) -> None:
+        """Notify the server of new lines in the journal; takes a microsecond and never waits."""
+        try:  # called for each event; suppress() would double the time
             os.eventfd_write(self._poke, 1)
         except BlockingIOError:
-            return  # nobody took notice 2 ** 64 times
+            return  # the counter is full
 
     @property
     def alive(self) -> bool:
-        """Whether the server still holds the channel."""
-        return self._hearing.is_alive()
+        """Whether the server still has the channel open."""
+        return self._receiving.is_alive()
 
     def wait(self, seconds: float) -> bool:
-        """Wait so long for the server to end by itself; says whether it has."""
-        self._hearing.join(seconds)
+        """Wait for the server to end by itself; return whether it has."""
+        self._receiving.join(seconds)
         return not self.alive
 
-    def say_over(self) -> None:
-        """Tell the server that the journal is complete. It stays up."""
+    def announce_end(self) -> None:
+        """Tell the server that the journal is complete. It keeps running."""
         self._send(b'{"over": true}\n')
 
     def close(self) -> None:
-        """Have the server end: at once when nobody looks, else as soon as everybody has the rest."""
+        """End the server: at once without clients, otherwise as soon as all have received the rest."""
         self._closing = True
-        if self._ready.is_set() or (self._somebody_waits() and self._ready.wait(_COME_UP)):
+        if self._ready.is_set() or (self._has_waiting_clients() and self._ready.wait(_COME_UP)):
             with contextlib.suppress(OSError):
                 self._channel.shutdown(socket.SHUT_WR)
             self.wait(_LEAVE)
         with contextlib.suppress(ProcessLookupError):
-            os.kill(self.pid, signal.SIGKILL)  # it has ended, or is not going to
+            os.kill(self.pid, signal.SIGKILL)  # it has ended, or hangs
         with contextlib.suppress(ChildProcessError):
             os.waitpid(self.pid, 0)
-        self._hearing.join()
+        self._receiving.join()
         self._channel.close()
         self._listener.close()
         os.close(self._poke)
@@ -142,27 +140,27 @@ class ServerProcess:
             if self._log.stat().st_size == 0:
                 self._log.unlink()
 
-    def _somebody_waits(self) -> bool:
+    def _has_waiting_clients(self) -> bool:
         return bool(select.select([self._listener], [], [], 0)[0])
 
     # The channel -------------------------------------------------------------------------------------------------
 
     def _send(self, line: bytes) -> None:
-        with self._sending, contextlib.suppress(OSError):  # that the server is gone is noticed where it is listened to
+        with self._sending, contextlib.suppress(OSError):  # the receiving thread notices the end of the server
             self._channel.sendall(line)
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         with self._channel.makefile("rb") as lines, contextlib.suppress(OSError):
             while (line := lines.readline(MAX_LINE)).endswith(b"\n"):
-                reply = self._obey(line)
+                reply = self._handle(line)
                 if reply is not None:
                     self._send(json.dumps(reply).encode() + b"\n")
-        self._ready.set()  # nobody need wait for it any more
+        self._ready.set()  # nothing waits for it any more
         if not self._closing:
-            sys.stderr.write(f"testrunner: the web page is gone; the run goes on. {self._log} may say why\n")
+            sys.stderr.write(f"testrunner: the server of the web page has ended; the run continues. See {self._log}\n")
 
-    def _obey(self, line: bytes) -> dict[str, Any] | None:
-        """Do what a line says. Whatever it is, it does not hurt the run."""
+    def _handle(self, line: bytes) -> dict[str, Any] | None:
+        """Handle a request line. An invalid one has no effect on the run."""
         try:
             record = json.loads(line)
             if "ready" in record:
@@ -174,7 +172,7 @@ class ServerProcess:
 
     def _grant(self, command: dict[str, Any]) -> dict[str, Any]:
         if self._control is None:
-            return {"error": "this run takes no requests", "late": True}
+            return {"error": "this run accepts no requests", "late": True}
         try:
             if "stop" in command:
                 self._control.stop(STOPPED_BY, int(command["stop"]))
@@ -189,7 +187,7 @@ class ServerProcess:
 
 
 def _spawn(descriptors: list[int], log: Path) -> int:
-    """Start the server with these open files, in a session of its own: no terminal's Ctrl-C reaches it."""
+    """Start the server with these open files, in a session of its own, so that Ctrl-C does not reach it."""
     code = _START.format(nice=_NICE, path=sys.path)
     inherited = [fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, _FIRST_DESCRIPTOR) for descriptor in descriptors]
     targets = (LISTENER_FD, CHANNEL_FD, POKE_FD)
