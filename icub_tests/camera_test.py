@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from rtf.middleware.types import Image
     from rtf.robot_testing.port_recorder import Message
 
-#: Way and speed by which the simulated eyes are turned to check that the picture changes, deg and deg/s; and the speed
-#: from which on each picture has to differ: a third of a pixel (60 deg in 320) in the 33 ms between two.
+#: Angle and speed of the simulated eyes' motion that changes the picture, deg and deg/s; and the speed beyond which
+#: each picture has to differ: a third of a pixel (60 deg in 320) in the 33 ms between two.
 _TURN, _TURNING_SPEED, _TURNING = 5.0, 10.0, 2.0
 _EYES = ("eyes_tilt", "eyes_version")
 
 
 class _Seen(NamedTuple):
-    """The kept facts of a picture."""
+    """The recorded properties of a picture."""
 
     width: int
     height: int

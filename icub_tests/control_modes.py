@@ -160,7 +160,7 @@ class ControlModes(JointsTest):
             self.expected[joint].append((begin, expected[joint]))
         with part.recorded() as trace:
             refused = self._request(request, joints)
-            if request is ControlMode.CURRENT:  # else boards may keep the last measured current
+            if request is ControlMode.CURRENT:  # otherwise boards may keep the last measured current
                 part.board.set_reference_currents([0.0] * len(joints), joints)
             self._wait_until(
                 lambda: all(part.board.control_mode(joint) is expected[joint] for joint in reliable if self._has(joint))
@@ -202,7 +202,7 @@ class ControlModes(JointsTest):
         modes = trace.control_modes[:, joint]
         there = np.flatnonzero(modes == expected)
         first = int(there[0]) if len(there) else len(modes)
-        asked = f"asked for {request.word} in {before.word} it"
+        asked = f"after a request for {request.word} in {before.word} it"
         if not len(modes) or modes[-1] != expected:
             now = mode_word(int(modes[-1])) if len(modes) else "unknown"
             why = f" ({refused})" if refused else ""
@@ -231,7 +231,7 @@ class ControlModes(JointsTest):
             found, after = self._interactions(), part.board.control_modes()
             for joint in self.chosen:
                 old, new = before[joint], after[joint]
-                asked = f"asked to be {wanted.word} in {state.word} it"
+                asked = f"after a request to be {wanted.word} in {state.word} it"
                 if found[joint] is not expected[joint]:
                     self.wrong[joint].append(f"{asked} is {found[joint].word}, not {expected[joint].word}")
                 if new is not old:
@@ -267,7 +267,7 @@ class ControlModes(JointsTest):
         before = part.board.encoders(joints)
         middle = (part.low[joints] + part.high[joints]) / 2
         with part.recorded() as trace:
-            with suppress(RefusedError, NotSupportedError):  # a refusal is as good as ignoring it
+            with suppress(RefusedError, NotSupportedError):  # refusing and ignoring are both correct
                 command.send(part.board, joints, np.where(before < middle, 1.0, -1.0))
             self._wait(_WATCHED)
             self._wait_until(lambda: len(trace) > 0)

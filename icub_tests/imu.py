@@ -34,7 +34,7 @@ _GRAVITY = 9.81
 _SHARE = 0.8  # share of the commanded motion that is required
 _REST = 0.6  # s at rest at each turning point
 _HOMING_SPEED = 20.0
-#: Rotations are compared over windows of so many messages; below this rate (deg/s) a unit is at rest.
+#: Rotations are compared over windows of this number of messages; below this rate (deg/s) a unit is at rest.
 _WINDOW, _AT_REST = 10, 0.5
 _FEWEST_AT_REST = 20
 _ANY_TURN = 180.0  # deg: with a wider interval the orientation of a unit is unknown

@@ -65,7 +65,7 @@ class JointLimits(JointsTest):
 
     speed = Parameter(list[float], "speed of all moves", unit="deg/s", default=[50.0], low=0.1)
     out_of_bound = Parameter(
-        list[float], "how far beyond a limit a joint is commanded", unit="deg", default=[2.0], low=0.001,
+        list[float], "distance of the commands beyond a limit", unit="deg", default=[2.0], low=0.001,
         key="outOfBoundPosition",
     )  # fmt: skip
     output_percent = Parameter(

@@ -73,7 +73,7 @@ class MotorEncodersSignCheck(DutyTest):
         for word, sign, ramp in (("positive", 1.0, ways.positive), ("negative", -1.0, ways.negative)):
             if ramp.moved:
                 self._judge_way(name, word, sign, steps, ramp)
-            elif ways.held:  # else it may hang at a limit
+            elif ways.held:  # otherwise it may rest at a limit
                 self.check(
                     condition=False,
                     text=f"{name} does not move with a {word} duty cycle: {ramp.end.value}, at {ramp.added:g} %; "
@@ -91,7 +91,7 @@ class MotorEncodersSignCheck(DutyTest):
 
 
 def _diagnosis(motor: float, joint: float, least: float) -> str:
-    """Return the diagnosis of the ways of motor and joint (deg), of which one is less than ``least``."""
+    """Return the diagnosis of the motions of motor and joint (deg), of which one is less than ``least``."""
     if motor <= -least and joint <= -least:
         return f"motor and joint both turn the wrong way: the motor's wires or its mounting; {likely_causes('sign')}"
     if motor <= -least:

@@ -156,8 +156,8 @@ class MotorTest(JointsTest):
     def _judge(self, joint: int, target: float, way: float, trace: Trace, begin: float, kind: str) -> None:
         name = self.robot_part.names[joint]
         time, positions = trace.local_time - begin, trace.positions[:, joint]
-        told = np.full(time.shape, target)
-        self.record(f"{kind} move", time=(time, "s"), position=(positions, "deg"), target=(told, "deg"))
+        targets = np.full(time.shape, target)
+        self.record(f"{kind} move", time=(time, "s"), position=(positions, "deg"), target=(targets, "deg"))
         low, high = self.low[joint] - self.targets[joint], self.high[joint] - self.targets[joint]
         if way >= _SHORTEST:
             found = step_response(time, positions, float(positions[0]), target, max(-low, high))

@@ -169,7 +169,7 @@ class MovementReferencesTest(JointsTest):
         return ticks
 
     def _enter(self, mode: ControlMode) -> list[int]:
-        """Bring all joints into a mode; return those that take it, and fail the others."""
+        """Bring all joints into a mode; return those that enter it, and fail the others."""
         part = self.robot_part
         part.set_mode(mode, self.chosen, timeout=_CHANGES)
         there = []
@@ -179,7 +179,8 @@ class MovementReferencesTest(JointsTest):
                 there.append(joint)
             with self.subresult(name):
                 self.check_fail_if_false(
-                    found is mode, f"{name}: asked for {mode.word} it is in {found.word}; {likely_causes('mode')}"
+                    found is mode,
+                    f"{name}: is in {found.word} after a request for {mode.word}; {likely_causes('mode')}",
                 )
         return there
 

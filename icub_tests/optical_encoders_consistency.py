@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rtf.robot_testing import Trace
     from rtf.robot_testing.routines import Routine
 
-#: Least way of a joint's encoder that counts as a swing, deg.
+#: Least motion of a joint's encoder that counts as a swing, deg.
 _SWUNG = 1.0
 #: Share of the greatest speed above which a joint certainly moves in one direction.
 _SURELY = 0.3
@@ -37,7 +37,7 @@ _SAME, _CLOSE = 1e-3, 0.01
 #: Residual, as a share of the half swing, from which on the estimated ratios are uncertain.
 _DOUBTFUL = 0.02
 #: A delay is estimated where a joint is faster than this share of its greatest speed: there it has passed all play. Its
-#: speed is the slope over so many states to either side, to smooth the resolution of encoders.
+#: speed is the slope over this number of states to either side, to smooth the resolution of encoders.
 _FAST, _ASIDE = 0.5, 5
 
 
@@ -205,7 +205,7 @@ class OpticalEncodersConsistency(JointsTest):
             self.assert_error_if_false(outcome.complaint, f"{name}: {travel:.2f} deg of motion are too little to judge")
             return
         self.assert_true(
-            turned >= 0.1 * travel or not self.transmission.coupling[joint, joint],  # else other motors turn it
+            turned >= 0.1 * travel or not self.transmission.coupling[joint, joint],  # otherwise other motors turn it
             f"{name} moves by {travel:.1f} deg, its motor's encoder does not; {likely_causes('frozen')}",
         )
         ratios, left = self._estimate(joint, data)

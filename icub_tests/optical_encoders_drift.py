@@ -29,7 +29,7 @@ _LEAST_TURN = 0.5
 _TELLING = 1.0
 #: Factor of the derived width of every other joint, so that the motors of couplings do not stand still.
 _LESS = 0.6
-#: A jump is a step that is greater than so many times the median step.
+#: A jump is a step that is greater than this multiple of the median step.
 _OUTSTANDING = 8.0
 #: Visits of home that are needed to judge a trend.
 _FEWEST = 6

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 #: Forms of the command by the value of cmdMode.
 _FORMS = {0: "single", 1: "all", 2: "group"}
-#: The references are read back from the board after every so many commands.
+#: The number of commands after which the references are read back from the board.
 _LOOKS = 3
 #: Greatest step between two commands, deg: larger ones are dangerous.
 _LARGEST_STEP = 2.0
@@ -49,8 +49,8 @@ class PositionDirect(RobotTest):
     """All chosen joints follow a sine about their positions; it fades in and out.
 
     It is commanded in three forms, one after the other: joint by joint, to the whole part, and to the group of joints.
-    Before each, small single steps show whether the board takes every command. If this machine is too busy to send the
-    commands in time, values out of bounds are inconclusive.
+    Before each, small single steps show whether the board executes every command. If this machine is too busy to send
+    the commands in time, values out of bounds are inconclusive.
     """
 
     aliases = ("positionDirect", "Position Direct")
@@ -59,7 +59,7 @@ class PositionDirect(RobotTest):
 
     part = Parameter(str, "the part whose joints move", default="left_arm")
     joints = Parameter(list[int], "its joints; none: all", default=[])
-    zero = Parameter(list[float], "the middle of the sine; none: where they are", unit="deg", default=[])
+    zero = Parameter(list[float], "the middle of the sine; none: the current position", unit="deg", default=[])
     frequency = Parameter(float, "of the sine", unit="Hz", default=0.5, low=0.01, high=5.0)
     amplitude = Parameter(float, "of the sine; less where the limits are near", unit="deg", default=3.0, low=0.1)
     cycles = Parameter(
@@ -169,7 +169,7 @@ class PositionDirect(RobotTest):
             part.board.set_positions(positions, self.chosen)
 
     def _probe(self, part: Part, form: int) -> FloatArray:
-        """Send small steps; return how many of them the board has not taken, for each joint."""
+        """Send small steps; return the number of lost ones for each joint."""
         lost = np.zeros(len(self.chosen))
         for probe in range(_PROBES):
             wanted = self.middle + (_PROBE if probe % 2 else -_PROBE)
@@ -218,7 +218,7 @@ class PositionDirect(RobotTest):
 
     def _judge_lost(self, name: str, lost: float) -> None:
         hint = (
-            f"{name} has not taken {lost:.0f} of {_PROBES} commands, sent every {_PROBE_TIME:g} s; "
+            f"{name} has lost {lost:.0f} of {_PROBES} commands, sent every {_PROBE_TIME:g} s; "
             f"{likely_causes('lost commands')}"
         )
         self.measure("commands lost", lost, "", high=0.0, hint=hint)

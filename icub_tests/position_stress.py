@@ -70,12 +70,12 @@ class PositionStress(JointsTest):
         home = float(part.home[joint])
         chance = random.Random(self.seed + joint)  # noqa: S311 - times, not secrets
         lost: list[str] = []
-        told: list[tuple[float, float]] = []
+        commanded: list[tuple[float, float]] = []
         stopped: GuardError | None = None
         with part.recorded() as trace:
             try:
                 for end in (float(self.bottom[joint]), float(self.top[joint]), home) * self.cycles:
-                    told.append((self.now(), end))
+                    commanded.append((self.now(), end))
                     lost += yield from self._go(joint, end, chance.uniform(self.shortest, self.longest))
                 yield from part.moving([home], [joint], speed=[self.speeds[joint]], tolerance=self.tolerance / 2)
             except GuardError as error:
@@ -88,16 +88,16 @@ class PositionStress(JointsTest):
         with self.subresult(part.names[joint]):
             for text in lost:
                 self.check(False, text)
-            self._judge(joint, trace, told)
+            self._judge(joint, trace, commanded)
 
-    def _judge(self, joint: int, trace: Trace, told: list[tuple[float, float]]) -> None:
+    def _judge(self, joint: int, trace: Trace, commanded: list[tuple[float, float]]) -> None:
         name, home = self.robot_part.names[joint], float(self.robot_part.home[joint])
         positions, currents = trace.positions[:, joint], trace.currents[:, joint]
         self.record(
             "stress",
             time=(trace.time - trace.time[0], "s"),
             position=(positions, "deg"),
-            target=(command_at(trace.local_time, told), "deg"),
+            target=(command_at(trace.local_time, commanded), "deg"),
             current=(currents, "A"),
         )
         self.measure("greatest current", float(np.abs(currents).max()), "A")
@@ -108,7 +108,7 @@ class PositionStress(JointsTest):
         hint = f"{name} moves by {reach:.2f} deg only; {likely_causes('does not move')}"
         self.measure("range", reach, "deg", low=least, hint=hint)
         away = float(positions[-1]) - home
-        hint = f"{name} is {away:+.2f} deg from where it began; {likely_causes('weak')}"
+        hint = f"{name} is {away:+.2f} deg from its start position; {likely_causes('weak')}"
         self.measure("away from where it began", away, "deg", -self.tolerance, self.tolerance, hint=hint)
 
     def _go(self, joint: int, end: float, wait: float) -> Routine[list[str]]:

@@ -45,24 +45,22 @@ class SystemStatus(TestCase):
         Bottle, "other machines: (port of yarprun, most load in %); they are not tested", default=Bottle(), key="hosts"
     )
     # Beyond 1 some process always waits for a processor.
-    load = Parameter(
-        float, "processes that want to run, for each processor, mean of a minute; 0: any", default=1.0, low=0.0
-    )
+    load = Parameter(float, "runnable processes for each processor, mean of a minute; 0: any", default=1.0, low=0.0)
     cpu = Parameter(float, "greatest load of one processor; 100: any", unit="%", default=100.0, low=0.0, high=100.0)
     cpu_mean = Parameter(float, "mean load of all of them; 100: any", unit="%", default=100.0, low=0.0, high=100.0)
     # 400 MiB of the 8 GiB of a robot's PC: the need of one more program.
     memory = Parameter(float, "least memory that is available", unit="%", default=5.0, low=0.0, high=100.0)
     # Used swap does no harm while memory is available; without free swap programs are killed.
-    swap = Parameter(float, "most swap space that is used", unit="%", default=90.0, low=0.0, high=100.0)
+    swap = Parameter(float, "most used swap space", unit="%", default=90.0, low=0.0, high=100.0)
     # The share that ext4 reserves for root: other users cannot write then.
     disk = Parameter(float, "least space that is free", unit="%", default=5.0, low=0.0, high=100.0)
     path = Parameter(str, "where on the disk; none: the folder of the run", default="")
     # At about 100 degC processors throttle.
     temperature = Parameter(float, "highest temperature of a sensor", unit="degC", default=90.0)
-    network_errors = Parameter(int, "most errors of an interface meanwhile", default=0, low=0)
+    network_errors = Parameter(int, "most errors of an interface during the test", default=0, low=0)
     time_server = Parameter(str, "an NTP server to compare the clock with; none: it is not compared", default="")
     # chrony and ntpd keep a few ms in a local network; stamps of two machines are to agree within some messages.
-    clock_offset = Parameter(float, "how far off the clock may be", unit="ms", default=50.0, low=0.0)
+    clock_offset = Parameter(float, "greatest offset of the clock", unit="ms", default=50.0, low=0.0)
 
     def run(self) -> None:
         """Watch for a while, then judge each."""
@@ -71,9 +69,9 @@ class SystemStatus(TestCase):
             given = "".join(f" --set cpu_mean={limit}" for limit in limits[:1])
             with self.subresult(name):
                 self.skip(
-                    f"{name} is another machine, which is not asked; there run: testrunner --test SystemStatus{given}"
+                    f"{name} is another machine, which is not tested; run there: testrunner --test SystemStatus{given}"
                 )
-        psutil.cpu_percent(percpu=True)  # from here on it is counted
+        psutil.cpu_percent(percpu=True)  # the counting begins here
         before = psutil.net_io_counters(pernic=True)
         clock.sleep(self.time)
         loads = psutil.cpu_percent(percpu=True)
@@ -92,7 +90,7 @@ class SystemStatus(TestCase):
             self._judge_clock()
 
     def _judge_processors(self, loads: list[float]) -> None:
-        busy = "this machine has little time to spare; likely: a program that runs away, or that belongs elsewhere"
+        busy = "this machine is overloaded; likely: a runaway program, or one that belongs on another machine"
         for number, load in enumerate(loads):
             self.measure(f"processor {number}", load, "%", high=_limit(self.cpu), hint=busy)
         self.measure("all processors", sum(loads) / len(loads), "%", high=_limit(self.cpu_mean), hint=busy)
@@ -102,7 +100,7 @@ class SystemStatus(TestCase):
             self.measure(f"processes that want to run, mean of {minutes} min", load, "count", high=most, hint=hint)
 
     def _most_load(self, processors: int) -> float | None:
-        """How many processes may want to run; None for any."""
+        """Return the greatest number of runnable processes; None for any."""
         simulated = any(os.environ.get(name) for name in (CLOCK_VARIABLE, YARP_CLOCK_VARIABLE))
         if not self.load or (simulated and self.parameter_source("load") == "default"):
             return None
@@ -111,13 +109,13 @@ class SystemStatus(TestCase):
     def _judge_memory(self) -> None:
         memory, swap = psutil.virtual_memory(), psutil.swap_memory()
         self.measure("total memory", memory.total / _MIB, "MiB")
-        leak = "programs will soon be ended for want of memory; likely: a program that takes more and more"
+        leak = "programs will soon be killed for lack of memory; likely: a memory leak"
         self.measure("available memory", 100.0 * memory.available / memory.total, "%", low=self.memory, hint=leak)
         self.measure("used swap space", swap.percent, "%", high=self.swap, hint=leak)
 
     def _judge_disk(self, path: str) -> None:
         usage = psutil.disk_usage(path)
-        hint = f"the disk of {path} fills up; likely: recordings, logs, and cores of programs that crashed"
+        hint = f"the disk of {path} fills up; likely: recordings, logs, and core dumps"
         self.measure("free space", 100.0 * usage.free / usage.total, "%", low=self.disk, hint=hint)
 
     def _judge_temperatures(self) -> None:
@@ -130,16 +128,16 @@ class SystemStatus(TestCase):
         if not found:
             self.skip("this machine shows no temperatures")
         for name, current in found:
-            hint = f"{name} is hot, and its chip will slow down; likely: dust, a fan that stands still"
+            hint = f"{name} is hot, and its chip will slow down; likely: dust, a fan that has stopped"
             self.measure(name, current, "degC", high=self.temperature, hint=hint)
 
     def _judge_network(self, before: Mapping[str, object], after: Mapping[str, object]) -> None:
         for name in sorted(set(before) & set(after)):
             counts = {field: getattr(after[name], field) - getattr(before[name], field) for field in _COUNTED}
             errors = counts["errin"] + counts["errout"]
-            hint = f"{errors} packets of {name} were bad; likely: a cable, a connector, a wrong duplex mode"
+            hint = f"{errors} packets of {name} had errors; likely: a cable, a connector, a wrong duplex mode"
             self.measure(f"errors of {name}", errors, "count", high=self.network_errors, hint=hint)
-            # Systems count as dropped, too, what nobody asked for.
+            # Systems also count unrequested packets as dropped.
             self.measure(f"packets that {name} dropped", counts["dropin"] + counts["dropout"], "count")
 
     def _judge_clock(self) -> None:
@@ -152,7 +150,7 @@ class SystemStatus(TestCase):
             self.assert_error(f"the time server {self.time_server} gives no time: {error}")
         way, offset = min(answers)
         self.measure("way to the time server and back", way * 1e3, "ms")
-        hint = f"the clock is not that of {self.time_server}; likely: chrony or ntpd does not run here, or asks another"
+        hint = f"the clock is not that of {self.time_server}; likely: no chrony or ntpd here, or another server"
         self.measure("clock is ahead by", -offset * 1e3, "ms", -self.clock_offset, self.clock_offset, hint=hint)
 
 

@@ -42,7 +42,7 @@ class TorqueControlAccuracy(CoupledStepTest):
 
     step = Parameter(
         float,
-        "height of the step; on the robot 1 at most, and no more than a tenth of the greatest torque that is told",
+        "height of the step; on the robot 1 at most, and a tenth of the greatest torque by the board",
         unit="Nm",
         default=0.5,
         low=0.01,
@@ -52,10 +52,10 @@ class TorqueControlAccuracy(CoupledStepTest):
         float, "when a cycle ends, counted from the beginning of the rest before the step", unit="s", default=0.8
     )
     lead = Parameter(float, "time in torque mode before the step", unit="s", default=0.3, low=0.1)
-    travel = Parameter(float, "way after which a joint is held again", unit="deg", default=8.0, low=0.5)
+    travel = Parameter(float, "displacement after which a joint is held again", unit="deg", default=8.0, low=0.5)
     holding_error = Parameter(float, "before the step, at most", unit="Nm", default=0.2, low=0.0)
     band = Parameter(
-        float, "how near to the target is settled; a quarter of the step at most", unit="Nm", default=0.1, low=0.001
+        float, "settling band about the target; a quarter of the step at most", unit="Nm", default=0.1, low=0.001
     )
     settling_time = Parameter(float, "until it stays in the band, at most", unit="s", default=0.2, low=0.001)
     rise_time = Parameter(float, "from a tenth to nine tenths, at most", unit="s", default=0.1, low=0.001)

@@ -27,7 +27,7 @@ _FORMS = ("single", "group", "all")
 _HOLDING, _MODE_TIME = 0.2, 0.2
 #: Time for a reference to arrive, and time of measuring its effect, s: several states average the noise.
 _ARRIVING, _MEASURING = 0.03, 0.05
-#: Greatest way of a joint during the test, deg.
+#: Greatest displacement of a joint during the test, deg.
 _TRAVEL = 10.0
 
 
@@ -44,7 +44,7 @@ class TorqueControlConsistency(RobotTest):
 
     part = Parameter(str, "the part whose joints are tested", default="left_arm")
     joints = Parameter(list[int], "its joints; none: all with torque control", default=[])
-    zero = Parameter(list[float], "positions of the joints; none: where they are", unit="deg", default=[])
+    zero = Parameter(list[float], "positions of the joints; none: the current ones", unit="deg", default=[])
     change = Parameter(
         float, "difference of the torques from the holding ones", unit="Nm", default=0.1, low=0.001, high=1.0
     )
@@ -118,19 +118,24 @@ class TorqueControlConsistency(RobotTest):
             with self.subresult(f"{part.names[joint]} {form}"):
                 if gone[place] > _TRAVEL:
                     what = (
-                        f"{part.names[joint]} went {gone[place]:.1f} deg by torques within {self.change:g} Nm of what "
-                        f"holds it, {_TRAVEL:g} deg are allowed"
+                        f"{part.names[joint]} moved by {gone[place]:.1f} deg at torques within {self.change:g} Nm of "
+                        f"its holding torque; {_TRAVEL:g} deg are allowed"
                     )
-                    if excuse:  # they were to hold it for a moment only
+                    if excuse:  # they hold it for a moment only
                         self.inconclusive(f"{what}; but {excuse}")
                     self.check(False, f"{what}; {likely_causes('runs away')}")
-                for change, wanted, told, measured, kept in found if place < len(joints) else ():
+                for change, wanted, reported, measured, kept in found if place < len(joints) else ():
                     self._judge(
-                        part.names[joint], change, wanted[place], told[place], measured[place], kept=bool(kept[place])
+                        part.names[joint],
+                        change,
+                        wanted[place],
+                        reported[place],
+                        measured[place],
+                        kept=bool(kept[place]),
                     )
 
     def _measure(self, part: Part, joints: Sequence[int], before: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the mean torques (Nm) and the ways (deg) of joints; it ends early if a joint moves too far."""
+        """Return the mean torques (Nm) and the displacements (deg) of joints; ends early if a joint moves too far."""
 
         def gone() -> FloatArray:
             return np.abs(part.board.encoders(joints) - before[joints])
@@ -158,13 +163,13 @@ class TorqueControlConsistency(RobotTest):
     def _in_torque_mode(self, part: Part, joints: Sequence[int]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         return np.array([mode is ControlMode.TORQUE for mode in part.board.control_modes(joints)])
 
-    def _judge(self, name: str, change: float, wanted: float, told: float, measured: float, *, kept: bool) -> None:
+    def _judge(self, name: str, change: float, wanted: float, reported: float, measured: float, *, kept: bool) -> None:
         what = f"{change:+g} Nm"
         if not self.check_fail_if_false(kept, f"{name} is not in torque mode at {what}; {likely_causes('mode')}"):
             return
-        off = float(told - wanted)
-        hint = f"{name} was told {wanted:.3f} Nm and keeps {told:.3f} Nm; {likely_causes('lost commands')}"
+        off = float(reported - wanted)
+        hint = f"{name} was commanded {wanted:.3f} Nm and reports {reported:.3f} Nm; {likely_causes('lost commands')}"
         self.measure(f"reference that is read back, {what}", off, "Nm", -self.tolerance, self.tolerance, hint=hint)
         missing = float(measured - wanted)
-        hint = f"{name} was told {wanted:.2f} Nm and shows {measured:.2f} Nm; {likely_causes('torque answer')}"
+        hint = f"{name} was commanded {wanted:.2f} Nm and measures {measured:.2f} Nm; {likely_causes('torque answer')}"
         self.measure(f"measured minus told, {what}", missing, "Nm", low=-self.answer, high=self.answer, hint=hint)

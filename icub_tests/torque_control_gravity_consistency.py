@@ -1,4 +1,4 @@
-"""Torque control gravity consistency: at rest the measured torques are those that the model needs against gravity."""
+"""Torque control gravity consistency: at rest the measured torques are those of the gravity model."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ if TYPE_CHECKING:
     from rtf.robot_testing import Part
     from rtf.robot_testing.statistics import Fit
 
-#: The parts of an iCub, all of which decide what hangs where.
+#: The parts of an iCub: the postures of all parts determine the torques.
 _PARTS = ("head", "torso", "left_arm", "right_arm", "left_leg", "right_leg")
-#: All joints come to each posture from both sides, from so far (deg), so that friction cancels out; how fast (deg/s).
-#: Of so short a way at 40 deg/s the whole limb feels nothing but beginning and end; at 10 its controllers gather on the
-#: way there what they have to lose again on the way back, and 0.8 Nm of friction are left.
+#: All joints approach each posture from both sides, so that friction cancels out: the distance (deg) and the speed
+#: (deg/s). At 40 deg/s the acceleration at both ends disturbs the whole limb; at 10 deg/s the integrals of the
+#: controllers change too much, and 0.8 Nm of friction remain.
 _APPROACH, _APPROACH_SPEED = 2.0, 20.0
-#: No way to a posture is gone in less, s.
+#: The least duration of a move to a posture, s.
 _SHORTEST = 0.2
-#: How long joints come to rest, and for how long they are measured then, s. A controller takes about a second to gather
-#: on either side what friction takes: measured sooner, it does not cancel out.
+#: Time for joints to come to rest, and time of measurement, s. The integral of a controller takes about a second to
+#: compensate friction: measured earlier, friction does not cancel out.
 _REST, _MEASURING = 1.0, 0.2
-#: A gain can be told when the model's torques spread by so much about their mean, Nm, in so many postures.
+#: Least standard deviation of the model's torques (Nm), and least number of postures, to determine a gain.
 _SPREAD, _FEWEST = 0.3, 4
-#: By so much a gain is off whose sign is wrong.
+#: The error of a gain with the wrong sign.
 _INVERTED = 2.0
-#: A gain is judged that is known so well; then a third of it and the double are found in any case.
+#: The widest interval of a gain that is judged; errors by factors of 3 and 2 are then found in any case.
 _KNOWN = 0.4
-#: What measures something differs by more from posture to posture, Nm: a mean of the same values is rounded.
+#: The least variation of measured torques between postures, Nm; below it they are constant up to rounding.
 _STILL = 1e-9
 
 
 class TorqueControlGravityConsistency(RobotTest):
-    """Puts each joint of a part into several static postures and compares what is measured with the model.
+    """Moves each joint of a part to several static postures, and compares measured torques with the gravity model.
 
-    The line through measured against model torques has a slope, the gain, and an offset; both have limits, and so has
-    what is left. A gain is a sub-result of its own: skipped where gravity varies too little to tell it, as about an
-    axis that is upright, but for a wrong sign; and inconclusive where what is measured scatters too much.
+    The line through measured over model torques has a slope, the gain, and an offset; both have limits, and so have the
+    residuals. The gain has a sub-result of its own: skipped if gravity varies too little to determine it, as for an
+    upright axis, except for a wrong sign; and inconclusive if the measurements scatter too much.
     """
 
     aliases = ("torqueControl-gravityConsistency", "torqueControlGravityConsistency")
-    ignored_keys = ("wbi_conf_file", "local")  # of the original, which asked a server of models
+    ignored_keys = ("wbi_conf_file", "local")  # of the C++ test, which used a model server
     tags = ("motion", "torque", "sensors", "model")
     safety = Safety.MOTION
 
@@ -56,20 +56,22 @@ class TorqueControlGravityConsistency(RobotTest):
     joints = Parameter(list[int], "its joints; none: all with torque control", default=[])
     model = Parameter(str, "description of the robot (URDF); none: the iCub of the simulator", default="")
     postures = Parameter(int, "positions of each joint", default=5, low=2, high=50)
-    swing = Parameter(float, "how far from home to both sides", unit="deg", default=35.0, low=1.0, high=90.0)
+    swing = Parameter(float, "distance from home to both sides", unit="deg", default=35.0, low=1.0, high=90.0)
     speed = Parameter(float, "speed of all moves", unit="deg/s", default=40.0, low=0.1)
-    offset = Parameter(float, "of the line, at most", unit="Nm", default=1.0, low=0.0)
-    gain = Parameter(float, "by which its slope may differ from 1", default=0.25, low=0.0)
-    error = Parameter(float, "measured minus model in a single posture, at most", unit="Nm", default=1.5, low=0.0)
+    offset = Parameter(float, "greatest offset of the line", unit="Nm", default=1.0, low=0.0)
+    gain = Parameter(float, "greatest difference of its slope from 1", default=0.25, low=0.0)
+    error = Parameter(
+        float, "greatest difference of measurement and model in a posture", unit="Nm", default=1.5, low=0.0
+    )
 
     friction = Parameter(
-        float, "of the torque range, where it is told, that friction may hide: these limits are not below it",
+        float, "share of the reported torque range that friction may hide; the least value of these limits",
         unit="%",
         default=2.5, low=0.0,
     )  # fmt: skip
 
     def setup(self) -> None:
-        """Open the part, and look where the others are."""
+        """Open the part, and the other parts to read their positions."""
         super().setup()
         try:
             self.gravity = GravityModel(self.model)
@@ -95,7 +97,7 @@ class TorqueControlGravityConsistency(RobotTest):
             with self.subresult(f"{part.names[joint]} in all postures"):
                 try:
                     for position in self._positions(part, joint):
-                        # Friction is opposite on the two sides: one alone says nothing, should the other fail.
+                        # Friction has opposite signs on the two sides, so a posture needs both.
                         sides = [self._measure(part, joint, position, side) for side in (-1.0, 1.0)]
                         torques, models = np.mean(sides, axis=0)
                         measured.append(torques)
@@ -114,7 +116,7 @@ class TorqueControlGravityConsistency(RobotTest):
         return np.linspace(low, max(low, high), self.postures)
 
     def _measure(self, part: Part, joint: int, position: float, side: float) -> tuple[FloatArray, FloatArray]:
-        """Come to a position from one side; the measured torques of the chosen joints, and the model's."""
+        """Approach a position from one side; return the measured torques of the chosen joints, and the model's."""
         for away, fastest in ((side * _APPROACH, self.speed), (0.0, _APPROACH_SPEED)):
             self._move_others(part, joint, away)
             target = position + away
@@ -129,7 +131,7 @@ class TorqueControlGravityConsistency(RobotTest):
         return torques[self.chosen], np.array([model[part.names[chosen]] for chosen in self.chosen])
 
     def _move_others(self, part: Part, joint: int, away: float) -> None:
-        """Send the other chosen joints so far from home, for friction hides in what rests; nobody waits for them."""
+        """Move the other chosen joints by ``away`` deg from home, as friction cancels only in motion; do not wait."""
         others = [one for one in self.chosen if one != joint]
         places = np.clip(part.home[others] + away, part.low[others], part.high[others])
         part.board.set_reference_speeds([_APPROACH_SPEED] * len(others), others)
@@ -141,17 +143,17 @@ class TorqueControlGravityConsistency(RobotTest):
                 most = greatest_torque(part.board, joint)
                 if most is None:
                     self.report(
-                        f"{part.names[joint]}: its torque range is not told, so that nothing is left to friction"
+                        f"{part.names[joint]}: the board does not report its torque range: no tolerance for friction"
                     )
                 hidden = self.friction / 100.0 * (most or 0.0)
                 self._judge(part.names[joint], measured[:, place], wanted[:, place], hidden)
 
     def _judge_gain(self, name: str, line: Fit, spread: float, hides: float) -> None:
-        """A gain is wrong when it surely is: on the robot's side is the statistics' own doubt, which may not be large.
+        """Judge the gain. The tolerance includes its confidence interval, whose width is limited.
 
-        So is what friction ``hides`` (Nm), unless gravity varies by more.
+        It also includes the torque that friction ``hides`` (Nm), unless gravity varies by more.
         """
-        little = f"{name}: gravity varies by {spread:.2f} Nm in these postures, too little to tell"
+        little = f"{name}: gravity varies by {spread:.2f} Nm in these postures, too little to determine"
         if hides >= _INVERTED * spread:
             self.skip(f"{little} a gain")
         known = spread > hides
@@ -159,10 +161,10 @@ class TorqueControlGravityConsistency(RobotTest):
         hint = f"{name} measures {line.slope:.2f} Nm for each Nm of gravity; {likely_causes('torque gain')}"
         self.measure("gain", line.slope, "", low=1.0 - allowed, high=1.0 + allowed, hint=hint)
         if not known:
-            self.skip(f"{little} more of a gain than whether its sign is surely wrong")
+            self.skip(f"{little} more than a wrong sign of the gain")
         if not line.slope_interval <= max(_KNOWN, self.gain):
             self.inconclusive(
-                f"{name}: what is measured scatters so much that its gain is only known to {line.slope_interval:.2f}: "
+                f"{name}: the torques scatter too much: the interval of the gain is {line.slope_interval:.2f}; use "
                 "more postures, or a larger swing"
             )
 
@@ -177,14 +179,14 @@ class TorqueControlGravityConsistency(RobotTest):
         hides = max(_SPREAD, hidden / 2)
         with self.subresult("gain"):
             self._judge_gain(name, line, spread, hides)
-        # Where the gain can be told the offset is that of the line; elsewhere the mean difference.
+        # The offset is that of the line if the gain is known, otherwise the mean difference.
         offset = line.offset if spread > hides else float(np.mean(measured - model))
         most = max(self.offset, hidden)
         hint = f"{name} measures {offset:+.2f} Nm beyond gravity; {likely_causes('torque offset')}"
         self.measure("offset", offset, "Nm", low=-most, high=most, hint=hint)
         worst = float(np.abs(measured - model).max())
         hint = (
-            f"{name} measures up to {worst:.2f} Nm else than gravity; {likely_causes('torque offset', 'torque gain')}"
+            f"{name} measures up to {worst:.2f} Nm apart from gravity; {likely_causes('torque offset', 'torque gain')}"
         )
         self.measure("greatest error", worst, "Nm", high=max(self.error, 2 * hidden), hint=hint)
         self.measure("left over, root mean square", line.rms, "Nm")

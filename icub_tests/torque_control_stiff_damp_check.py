@@ -24,10 +24,11 @@ if TYPE_CHECKING:
 
 #: Time at rest before a joint is moved, and time for a board to show its mode, s.
 _REST, _MODE_TIME = 0.3, 0.5
-#: Way after which a joint is held at once, deg.
+#: Displacement after which a joint is held at once, deg.
 _TRAVEL = 25.0
-#: How fast a push is to move a joint that is only damped (deg/s), and how far one that is only stiff, which swings to
-#: twice of it (deg); how far a push goes at most (deg), and for how long (s); and how long the joint swings out (s).
+#: The speed to which a push brings a joint with damping only (deg/s), and the deflection of one with stiffness only
+#: (deg), which overshoots to twice as much; the greatest deflection (deg) and duration (s) of a push; and the time for
+#: which the joint swings freely (s).
 _SPEED, _WAY, _REACH, _PUSH_TIME, _SWING_OUT = 25.0, 2.5, 6.0, 0.3, 0.4
 #: Friction that a push has to overcome beyond spring and damper, as a share of the greatest torque.
 _FRICTION = 0.03
@@ -38,7 +39,7 @@ _LEAST_MOTION = 0.5
 
 
 class TorqueControlStiffDampCheck(RobotTest):
-    """Makes each joint compliant, first with stiffness only, then with damping only, and lets it be pushed.
+    """Makes each joint compliant, first with stiffness only, then with damping only, and has it pushed.
 
     The slope of the torque over the deflection is the stiffness, that over the speed is the damping. The simulator
     pushes a simulated robot; on a real one the operator is asked to push, before the joint becomes compliant. A joint
@@ -51,22 +52,24 @@ class TorqueControlStiffDampCheck(RobotTest):
 
     part = Parameter(str, "the part whose joints are pushed", default="left_arm")
     joints = Parameter(list[int], "its joints; none: all with torque control", default=[])
-    home = Parameter(list[float], "where they are pushed; none: where they are", unit="deg", default=[])
+    home = Parameter(list[float], "positions in which they are pushed; none: the current ones", unit="deg", default=[])
     stiffness = Parameter(
-        list[float], "its stiffness meanwhile; none: that of the robot", unit="Nm/deg", default=[], low=0.0
+        list[float], "its stiffness during the test; none: that of the robot", unit="Nm/deg", default=[], low=0.0
     )
     damping = Parameter(
         list[float], "its damping; none: that of the robot, 0: not tested", unit="Nm*s/deg", default=[], low=0.0
     )
     duration = Parameter(float, "how long the operator moves a joint", unit="s", default=10.0, low=1.0)
     # Friction and the scale of the torque sensing cause less; a wrong factor causes more.
-    slope = Parameter(float, "by which a slope may differ from what it is to be", unit="%", default=20.0, low=0.1)
+    slope = Parameter(float, "greatest relative error of a slope", unit="%", default=20.0, low=0.1)
     # With less, a fifth of the torque's variance is unexplained, and the slope is uncertain.
-    correlation = Parameter(float, "of torque with way or speed, at least", default=0.9, low=0.0, high=1.0)
+    correlation = Parameter(
+        float, "least correlation of torque with deflection or speed", default=0.9, low=0.0, high=1.0
+    )
     # Many times the play and the resolution of an encoder.
-    excursion = Parameter(float, "how far a joint has to be moved", unit="deg", default=1.0, low=0.01)
-    # Likewise, of the noise of a speed that a board takes from its encoder.
-    fastest = Parameter(float, "how fast a joint has to be moved", unit="deg/s", default=5.0, low=0.01)
+    excursion = Parameter(float, "least deflection of a joint", unit="deg", default=1.0, low=0.01)
+    # Likewise for the noise of a speed that a board derives from its encoder.
+    fastest = Parameter(float, "least speed of a joint", unit="deg/s", default=5.0, low=0.01)
     plot_enabled = Parameter(bool, "accepted and ignored: reports have plots", default=True)
 
     def setup(self) -> None:
@@ -139,11 +142,11 @@ class TorqueControlStiffDampCheck(RobotTest):
     # Moving ------------------------------------------------------------------------------------------------------
 
     def _give_way(self, part: Part, joint: int, home: float, spring: float, damper: float) -> Trace:
-        """Make a joint compliant, let it be moved, and return the recorded states."""
+        """Make a joint compliant, have it moved, and return the recorded states."""
         bring(self, part, [joint], [home])
         part.wait(_REST)
         if not self.pushed:
-            self._ask_for_a_hand(part, joint)
+            self._ask_operator_to_hold(part, joint)
         self._set_impedance(part, joint, spring, damper)
         part.board.set_interaction_modes([InteractionMode.COMPLIANT], [joint])
         entered = part.wait_until(
@@ -187,14 +190,14 @@ class TorqueControlStiffDampCheck(RobotTest):
     def _pushes(self) -> Iterator[float]:
         yield from (1.0, -1.0, -1.0, 1.0)
 
-    def _ask_for_a_hand(self, part: Part, joint: int) -> None:
+    def _ask_operator_to_hold(self, part: Part, joint: int) -> None:
         """Ask the operator to hold a joint; it becomes compliant only after the answer."""
         name = part.names[joint]
         if not self.confirm(
-            f"{name} gives way at your yes, and may sink: hold it now, and move it to and fro for {self.duration:g} s "
-            f"from then on, by less than {_TRAVEL:g} deg to either side. Do you hold it?"
+            f"{name} becomes compliant after your yes, and may sink: hold it now, and move it to and fro for "
+            f"{self.duration:g} s from then on, by less than {_TRAVEL:g} deg to either side. Do you hold it?"
         ):
-            self.inconclusive(f"nobody moved {name}")
+            self.inconclusive(f"{name} was not moved")
 
     def _is_far(self, part: Part, joint: int, home: float) -> bool:
         return abs(part.board.encoder(joint) - home) > _TRAVEL
@@ -203,7 +206,9 @@ class TorqueControlStiffDampCheck(RobotTest):
         if self._is_far(part, joint, home):
             text = f"{part.names[joint]} is at {part.board.encoder(joint):.1f} deg, more than {_TRAVEL:g} deg from home"
             if not self.pushed:
-                self.inconclusive(f"{text}: move it less; {likely_causes('runs away', 'impedance')} if nobody did")
+                self.inconclusive(
+                    f"{text}: move it less; {likely_causes('runs away', 'impedance')} if it was not moved"
+                )
             raise GuardError(text)
 
     # Judging -----------------------------------------------------------------------------------------------------
@@ -234,7 +239,7 @@ class TorqueControlStiffDampCheck(RobotTest):
         share = 1.0 - float(np.var(np.diff(moved, 2))) / _OF_SECOND_DIFFERENCES / float(np.var(moved))
         if share < _LEAST_MOTION:
             self.inconclusive(
-                f"{name}: {100.0 * (1.0 - share):.0f} % of what is measured of its motion for the {what} is noise: "
+                f"{name}: {100.0 * (1.0 - share):.0f} % of the measured motion for the {what} is noise: "
                 "move it further and faster"
             )
         return share

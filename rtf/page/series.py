@@ -88,9 +88,7 @@ def _column(stream: IO[bytes], size: int, place: str) -> Column:
         raise SeriesError(f"{place}: unknown version {version} of the format")
     shape, _, dtype = read_header(stream, max_header_size=_MAX_HEADER)
     if dtype.kind != "f" or dtype.itemsize > np.dtype(np.float64).itemsize or len(shape) != 1:
-        raise SeriesError(
-            f"{place}: a column must be a row of floating-point numbers, not {dtype} of shape {shape}"
-        )
+        raise SeriesError(f"{place}: a column must be a row of floating-point numbers, not {dtype} of shape {shape}")
     data = stream.read(min(size, shape[0] * dtype.itemsize))
     if len(data) != shape[0] * dtype.itemsize:
         raise SeriesError(f"{place}: shorter than its header says")

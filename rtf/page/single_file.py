@@ -88,9 +88,7 @@ class _Page:
     def _element(self, tag: str, attributes: str, name: str, text: str) -> str:
         hostile = _HOSTILE.search(text)
         if hostile is not None:
-            raise BundleError(
-                f"{name}: {hostile[0]} cannot be in a page that is a single file; split it"
-            )
+            raise BundleError(f"{name}: {hostile[0]} cannot be in a page that is a single file; split it")
         digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
         self._hashes[tag].append(f"'sha256-{digest}'")
         return f"<{tag}{attributes}>{text}</{tag}>"

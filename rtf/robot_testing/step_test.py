@@ -87,7 +87,7 @@ class StepTest(RobotTest):
     rise_time = Parameter(float, "from a tenth to nine tenths, at most", unit="s", default=0.5, low=0.001)
     overshoot = Parameter(float, "beyond the target, at most", unit="%", default=20.0, low=0.0)
     band = Parameter(
-        float, "how near to the target is settled; a quarter of the step at most", unit="deg", default=0.25, low=0.001
+        float, "settling band about the target; a quarter of the step at most", unit="deg", default=0.25, low=0.001
     )
     settling_time = Parameter(float, "until it stays in the band, at most", unit="s", default=1.0, low=0.001)
     steady_error = Parameter(

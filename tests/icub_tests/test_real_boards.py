@@ -159,5 +159,5 @@ def test_a_joint_that_runs_away_by_what_should_hold_it_fails(tmp_path):
     """It is held at once, and said how far it went, whatever its torques were until then."""
     outcome, told = run(tmp_path, RUNAWAY_SUITE, "runaway")
     assert outcome.verdict("runaway") is Verdict.FAILED
-    assert "joint0 went 15.0 deg by torques within 0.1 Nm of what holds it" in outcome.detail("runaway")
+    assert "joint0 moved by 15.0 deg at torques within 0.1 Nm of its holding torque" in outcome.detail("runaway")
     assert [what for _, what, _ in told if isinstance(what, ControlMode)][-1] is ControlMode.POSITION

@@ -133,7 +133,7 @@ def test_a_wrong_sign_is_found_though_gravity_varies_little(model, hidden):
     assert any("gain" in one for one in inverted.failures)
     for factor in (0.5, 1.0, 1.5):
         kept = weighed(factor * model + noise, model, hidden)
-        assert "more of a gain than whether its sign is surely wrong" in str(kept.ended["gain"])
+        assert "more than a wrong sign of the gain" in str(kept.ended["gain"])
         assert not kept.failures
     assert "gain" not in weighed(-0.1 * model + noise, 0.1 * model, hidden).values
 
