@@ -201,7 +201,7 @@ class TestRunning:
         assert "one custom (n 7)" in program.calls
         assert "[WARNING] --yours: no parameter of the robot asks for it by extern-name" in program.stderr
         assert "--my:" not in program.stderr
-        assert "port /other/yarprobotinterface answers questions" in program.stderr
+        assert "port /other/yarprobotinterface answers requests" in program.stderr
 
     def test_a_device_that_cannot_be_opened(self, lab: Lab):
         """The exit code is 1, the reason has the place, and the last line is the verdict."""

@@ -397,9 +397,9 @@ def test_maxfail_stops_after_so_many(steps: Path):
 def test_the_device_is_recorded(folder: Path):
     """From a file, and from options, which win."""
     (folder / "device.toml").write_text('serial = "old"\nfirmware = 1.5\n')
-    words = ("--device-file", "device.toml", "--device", "serial=A7", "--device", "rack=3")
+    words = ("--device-file", "device.toml", "--device", "serial=A7", "--device", "bench=3")
     (started,) = run_command(folder, "-s", "fine.xml", *words).of(RunStarted)
-    assert started.device == {"serial": "A7", "firmware": "1.5", "rack": "3"}
+    assert started.device == {"serial": "A7", "firmware": "1.5", "bench": "3"}
 
 
 @pytest.mark.parametrize(

@@ -99,10 +99,10 @@ def test_claims_become_cases(claims):
     ("text", "said"),
     [
         ("[[finds]]\nfault = 'jamm'", "there is no fault 'jamm'"),
-        ("[[finds]]\nfault = 'jam'\ntargt = 'l_elbow'", "[[finds]] has targt"),
+        ("[[finds]]\nfault = 'jam'\ntargt = 'l_elbow'", "[[finds]] has unknown keys targt"),
         ("[[expected]]\nfault = 'jam'", "a reason is missing"),
         ("[finds", "looks.toml"),
-        ("claims = 1", "the file has claims"),
+        ("claims = 1", "the file has unknown keys claims"),
     ],
 )
 def test_claims_that_cannot_be_are_refused(claims, text: str, said: str):
@@ -148,7 +148,7 @@ def test_written_suites_tell_their_cases(tmp_path: Path):
     write_suites(healthy(20), tmp_path)
     _, by_test = write_suites(healthy(8), tmp_path)
     assert read_suites(tmp_path, healthy(9)) == by_test
-    with pytest.raises(ClaimsError, match=r"proof-1\.xml: nobody claims 'Imu on the healthy robot n=6"):
+    with pytest.raises(ClaimsError, match=r"proof-1\.xml: no claim has the case 'Imu on the healthy robot n=6"):
         read_suites(tmp_path, healthy(6))
 
 

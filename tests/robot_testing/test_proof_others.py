@@ -1,4 +1,4 @@
-"""Faults that a test claims nothing of: it is run on all of them, and what does not pass needs a reason."""
+"""Faults without a claim: a test is run on all of them, and a test that does not pass needs a reason."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rtf.robot_testing.proof import (
     Case,
     ClaimsError,
     Expectation,
-    Finding,
+    JudgedCase,
     Judgement,
     judge,
     others_of,
@@ -107,8 +107,8 @@ def test_what_does_not_pass_needs_a_reason(verdict: Verdict, reason: str, judgem
 def test_the_page_tells_what_did_not_pass():
     """The others are counted, and not listed."""
     case = Case("Looks", Expectation.OTHER, "jam", "l_elbow", reason="it cannot move")
-    quiet = Finding(Case("Looks", Expectation.OTHER, "ft_bias", "left_arm"), Judgement.SILENT, "passed", "", 1.0)
-    page = write_matrix([quiet, Finding(case, Judgement.EXPECTED, "failed", "l_elbow: it stays", 1.0)])
+    quiet = JudgedCase(Case("Looks", Expectation.OTHER, "ft_bias", "left_arm"), Judgement.SILENT, "passed", "", 1.0)
+    page = write_matrix([quiet, JudgedCase(case, Judgement.EXPECTED, "failed", "l_elbow: it stays", 1.0)])
     assert "2 pairs: 1 passed" in page
     assert "| Looks | jam | l_elbow | torque 400 Nm | expected | it cannot move |" in page
     assert "ft_bias |" not in page.split("nothing\n\n")[-1]
