@@ -1,18 +1,18 @@
-// Says aloud, to those who listen instead of looking, what matters: failures, questions, the end. Not each event.
+// Announcements for screen readers: failures, questions and the end of the run, not each event.
 
 import { h } from "./dom.js";
 import { visible } from "./format.js";
 import { isBad } from "./model.js";
 import { stateWord, t } from "./texts.js";
 
-const PAUSE = 2000; // milliseconds in which failures are gathered into one sentence
-const STALE = 10; // seconds after which something that happened is history, not news
+const PAUSE = 2000; // milliseconds in which failures are collected into one sentence
+const STALE = 10; // age in seconds beyond which an event is not announced
 
 export class Announcer {
   constructor(page) {
     this.page = page;
     this.waiting = [];
-    this.told = new Set(); // attempts
+    this.told = new Set(); // announced attempts
     this.polite = h("div", { class: "unseen", role: "status" });
     this.urgent = h("div", { class: "unseen", role: "alert" });
     this.element = h("div", {}, this.polite, this.urgent);

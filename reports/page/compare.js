@@ -1,20 +1,20 @@
-// Two runs beside each other: which verdicts changed, and which measurements moved.
+// Comparison of two runs: changed verdicts and measurements.
 //
-// Pure: takes what two runs came to, and tells the differences. A run is a Map from the id of a test to
-// {name, verdict, measurements}; the verdict is null as long as there is none.
+// Pure functions of the results of two runs. A run is a Map from the id of a test to {name, verdict, measurements}; the
+// verdict is null as long as there is none.
 
 import { GOOD, number } from "./model.js";
 import { allowedRange } from "./margin_bar.js";
 
-/** The kinds of change of a test, in the order in which they matter. */
+/** The kinds of change of a test, the most important first. */
 export const CHANGES = ["newly failing", "fixed", "other verdict", "new test", "missing test"];
-/** What was not carried out says neither that it works nor that it does not. */
+/** Verdicts of tests that were not carried out, which prove nothing. */
 export const NOT_CARRIED_OUT = new Set(["not run", "interrupted", "blocked", "skipped"]);
 const MEASURED_RANK = { failed: 0, marginal: 1, recorded: 2, passed: 3 };
-/** Less than this share of the allowed range, or of the value, is not worth a line. */
+/** The least change that is shown, as a share of the allowed range, or of the value. */
 export const MOVED = 0.005;
 
-/** What a run came to, from its records: those of `GET /compare`. */
+/** Return the results of a run from its records, those of `GET /compare`. */
 export function outcomesOfRecords(records) {
   const outcomes = new Map();
   for (const record of records) {
@@ -27,7 +27,7 @@ export function outcomesOfRecords(records) {
   return outcomes;
 }
 
-/** What the run of a model came to so far; a test that is running has no verdict yet. */
+/** Return the results of a model's run so far; a running test has no verdict. */
 export function outcomesOfModel(model) {
   return new Map(
     [...model.tests].map(([id, test]) => [
@@ -39,8 +39,8 @@ export function outcomesOfModel(model) {
 
 /**
  * The differences: `tests` ({test, name, change, before, now}), worst first; `measurements` ({test, name, record, before,
- * now, unit, difference, share, was, verdict, changed, limits}), changed verdicts first and then what moved most; and
- * `same`, how many of each are as they were, or moved too little to be told of (`still`).
+ * now, unit, difference, share, was, verdict, changed, limits}), changed verdicts first, then the greatest changes; and
+ * `same`, the numbers of unchanged ones, and of those with small changes (`still`).
  */
 export function compareOutcomes(older, newer) {
   const tests = [];
@@ -66,7 +66,7 @@ export function compareOutcomes(older, newer) {
   return { tests, measurements, same: counts };
 }
 
-/** How a test changed; null if it did not, or if it has not ended. */
+/** Return the kind of change of a test; null if it did not change, or has not ended. */
 function testChange(before, now) {
   if (!now) return "missing test";
   if (!before) return "new test";
@@ -118,7 +118,7 @@ function sameLimits(one, other) {
   return (one.low ?? null) === (other.low ?? null) && (one.high ?? null) === (other.high ?? null);
 }
 
-/** Measurements by subject and name; what was measured several times counts on. */
+/** Measurements by subject and name; repeated ones are numbered. */
 function byKey(measurements) {
   const found = new Map();
   const seen = new Map();

@@ -1,10 +1,10 @@
-// An earlier run against this one: what fails now, what was fixed, what moved.
+// The view of the comparison with an earlier run: new failures, fixed tests, changed measurements.
 
 import { CHANGES, MOVED, compareOutcomes, outcomesOfModel, outcomesOfRecords } from "./compare.js";
 import { fill, free, h, setText } from "./dom.js";
-import { csvText, percentText, saveText, shortNumber } from "./figures.js";
+import { csvText, percentText, saveText, shortNumber } from "./chart_helpers.js";
 import { marginBar } from "./margin_bar.js";
-import { badge, sign } from "./signs.js";
+import { badge, sign } from "./state_signs.js";
 import { alignedNumber, cellLink, SortTable } from "./sort_table.js";
 import { t } from "./texts.js";
 
@@ -249,7 +249,7 @@ export class CompareView {
   }
 }
 
-/** A change with the sign and colour of what it comes to. */
+/** A change with the sign and the colour of its result. */
 function changeBadge(change, text) {
   const states = {
     "newly failing": "failed",

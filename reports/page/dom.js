@@ -1,13 +1,13 @@
-// Builds elements. Text only ever becomes text: nothing here, or anywhere on the page, parses markup. And text only ever
-// is read: characters that would act (end, turn, overwrite what is around them) are spelled out on the way.
+// Creation of elements. Texts are never parsed as markup, here and on the whole page. And texts have no effect:
+// characters that would act (control characters, changes of direction) are made visible.
 
 import { visible } from "./format.js";
 
-// Characters of a name, and of any text at once: the layout of more takes seconds. What is longer on purpose is a long text.
+// Greatest lengths of a name, and of any text: the layout of longer ones takes seconds. Longer texts use long_text.js.
 const LONG_NAME = 4000;
 const LONGEST = 1 << 16;
 
-/** A text as it is put into the document; a number, too. */
+/** Return a text, or a number, as it is put into the document. */
 function shown(text, limit = LONGEST) {
   const whole = String(text ?? "");
   return visible(whole.length > limit ? `${whole.slice(0, limit)}…` : whole);
@@ -41,28 +41,27 @@ export function append(element, children) {
   }
 }
 
-/** Replace what is in an element. */
+/** Replace the contents of an element. */
 export function fill(element, ...children) {
   element.textContent = "";
   append(element, children);
 }
 
-/** Set a text only where it differs, so that nothing is laid out again and no reader repeats itself. */
+/** Set a text only if it differs, so that there is no new layout, and screen readers do not repeat it. */
 export function setText(element, text) {
   const plain = shown(text);
   if (element.textContent !== plain) element.textContent = plain;
 }
 
-/**
- * A text from the run: it wraps where it must, its direction stays its own, and it ends before the page does.
- * Everything that a test, a file or a person wrote goes through here.
+/** A text from the run: it wraps where needed, its direction is isolated, and its length is limited.
+ * All texts of tests, files and persons are made by this function.
  */
 export function free(text, tag = "span", attributes = {}) {
   const name = attributes.class ? `free ${attributes.class}` : "free";
   return h(tag, { dir: "auto", ...attributes, class: name, text: shown(text, LONG_NAME) });
 }
 
-/** A heading with what belongs under it; hidden until it has something to show. */
+/** A heading with its contents; hidden while they are empty. */
 export function section(title, ...children) {
   return h("section", { class: "section" }, h("h3", { text: title }), ...children);
 }

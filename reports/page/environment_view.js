@@ -1,14 +1,14 @@
-// Where, with what and by whom the run was made: everything that somebody needs who wants to make it again.
+// The view of the environment: everything that is needed to repeat the run.
 
 import { fill, free, h } from "./dom.js";
 import { folded } from "./long_text.js";
-import { badge } from "./signs.js";
+import { badge } from "./state_signs.js";
 import { cellLink, SortTable } from "./sort_table.js";
 import { t } from "./texts.js";
 
 const STAGES = { 1: "after the running test", 2: "now", 3: "by force" };
 
-/** Facts of the run, what was said about its files, its suites, and the parameters of its tests. */
+/** Facts of the run, problems of its files, its suites, and the parameters of its tests. */
 export class EnvironmentView {
   #page;
   #rows = new Map(); // test id -> {parameters, rows}
@@ -75,7 +75,7 @@ export class EnvironmentView {
     );
   }
 
-  /** The command line, as a shell would take it, with a button that copies it. */
+  /** The command line, quoted for a shell, with a button that copies it. */
   #command(record) {
     if (!record.command?.length) return null;
     const line = ["testrunner", ...record.command.map(quoted)].join(" ");
@@ -206,7 +206,7 @@ function shownParameter(test, parameter) {
   return { test, parameter, text };
 }
 
-/** An argument as a POSIX shell takes it. */
+/** An argument, quoted for a POSIX shell. */
 function quoted(argument) {
   return /^[\w@%+=:,./-]+$/.test(argument) ? argument : `'${argument.replaceAll("'", "'\\''")}'`;
 }

@@ -1,15 +1,15 @@
-// What the fixtures went through: a timeline for each suite, and every incident in words.
+// The view of the fixtures: a timeline for each suite, and a list of all incidents.
 
 import { fill, free, h, setText } from "./dom.js";
-import { clockText } from "./figures.js";
+import { clockText } from "./chart_helpers.js";
 import { readPlace } from "./format.js";
 import { folded } from "./long_text.js";
-import { badge } from "./signs.js";
+import { badge } from "./state_signs.js";
 import { t } from "./texts.js";
 import { Timeline, timelineLegend } from "./timeline.js";
 
 const GROWTH = 1000; // milliseconds between two drawings while the run goes on
-const FEW = 5; // incidents whose last output is shown without being asked for
+const FEW = 5; // number of incidents whose last output is shown unfolded
 
 /** Timelines and incidents of all suites that have fixtures. */
 export class FixturesView {

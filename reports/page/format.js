@@ -88,7 +88,7 @@ export function formatPlace(file, line) {
   return line ? `${short}:${line}` : short;
 }
 
-// What would act instead of being read: control characters, and those that turn the direction of the text around them.
+// Characters with an effect: control characters, and those that change the direction of the text.
 const ACTING = /[\u0000-\u0008\u000b-\u001f\u007f-\u009f\u061c\u2028\u2029\u202a-\u202e\u2066-\u2069\ufeff]/g;
 const LINE_END = /\r\n/g;
 const TERMINAL = /\u001b(?:\[[0-?]*[ -/]*[@-~]|\][^\u0007\u001b]*(?:\u0007|\u001b\\))/g;
@@ -98,17 +98,17 @@ function spell(char) {
   return code < 0x100 ? `\\x${code.toString(16).padStart(2, "0")}` : `\\u${code.toString(16).padStart(4, "0")}`;
 }
 
-/** A text in which nothing acts: control and direction characters are written out; tabs and line ends stay. */
+/** Return a text with visible control and direction characters; tabs and line ends stay. */
 export function visible(text) {
   return String(text ?? "").replace(LINE_END, "\n").replace(ACTING, spell);
 }
 
-/** What a program wrote to its terminal: colours and cursor movements left out, other control characters visible. */
+/** Return terminal output without colours and cursor movements, and with visible control characters. */
 export function visibleOutput(text) {
   return visible(String(text ?? "").replace(TERMINAL, ""));
 }
 
-/** The first line that holds something, cut where it gets long. */
+/** Return the first line that is not empty, cut to a limit. */
 export function firstLine(text, limit = 300) {
   const start = String(text ?? "").slice(0, 4 * limit).trimStart();
   const end = start.indexOf("\n");
@@ -116,7 +116,7 @@ export function firstLine(text, limit = 300) {
   return line.length > limit ? `${line.slice(0, limit - 1)}…` : line;
 }
 
-// Half of a surrogate pair, in the name of a file whose bytes are no text, cannot stand in an address; there it is a
+// A lone surrogate, in the name of a file that is not valid text, cannot be in a URL; it is replaced by a
 // character of the last private plane.
 const HALF = 0xd800;
 const PRIVATE = 0x10f000;
@@ -129,7 +129,7 @@ function decodeSegment(text) {
   try {
     return decodeURIComponent(text).replace(/[\u{10f000}-\u{10f7ff}]/gu, (one) => String.fromCharCode(one.codePointAt(0) - PRIVATE + HALF));
   } catch {
-    return text; // somebody typed it
+    return text; // typed by a person
   }
 }
 
@@ -147,18 +147,18 @@ export function linkToFixture(suite, fixture) {
   return `#~fixtures/${encodeSegment(suite)}/${encodeSegment(fixture)}`;
 }
 
-/** The link to what the log has of one test. */
+/** The link to the log of one test. */
 export function linkToLog(test) {
   return `#~log/${encodeSegment(test)}`;
 }
 
-/** What a place (a link without its `#`) names: {suite, test, subject, measurement}, empty where it names none. */
+/** Parse a place (a link without its `#`): {suite, test, subject, measurement}, with empty texts for missing parts. */
 export function readPlace(place) {
   const [suite, name, subject, measurement] = place.split("/").map(decodeSegment);
   return { suite, test: name ? `${suite}/${name}` : "", subject: subject ?? "", measurement: measurement ?? "" };
 }
 
-/** All of them by short names, for views that are handed the page. */
+/** The functions by short names, for the views. */
 export const format = {
   number: formatNumber, quantity: formatQuantity, limits: formatLimits, seconds: formatSeconds, running: formatRunning,
   timeout: formatTimeout, moment: formatMoment, date: formatDate, bytes: formatBytes, place: formatPlace, visible,

@@ -1,18 +1,18 @@
-// The log: everything with something to read, in its order, filtered by weight, source and words; an entry opens below.
+// The log: all records with a text, in order, filtered by severity, source and words; an entry opens below.
 
 import { free, h, setText } from "./dom.js";
 import { firstLine, formatDate, formatMoment, linkTo, visible, visibleOutput } from "./format.js";
 import { longText } from "./long_text.js";
 import { messageItem } from "./messages.js";
-import { Rows, rowHeight } from "./rows.js";
-import { signOf, toneOf } from "./signs.js";
+import { Rows, rowHeight } from "./virtual_list.js";
+import { signOf, toneOf } from "./state_signs.js";
 
 const WEIGHTS = ["debug", "info", "pass", "warning", "failure", "error"];
 const THRESHOLDS = [["debug", "everything"], ["info", "from info"], ["warning", "from warnings"], ["failure", "failures"], ["error", "errors"]];
 const SOURCES = [["", "from everywhere"], ["test", "tests"], ["fixture", "fixtures"], ["suite", "suites"], ["runner", "the runner"]];
 const GRAVE_STATES = new Set(["collapsed", "failed"]);
 
-/** What a record says in one line, and how much it weighs: {weight, text}. */
+/** The text of a record in one line, and its severity: {weight, text}. */
 const TOLD = {
   message: (one) => [one.severity, [one.subject, one.detail || one.title].filter(Boolean).join(": ")],
   test_started: (one) => ["info", one.attempt > 1 ? `begins, attempt ${one.attempt}` : "begins"],
@@ -46,10 +46,10 @@ function sourceKind(record) {
 export class LogView {
   constructor(page) {
     this.page = page;
-    this.only = ""; // a test whose log alone is shown
-    this.seen = 0; // entries of the model's log that were looked at
+    this.only = ""; // the only test whose log is shown
+    this.seen = 0; // entries of the model's log that were processed
     this.shown = [];
-    this.numbers = new Map(); // record -> its place in the log
+    this.numbers = new Map(); // record -> its position in the log
     this.#build();
   }
 
@@ -135,7 +135,7 @@ export class LogView {
     setText(this.count, this.shown.length === all ? String(all) : `${this.shown.length} of ${all}`);
   }
 
-  /** A key for a record: the place it has in the journal. */
+  /** The key of a record: its position in the journal. */
   #number(record) {
     return record.seq ?? record.time;
   }

@@ -1,5 +1,5 @@
-// Texts that may be long: shown as far as anybody reads, the rest on demand and in pieces, so that a line of a megabyte
-// costs nothing until it is wanted.
+// Texts that may be long: the first part is shown, the rest on demand and in pieces, so that a line of a megabyte
+// costs nothing until it is opened.
 
 import { h } from "./dom.js";
 import { firstLine, formatBytes, visible } from "./format.js";
@@ -7,7 +7,7 @@ import { firstLine, formatBytes, visible } from "./format.js";
 const FIRST = 8000; // characters
 const PIECE = 200000;
 
-/** A text in lines of its own; `clean` makes it harmless to look at. */
+/** A text in a block of its own; `clean` makes its control characters visible. */
 export function longText(text, { clean = visible, className = "" } = {}) {
   const body = h("pre", { class: `free text ${className}`, dir: "auto", text: clean(text.slice(0, FIRST)) });
   if (text.length <= FIRST) return body;
@@ -26,7 +26,7 @@ export function longText(text, { clean = visible, className = "" } = {}) {
   return h("div", { class: "long-text" }, body, more);
 }
 
-/** Something long that is folded away under a line that says what it is. */
+/** Long contents that are folded under a summary line. */
 export function folded(summary, text, options = {}) {
   const details = h("details", { class: "folded" }, h("summary", { text: firstLine(summary) }));
   if (options.open) details.open = true;
@@ -38,8 +38,7 @@ export function folded(summary, text, options = {}) {
   return details;
 }
 
-/**
- * Elements for a list that grows: what is there stays as it is (folds stay open, selections hold), what is new is added,
+/** Elements of a growing list: existing ones are kept (folds stay open, selections hold), new ones are added,
  * and beyond `limit` there is a button.
  */
 export class GrowingList {
@@ -50,7 +49,7 @@ export class GrowingList {
     this.more = h("button", { type: "button", class: "quiet", on: { click: () => this.#showMore() } });
   }
 
-  /** Show these items; answers whether there are any. */
+  /** Show these items; return whether there are any. */
   update(items) {
     this.items = items;
     const same = this.shown.length <= items.length && this.shown.every((item, index) => item === items[index]);

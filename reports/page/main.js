@@ -1,4 +1,4 @@
-// The page: puts source, model and views together, at most once a frame.
+// The page: connects source, model and views; updates at most once a frame.
 
 import { Announcer } from "./announcer.js";
 import { CompareView } from "./compare_view.js";
@@ -9,19 +9,19 @@ import { MeasurementsView } from "./measurements_view.js";
 import { TrendsView } from "./trends_view.js";
 import { h, setText } from "./dom.js";
 import { format, linkTo } from "./format.js";
-import { helpDialog, listenToKeys } from "./keys.js";
+import { helpDialog, listenToKeys } from "./key_bindings.js";
 import { RunModel, VERDICTS, isBad } from "./model.js";
 import { OperatorView, QuestionPanel, StopDialog } from "./operator.js";
 import { Overview, runSign, runState, runTone, runWords } from "./overview.js";
 import { printAll } from "./print.js";
 import { Sound } from "./sound.js";
-import { openSource } from "./source.js";
-import { showInTab } from "./tab.js";
+import { openSource } from "./data_source.js";
+import { showInTab } from "./browser_tab.js";
 import { TestsView } from "./tests_view.js";
 import { chooseLanguage, t } from "./texts.js";
 
-const TICK = 250; // milliseconds between two looks at what grows with time alone
-const HIDDEN_PAUSE = 1000; // milliseconds between two looks while nobody sees the page
+const TICK = 250; // milliseconds between two updates of elapsed times
+const HIDDEN_PAUSE = 1000; // milliseconds between two updates of a hidden page
 const WIDE = matchMedia("(min-width: 60rem)");
 const BAD = new Set(VERDICTS.filter(isBad));
 
@@ -69,12 +69,12 @@ class Page {
     return Math.max(this.model.time, Date.now() / 1000 - (Number.isFinite(this.skew) ? this.skew : 0));
   }
 
-  /** Whether two things have room side by side. */
+  /** Return whether two columns have room side by side. */
   wide() {
     return WIDE.matches;
   }
 
-  /** Go to a link of this page; `replace` leaves no step to come back to. */
+  /** Go to a link of this page; `replace` adds no entry to the history. */
   go(hash, { replace = false } = {}) {
     if (hash === (location.hash || "#")) return;
     if (!replace) location.hash = hash;
@@ -96,7 +96,7 @@ class Page {
     if (!this.help.open) this.help.showModal();
   }
 
-  /** Whether nobody is busy with anything on the page, and would lose the place. */
+  /** Return whether the user is idle, so that the page may change its place. */
   idle() {
     return !document.activeElement || document.activeElement === document.body;
   }
@@ -170,7 +170,7 @@ class Page {
     this.changed();
   }
 
-  /** Something changed: draw it with the next frame. A tab that nobody sees only keeps its title. */
+  /** Schedule an update with the next frame. A hidden tab updates only its title. */
   changed() {
     if (document.hidden) this.hiddenTimer ??= setTimeout(() => this.#drawHidden(), HIDDEN_PAUSE);
     else this.frame ??= requestAnimationFrame(() => this.#draw());
@@ -181,7 +181,7 @@ class Page {
     showInTab(runTone(model, link), runSign(model, link), runWords(model, link), model.started?.robot || this.facts.run);
   }
 
-  /** A tab that nobody sees still tells what matters, by title, icon, sound and voice. */
+  /** Update the title, the icon, sound and announcements, also of a hidden tab. */
   #drawHidden() {
     this.hiddenTimer = undefined;
     this.announcer.update(this.model.changes);
@@ -219,7 +219,7 @@ class Page {
   }
 }
 
-/** Let the first Tab go to the top: browsers begin at the place of what stood in the body before the page was made. */
+/** Let the first Tab key go to the top: browsers begin at the place of the original contents of the body. */
 function startAtTheTop() {
   if (document.activeElement !== document.body) return;
   document.body.tabIndex = -1;

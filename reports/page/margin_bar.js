@@ -1,19 +1,19 @@
-// Where a value lies between its limits, as a small bar beside it.
+// A small bar that shows a value between its limits.
 //
-// The track is the allowed range with a tick at each limit that there is, its marginal zones coloured; the mark is the
-// value. Beyond the ends of the bar the mark becomes an arrow that points there.
+// The track is the allowed range with a tick at each limit, and coloured marginal zones; the mark is the value. Beyond
+// the ends of the bar the mark is an arrow.
 
 import { number } from "./model.js";
-import { svg } from "./figures.js";
+import { svg } from "./chart_helpers.js";
 
 const WIDTH = 96;
 const HEIGHT = 12;
-/** Where low and high are drawn; outside of them is room for values that miss the limits. */
+/** The positions of low and high; beyond them is room for values out of the limits. */
 const LOW_AT = 14;
 const HIGH_AT = 82;
 const MIDDLE = HEIGHT / 2;
 
-/** The bar as an element, or null where there are no limits or no place for the value. */
+/** The bar as an element; null without limits or a finite value. */
 export function marginBar(measurement, format) {
   const scale = marginScale(measurement);
   if (!scale) return null;
@@ -50,21 +50,21 @@ export function marginText(measurement, format) {
   return [...parts, verdict].join(", ");
 }
 
-/** The distance to the nearest limit as a share of the allowed range, or of the one limit; null where there is none. */
+/** The distance to the nearest limit as a share of the allowed range, or of the only limit; null without limits. */
 export function relativeMargin(measurement) {
   if (!isGiven(measurement.margin)) return null;
   const range = allowedRange(measurement);
   return range > 0 ? number(measurement.margin) / range : null;
 }
 
-/** What a margin is compared with: high - low, or the size of the only limit; null where there is neither. */
+/** The reference of a margin: high - low, or the size of the only limit; null without limits. */
 export function allowedRange({ low, high }) {
   if (isGiven(low) && isGiven(high)) return number(high) - number(low);
   if (isGiven(low)) return Math.abs(number(low)) || null;
   return isGiven(high) ? Math.abs(number(high)) || null : null;
 }
 
-/** Where everything goes, in pixels: {from, to, limits, zones, mark: {at, beyond: -1, 0 or 1}}. */
+/** The layout in pixels: {from, to, limits, zones, mark: {at, beyond: -1, 0 or 1}}. */
 export function marginScale(measurement) {
   const value = number(measurement.value);
   const low = finiteOrNull(measurement.low);
@@ -84,7 +84,7 @@ export function marginScale(measurement) {
   };
 }
 
-/** The values at the two ends of the range. With one limit the other end is as far as keeps the value in sight. */
+/** The values at the two ends of the range. With one limit the other end is chosen so that the value is visible. */
 function scaleEnds(value, low, high, marginal) {
   if (low !== null && high !== null) return high > low ? [low, high] : [low - 1, low + 1];
   const limit = low ?? high;

@@ -1,16 +1,16 @@
-// All measurements of the run in one table: what failed first, then what came closest to its limits.
+// All measurements of the run in one table: failed ones first, then those closest to their limits.
 
 import { fill, h, setText } from "./dom.js";
-import { csvText, percentText, saveText, shortNumber, watchWidth } from "./figures.js";
+import { csvText, percentText, saveText, shortNumber, watchWidth } from "./chart_helpers.js";
 import { marginBar, relativeMargin } from "./margin_bar.js";
 import { number } from "./model.js";
-import { badge } from "./signs.js";
+import { badge } from "./state_signs.js";
 import { alignedNumber, cellLink, SortTable } from "./sort_table.js";
 import { stripPlot } from "./strip_plot.js";
 import { t } from "./texts.js";
 
 const WORST_FIRST = ["failed", "marginal", "passed", "recorded"];
-const SLOW = 5000; // rows, from which on the table is not sorted anew with each frame
+const SLOW = 5000; // number of rows beyond which the table is not sorted with each frame
 const SORT_PAUSE = 1000; // milliseconds between two sortings then
 
 /** The measurements of the last attempt of every test. */
@@ -132,7 +132,7 @@ export class MeasurementsView {
     );
   }
 
-  /** Rows of one name, side by side within their limits. */
+  /** The plot of all rows with one name. */
   #drawStrip() {
     const rows = this.shown ?? [];
     const one =
@@ -224,7 +224,7 @@ function urgencyRow(test, record) {
   };
 }
 
-/** What failed, what is marginal, then what has the smallest share of its range left. */
+/** Order: failed, marginal, then by the smallest remaining share of the range. */
 function byUrgency(one, other) {
   return (
     one.rank - other.rank ||

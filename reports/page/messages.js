@@ -1,11 +1,11 @@
-// What was said: a message as an entry of a list, with its value inside its limits, its place and its traceback.
+// Messages as entries of a list, with value and limits, location and traceback.
 
 import { free, h } from "./dom.js";
 import { formatLimits, formatNumber, formatPlace, formatQuantity, linkTo } from "./format.js";
 import { folded, longText } from "./long_text.js";
 import { marginBar } from "./margin_bar.js";
 import { VERDICTS, isBad } from "./model.js";
-import { badge, sign } from "./signs.js";
+import { badge, sign } from "./state_signs.js";
 
 /** A message record. Titles are short kinds (`checks`), details the author's sentence. */
 export function messageItem(record, page, { large = false } = {}) {

@@ -1,27 +1,27 @@
-// The run, folded from its events: whoever has the events has the page. Knows nothing of elements.
+// The state of the run, computed from its events. Independent of the document.
 //
 // `apply` takes one record of the journal (docs/events.md). It keeps the records themselves, under the test, suite or
-// fixture they belong to, and notes what has changed since the views last looked, so that a view redraws only that.
+// fixture they belong to, and collects the changes since the last update, so that views redraw only those.
 
 /** Worst first: the order in which tests are shown, and in which the verdicts of parts make one. */
 export const VERDICTS = [
   "failed", "error", "fixture lost", "unexpected pass", "inconclusive", "interrupted", "blocked", "flaky",
   "not run", "skipped", "expected failure", "measured", "passed",
 ];
-/** What may stand in a run that ends with exit code 0. */
+/** The verdicts of a run with exit code 0. */
 export const GOOD = new Set(["passed", "measured", "skipped", "expected failure", "flaky"]);
-/** States in which nothing went wrong so far, beside the good verdicts. */
+/** States without a problem, besides the good verdicts. */
 const QUIET = new Set(["planned", "running", "not run"]);
-/** Whether something is wrong with a test in this state. */
+/** Return whether this state of a test is a problem. */
 export function isBad(state) {
   return !GOOD.has(state) && !QUIET.has(state);
 }
 
-/** A test that ended like this runs again when its run is resumed. */
+/** Verdicts of tests that run again when the run is resumed. */
 const OPEN = new Set(["not run", "interrupted", "blocked"]);
 const SEVERE = new Set(["failure", "error"]);
 
-/** Numbers that JSON lacks are written as words. */
+/** Numbers that JSON does not have are written as words. */
 export function number(value) {
   return typeof value === "string" ? Number(value) : value;
 }
@@ -128,22 +128,22 @@ export class RunModel {
     this.started = null; // the run_started record
     this.resumed = null; // the last run_started of a resumption
     this.ended = null;
-    this.interrupted = null; // the strongest so far
+    this.interrupted = null; // the highest stage so far
     this.internalErrors = [];
     this.diagnostics = [];
     this.suites = new Map();
     this.tests = new Map();
     this.running = new Set(); // ids
     this.counts = new Map(); // state -> number of tests
-    this.log = []; // records with something to read, in order
+    this.log = []; // records with a text, in order
     this.questions = new Map(); // "test\nquestion" -> asked record without an answer
     this.time = 0; // of the newest record
     this.events = 0;
-    this.fixtureHome = new Map(); // fixture -> suite id, for records that do not say
+    this.fixtureHome = new Map(); // fixture -> suite id, for records without a suite
     this.#clear();
   }
 
-  /** What has changed since the last call: {tests, suites: Set of ids, plan, run, log, questions: boolean, every: boolean}. */
+  /** Return the changes since the last call: {tests, suites: Set of ids, plan, run, log, questions: boolean, every: boolean}. */
   takeChanges() {
     const changes = this.changes;
     this.#clear();
@@ -154,7 +154,7 @@ export class RunModel {
     this.changes = { tests: new Set(), suites: new Set(), plan: false, run: false, log: false, questions: false };
   }
 
-  /** Take one record; kinds and members that are not known are passed over. */
+  /** Apply a record; unknown kinds and members are ignored. */
   apply(record) {
     this.events += 1;
     if (record.time > this.time) this.time = record.time;
@@ -185,7 +185,7 @@ export class RunModel {
     this.changes.log = true;
   }
 
-  /** The attempt that a record of a test belongs to; a record without one is of no test that was planned. */
+  /** Return the attempt that a record belongs to; null for a test that was not planned. */
   attemptOf(record) {
     const test = this.tests.get(record.test);
     if (!test) return null;
@@ -194,7 +194,7 @@ export class RunModel {
     return test.attempt;
   }
 
-  /** The fixture that a record speaks of, or null. */
+  /** Return the fixture of a record, or null. */
   fixtureOf(record) {
     const suite = this.suites.get(record.suite ?? "") ?? this.suites.get(this.fixtureHome.get(record.fixture) ?? "");
     if (!suite || !record.fixture) return null;
@@ -203,7 +203,7 @@ export class RunModel {
   }
 }
 
-/** Put a record into one of the lists of the attempt it belongs to. */
+/** Add a record to a list of its attempt. */
 const into = (list) => (run, record) => run.attemptOf(record)?.[list].push(record);
 
 const HANDLERS = {

@@ -1,11 +1,11 @@
-// The operator: questions on top of every view, the dialog that stops the run, and a view to be read from far away.
+// The operator: questions on top of every view, the dialog that stops the run, and a view in large letters.
 
 import { fill, free, h, setText } from "./dom.js";
 import { formatRunning } from "./format.js";
-import { Lane, finished, runSign, runTone, runWords } from "./overview.js";
+import { RunningTest, finished, runSign, runTone, runWords } from "./overview.js";
 import { stateWord, t } from "./texts.js";
 
-/** The oldest open question. It stands on top of the view, and takes nothing else away. */
+/** The oldest open question, shown on top of the view. */
 export class QuestionPanel {
   constructor(page) {
     this.page = page;
@@ -30,7 +30,7 @@ export class QuestionPanel {
     setText(this.more, t("ask.more", { n: questions.size - 1 }));
     if (key === this.key) return;
     this.key = key;
-    this.asked = entry ? { form: "confirm", ...entry[1] } : null; // a record lacks what is as usual
+    this.asked = entry ? { form: "confirm", ...entry[1] } : null; // records omit default values
     this.element.hidden = !this.asked;
     if (this.asked) this.#ask(this.asked);
   }
@@ -49,7 +49,7 @@ export class QuestionPanel {
     this.page.sound.question();
   }
 
-  /** On what would count anyway, where there is a default: a key pressed too early then does no harm. */
+  /** Focus the default answer, if there is one, so that a key pressed too early does no harm. */
   #focus() {
     const first = this.asked.form === "choice" ? null : this.controls.querySelector("button, input");
     (this.controls.querySelector(".default") ?? first)?.focus();
@@ -105,7 +105,7 @@ export class QuestionPanel {
     setText(this.said, text);
   }
 
-  /** Answer a choice by its number; answers whether there is one. */
+  /** Answer a choice by its number; return whether it exists. */
   press(key) {
     if (!this.asked || this.asked.form !== "choice" || !/^[1-9]$/.test(key)) return false;
     const button = this.controls.querySelectorAll("button")[Number(key) - 1];
@@ -125,7 +125,7 @@ export class QuestionPanel {
   }
 }
 
-/** Asks before it stops anything. */
+/** The dialog that confirms a stop. */
 export class StopDialog {
   constructor(page) {
     this.page = page;
@@ -157,17 +157,17 @@ export class StopDialog {
   }
 }
 
-/** The run from three metres: its verdict, what runs, what failed last. */
+/** The run in large letters: its verdict, the running test, the last failure. */
 export class OperatorView {
   constructor(page) {
     this.page = page;
     this.sign = h("p", { class: "big-sign", "aria-hidden": "true" });
-    this.title = h("p", { class: "big-title", "aria-hidden": "true" }); // the heading above says it
+    this.title = h("p", { class: "big-title", "aria-hidden": "true" }); // the heading above has the same text
     this.counts = h("p", { class: "big-counts" });
-    this.lane = new Lane(page);
+    this.runningTest = new RunningTest(page);
     this.sound = h("input", { type: "checkbox", on: { change: () => page.sound.turn(this.sound.checked) } });
     this.sound.checked = page.sound.on;
-    this.element = h("section", { class: "view big", "aria-label": t("view.operator") }, this.sign, this.title, this.counts, this.lane.element,
+    this.element = h("section", { class: "view big", "aria-label": t("view.operator") }, this.sign, this.title, this.counts, this.runningTest.element,
       h("p", { class: "big-options" }, h("label", {}, this.sound, ` ${t("sound")} `, h("span", { class: "dim", text: t("sound.hint") }))));
   }
 
@@ -180,11 +180,11 @@ export class OperatorView {
     for (const [state, count] of model.counts) if (count && state !== "planned" && state !== "running") words.push(`${count} ${stateWord(state)}`);
     setText(this.counts, finished(model) ? words.join(" · ") : "");
     const [first] = model.running;
-    this.lane.show(first ? model.tests.get(first) : null);
+    this.runningTest.show(first ? model.tests.get(first) : null);
   }
 
   tick() {
-    this.lane.tick();
+    this.runningTest.tick();
   }
 }
 

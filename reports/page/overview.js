@@ -1,13 +1,13 @@
-// The top of the page: how the run stands, in one glance; what runs now; the way to the views.
+// The top of the page: the state of the run, the running tests, and links to the views.
 
 import { free, h, setText } from "./dom.js";
 import { formatRunning, formatSeconds, formatTimeout, linkTo, visible } from "./format.js";
 import { VERDICTS, isBad } from "./model.js";
-import { signOf, toneOf } from "./signs.js";
+import { signOf, toneOf } from "./state_signs.js";
 import { stateWord, t } from "./texts.js";
 
 const STATES = [...VERDICTS.slice(0, 8), "running", ...VERDICTS.slice(8), "planned"];
-const SHOWN_RUNNING = 3; // tests that run side by side and are shown
+const SHOWN_RUNNING = 3; // greatest number of running tests that are shown
 
 /** The state of the whole run: a verdict, `running`, `planned` before it began, or `gone`. */
 export function runState(model, link) {
@@ -16,7 +16,7 @@ export function runState(model, link) {
   return model.started ? "running" : "planned";
 }
 
-/** How the run stands in words: "failed", "running 12 of 40". */
+/** The state of the run in words: "failed", "running 12 of 40". */
 export function runWords(model, link) {
   const state = runState(model, link);
   if (state === "gone") return t("run.gone");
@@ -25,7 +25,7 @@ export function runWords(model, link) {
   return t("run.running", { n: finished(model) + model.running.size, all: model.tests.size });
 }
 
-/** The tone in which the run is shown: while it goes on, that of the worst that happened. */
+/** The tone of the run: while it is running, that of the worst state so far. */
 export function runTone(model, link) {
   const state = runState(model, link);
   if (state === "gone") return "broken";
@@ -57,8 +57,8 @@ export class Overview {
     this.chips = h("div", { class: "chips", role: "group", "aria-label": t("list.filter") });
     this.chipOf = new Map(STATES.map((state) => [state, this.#chip(state)]));
     this.now = h("div", { class: "now" });
-    this.lanes = Array.from({ length: SHOWN_RUNNING }, () => new Lane(page));
-    this.now.append(...this.lanes.map((lane) => lane.element));
+    this.runningTests = Array.from({ length: SHOWN_RUNNING }, () => new RunningTest(page));
+    this.now.append(...this.runningTests.map((card) => card.element));
     this.stop = h("button", { type: "button", class: "stop", "aria-keyshortcuts": "s", text: t("stop.button"), on: { click: () => page.askToStop() } });
     this.help = h("button", { type: "button", class: "quiet help", "aria-keyshortcuts": "?", on: { click: () => page.showHelp() }, text: t("help") });
     this.list = h("ul", {}, views.map(({ name, title }) => h("li", { data: { view: name } },
@@ -110,7 +110,7 @@ export class Overview {
     this.stop.hidden = this.page.archived || state !== "running" && state !== "planned";
     this.#facts();
     this.#counts();
-    this.#lanes();
+    this.#showRunning();
     this.tick();
   }
 
@@ -157,35 +157,35 @@ export class Overview {
     if (text !== this.said) this.strip.setAttribute("aria-label", (this.said = text) || t("list.empty"));
   }
 
-  /** Show which states the list is narrowed to. */
+  /** Show the states by which the list is filtered. */
   press(states) {
     for (const [state, chip] of this.chipOf) chip.setAttribute("aria-pressed", String(Boolean(states?.has(state))));
   }
 
-  #lanes() {
+  #showRunning() {
     const running = [...this.page.model.running];
     this.now.hidden = running.length === 0;
-    this.lanes.forEach((lane, index) => lane.show(running[index] ? this.page.model.tests.get(running[index]) : null));
+    this.runningTests.forEach((card, index) => card.show(running[index] ? this.page.model.tests.get(running[index]) : null));
   }
 
-  /** What grows with time alone. */
+  /** Update elapsed times. */
   tick() {
     const { model } = this.page;
     setText(this.elapsed, model.ended ? formatSeconds(model.ended.duration) : model.started ? formatRunning(model.elapsed(this.page.now())) : "");
-    for (const lane of this.lanes) lane.tick();
+    for (const card of this.runningTests) card.tick();
   }
 }
 
-/** A test that runs now: its name, how far it says it is, and its time against its limit. */
-export class Lane {
+/** A running test: its name, its progress, and its time with its limit. */
+export class RunningTest {
   constructor(page) {
     this.page = page;
     this.name = h("a", {}, h("bdi"));
-    this.text = h("bdi", { class: "dim lane-text" });
+    this.text = h("bdi", { class: "dim running-text" });
     this.time = h("span", { class: "number dim" });
     this.progress = h("div", { class: "meter", role: "progressbar", "aria-valuemin": "0", "aria-valuemax": "100" });
     this.limit = h("div", { class: "meter thin", "aria-hidden": "true" });
-    this.element = h("div", { class: "lane" }, h("p", { class: "lane-line" }, this.name, this.text, this.time), this.progress, this.limit);
+    this.element = h("div", { class: "running-test" }, h("p", { class: "running-line" }, this.name, this.text, this.time), this.progress, this.limit);
     this.element.hidden = true;
   }
 

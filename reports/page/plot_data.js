@@ -1,21 +1,21 @@
-// What is drawn of recorded and live series: which columns go into one plot, on which scale, and with what numbers.
+// Data of plots of recorded and live series: the columns of each plot, their scales, and statistics.
 //
-// Knows nothing of elements; of the plotting library only how it joins columns.
+// Independent of the document; uses the plotting library only to join columns.
 
 import { number } from "./model.js";
 
-/** Columns that say what was wanted; they are drawn dashed and dim behind what came. */
+/** Columns of setpoints, which are drawn dashed and dim behind the measured ones. */
 const WANTED = /(^|[^a-z])(references?|ref|command(ed)?|target|set ?point|desired|demand(ed)?|expected)([^a-z]|$)/i;
-/** Columns that are differences: small beside what they are the difference of, so they get a plot of their own. */
+/** Columns of differences, which are small compared with their terms, so they get a plot of their own. */
 const DIFFERENCE = /(^|[^a-z])(errors?|deviation|residuals?|difference)([^a-z]|$)/i;
-/** What stands before the unit in the name of a scale, so that no unit (such as `x`) is taken for a name of the plot's. */
+/** The prefix of a unit in the name of a scale, so that a unit such as `x` is no name of the library. */
 const SHARED = "shared ";
 const APART = "apart  ";
 
-/** What was read of recorded series, by record: a second panel of a test, such as the one on paper, has it at once. */
+/** The data of loaded series, by record: a second panel of a test, such as the printed one, has them at once. */
 const READ = new WeakMap();
 
-/** A series that may be drawn: recorded, with a `path`, or `live`, an entry of `attempt.live`. */
+/** A series: recorded, with a `path`, or `live`, an entry of `attempt.live`. */
 export class Trace {
   constructor(key, record, live, before) {
     this.key = key; // the same for a live series and the recorded one that follows it
@@ -24,9 +24,9 @@ export class Trace {
     this.columns = (live ?? record).columns;
     this.state = "new"; // loading, ready, failed
     this.data = before?.live ? before.data : null; // clean columns of one length; of the live one until it is loaded
-    this.changed = false; // since somebody drew it
+    this.changed = false; // since the last drawing
     this.thinned = false;
-    this.remark = ""; // what should be said of it
+    this.remark = ""; // a note for the user
     if (READ.has(record)) this.take(READ.get(record));
   }
 
@@ -43,7 +43,7 @@ export class Trace {
     return `${this.columns[0].name}\n${this.columns[0].unit ?? ""}`;
   }
 
-  /** Take what came since the last time; the model goes on appending to its arrays. */
+  /** Add the new samples; the model appends to its arrays. */
   takeLive() {
     const { samples } = this.live;
     if (samples[0].length === this.taken) return;
@@ -51,7 +51,7 @@ export class Trace {
     this.#put(samples.map((column) => column.slice()));
   }
 
-  /** Take a recorded series as it was read: {columns, thinned}. */
+  /** Set the data of a recorded series: {columns, thinned}. */
   take(series) {
     const { columns, thinned } = series;
     READ.set(this.record, series);
@@ -95,7 +95,7 @@ export function tracesOf(entries, before) {
   });
 }
 
-/** Columns of one length, by ascending axis, with null for what is no finite number (the library draws a gap). */
+/** Return columns of equal length, by ascending axis, with null for numbers that are not finite (drawn as gaps). */
 export function cleanColumns(columns) {
   const rows = Math.min(...columns.map((column) => column.length));
   const axis = columns[0];
@@ -177,9 +177,8 @@ function colour(lines) {
   }
 }
 
-/**
- * Put all columns of a group over one axis, as `joined` of the group, and where those of each trace begin. Series that
- * were sampled at other times leave gaps (undefined, over which lines go on) in it.
+/** Join all columns of a group on one axis, as `joined` of the group, with the first column of each trace. Series that
+ * were sampled at other times have gaps in it (undefined, across which lines are drawn).
  */
 export function joinTraces(group) {
   const tables = group.traces.map((trace) => trace.data);
@@ -214,7 +213,7 @@ export function rowsOf({ joined }, limit) {
   );
 }
 
-/** Numbers of a column, without its gaps: {min, max, mean}, or null where it has none. */
+/** Statistics of a column without its gaps: {min, max, mean}, or null if it is empty. */
 export function columnSummary(column) {
   let [count, sum, min, max] = [0, 0, Infinity, -Infinity];
   for (const value of column) {
@@ -226,11 +225,11 @@ export function columnSummary(column) {
   }
   if (count === 0) return null;
   const mean = sum / count;
-  const noise = 1e-12 * (max - min); // what is left of a sum that cancels
+  const noise = 1e-12 * (max - min); // rounding errors of a sum
   return { min, max, mean: Math.abs(mean) < noise ? 0 : mean };
 }
 
-/** The limits that measurements state for a line: a measurement of its subject, with its name and unit. */
+/** The limits of a line by measurements of its subject with its name and unit. */
 export function limitsOf(line, measurements) {
   const subject = line.trace.record.subject ?? "";
   const found = measurements.findLast(

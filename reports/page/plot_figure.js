@@ -1,13 +1,13 @@
-// One picture of lines over an axis, with its legend: what each line is, its value at the cursor, and its summary.
+// A figure of lines over an axis, with its legend: name, value at the cursor, and statistics of each line.
 
 import { free, h, setText } from "./dom.js";
 import { columnSummary, figureData } from "./plot_data.js";
-import { figureOptions, lineSwatch, plotHeight } from "./plot_look.js";
+import { figureOptions, lineSwatch, plotHeight } from "./plot_style.js";
 
 const CURSOR_STEP = 2; // pixels a key press moves the cursor
 const CURSOR_LEAP = 20; // and with the shift key
 
-/** A figure of a group of `layoutOf`. `zoomed` and `whole` are told when somebody drags, or presses twice. */
+/** A figure of a group of `layoutOf`. `zoomed` is called after a drag, `whole` after a double click. */
 export class PlotFigure {
   #format;
   #rows = [];
@@ -32,7 +32,7 @@ export class PlotFigure {
     this.#summarize();
   }
 
-  /** Draw the data that the traces have now; the range stays if `keep`. */
+  /** Draw the present data of the traces; `keep` keeps the range. */
   refresh(keep) {
     this.plot.setData(figureData(this.group, this.figure), !keep);
     if (keep) this.plot.redraw();
@@ -56,7 +56,7 @@ export class PlotFigure {
     this.plot.setScale("x", { min, max });
   }
 
-  /** Whether a range `factor` times as wide would hold everything. */
+  /** Return whether a range `factor` times as wide would show all data. */
   holdsAll(factor) {
     const { min, max } = this.range;
     const [start, end] = this.#ends();
@@ -176,13 +176,13 @@ export class PlotFigure {
       const summary = columnSummary(line.trace.data[line.column]);
       setText(min, summary ? this.#format.number(summary.min) : "no value");
       setText(max, summary ? this.#format.number(summary.max) : "");
-      // Of a thinned series the peaks are exact; a mean of peaks would be wrong.
+      // The extremes of a thinned series are exact; its mean would be wrong.
       setText(mean, summary && !line.trace.thinned ? this.#format.number(summary.mean) : "");
     }
   }
 }
 
-/** The library knows mice only: a finger that is drawn across a plot does what a mouse would. */
+/** Convert touch events to mouse events, as the library handles only the mouse. */
 function passTouches(over) {
   const kinds = { touchstart: "mousedown", touchmove: "mousemove", touchend: "mouseup" };
   for (const [kind, mouse] of Object.entries(kinds)) {

@@ -1,30 +1,29 @@
-// Series as plots: several in one where their axes agree, with the numbers at the cursor beneath.
+// Series as plots: those with the same axis in one plot, with the values at the cursor below.
 //
-// Decides what is shown, loads it, keeps live series going, and gives the values as a table and a file to those who
-// want the numbers. uPlot draws; plot_look.js tells it how.
+// Chooses and loads series, updates live ones, and offers the values as a table and as a file. uPlot draws, with the
+// options of plot_style.js.
 
 import { fill, free, h, setText } from "./dom.js";
-import { csvText, saveText, watchWidth } from "./figures.js";
+import { csvText, saveText, watchWidth } from "./chart_helpers.js";
 import { columnTitles, joinTraces, layoutOf, limitsOf, rowsOf, tracesOf } from "./plot_data.js";
 import { PlotFigure } from "./plot_figure.js";
-import { plotTheme, watchTheme } from "./plot_look.js";
+import { plotTheme, watchTheme } from "./plot_style.js";
 
 const ZOOM = 0.5;
 const TABLE_ROWS = 1000;
-const SHOWN_FIRST = 8; // series that are shown together before anybody chose
+const SHOWN_FIRST = 8; // number of series that are shown before the user's choice
 
 let panels = 0;
 
-/**
- * Plots of series of one test: `series_recorded` records, and entries of `attempt.live` while they grow. `subject` is
- * whose are chosen first where there are several; `measurements` may state limits of a column.
+/** Plots of series of one test: `series_recorded` records, and growing entries of `attempt.live`. Series of `subject`
+ * are chosen first if there are several; `measurements` may have limits of a column.
  */
 export class PlotPanel {
   #page;
   #subject;
   #measurements;
   #traces = [];
-  #chosen = null; // keys, once somebody chose
+  #chosen = null; // keys of the user's choice
   #hidden = new Set(); // keys of lines that were switched off
   #groups = [];
   #figures = [];
@@ -67,7 +66,7 @@ export class PlotPanel {
     this.show(series);
   }
 
-  /** Show these series from now on; may be called as often as anything changes. */
+  /** Show these series; may be called after any change. */
   show(series) {
     const before = this.#traces;
     this.#traces = tracesOf(series, before);
@@ -80,7 +79,7 @@ export class PlotPanel {
     this.update();
   }
 
-  /** Draw what has changed, with the next frame. */
+  /** Draw changes with the next frame. */
   update() {
     this.#frame ||= requestAnimationFrame(() => {
       this.#frame = 0;
@@ -88,7 +87,7 @@ export class PlotPanel {
     });
   }
 
-  /** Free everything; the panel is of no more use. */
+  /** Release all resources; the panel cannot be used any more. */
   destroy() {
     cancelAnimationFrame(this.#frame);
     this.observer.disconnect();
@@ -104,7 +103,7 @@ export class PlotPanel {
     return this.#traces.filter((trace) => chosen.has(trace.key));
   }
 
-  /** Those of the subject; else what is live, and the first of the others. */
+  /** Return the series of the subject; if there are none, live ones and the first of the others. */
   #firstChoice() {
     const ofSubject = this.#traces.filter((trace) => this.#subject && trace.record.subject === this.#subject);
     const first = ofSubject.length ? ofSubject : this.#traces.toSorted((a, b) => Number(b.isLive) - Number(a.isLive));
@@ -136,7 +135,7 @@ export class PlotPanel {
     fill(this.choice, h("legend", { text: "Series" }), boxes, all, none);
   }
 
-  /** Whether nothing more will come; what is live then is all that is left of it. */
+  /** Return whether the attempt is over; live series are not recorded any more then. */
   #testEnded() {
     const test = this.#page.model.tests.get(this.#traces[0]?.record.test);
     return test !== undefined && !test.running;
@@ -227,14 +226,14 @@ export class PlotPanel {
     });
   }
 
-  /** The same lines with other data: what is live has grown. Whoever looks closer is left where he is. */
+  /** Update the data of the same lines; a zoomed range is kept. */
   #refresh() {
     for (const group of this.#groups) joinTraces(group);
     for (const one of this.#figures) one.refresh(this.#zoomed);
     this.#fillTable();
   }
 
-  /** Other colours; on paper there is no next frame, so all is drawn at once. */
+  /** Redraw with other colours, at once, as printing waits for no frame. */
   #restyle() {
     this.#width = this.area.clientWidth || this.#width;
     this.#built = [];
@@ -252,7 +251,7 @@ export class PlotPanel {
     this.#figures = [];
   }
 
-  // Looking closer
+  // Zoom
 
   #toolbar() {
     const button = (text, title, action) =>
@@ -295,7 +294,7 @@ export class PlotPanel {
     event.stopPropagation();
   }
 
-  // In numbers
+  // Values
 
   #fillTable() {
     if (this.table.open)

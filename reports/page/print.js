@@ -1,16 +1,16 @@
-// On paper: the failures in full, one after the other, and then a line for every test. No controls.
+// Printing: the failures in full, one after the other, and then a line for every test, without controls.
 
 import { free, h } from "./dom.js";
 import { firstLine, formatSeconds } from "./format.js";
 import { isBad } from "./model.js";
-import { badge } from "./signs.js";
+import { badge } from "./state_signs.js";
 import { TestDetail } from "./test_detail.js";
 
-const IN_FULL = 100; // failures that are printed in full; beyond that nobody reads paper
+const IN_FULL = 100; // number of failures that are printed in full
 const LINES = 2000;
-const ON_PAPER = new Set(["tests", "log", "operator"]); // other views are printed as they are
+const ON_PAPER = new Set(["tests", "log", "operator"]); // other views are printed unchanged
 
-/** Make what is printed when somebody prints, and take it away afterwards. */
+/** Build the printed page before printing, and remove it afterwards. */
 export function printAll(page) {
   let paper = null;
   let details = [];

@@ -1,14 +1,14 @@
-// Beside the list when no test is chosen: what runs, and what of the whole run needs a look, worst first.
+// The panel beside the list while no test is selected: the running test and the problems of the run, worst first.
 
 import { free, h, section } from "./dom.js";
 import { formatPlace, linkTo, linkToFixture } from "./format.js";
 import { folded, GrowingList } from "./long_text.js";
 import { problemItem, problemsOf } from "./messages.js";
-import { sign } from "./signs.js";
+import { sign } from "./state_signs.js";
 import { TestDetail } from "./test_detail.js";
 import { t } from "./texts.js";
 
-const SETTLED = 0.4; // seconds that a test runs before it is shown: quicker ones would only flicker
+const SETTLED = 0.4; // seconds after which a running test is shown, so that short ones do not flicker
 
 export class RunDetail {
   constructor(page) {
@@ -24,9 +24,9 @@ export class RunDetail {
     this.incidents = list("Incidents of fixtures", incidentItem, 20);
     this.diagnoses = list("Said of files and command line", diagnosisItem, 50);
     this.running = h("div", { class: "following" });
-    this.followed = null; // the detail of the test that runs
+    this.followed = null; // the detail of the running test
     this.nothing = h("p", { class: "empty", text: t("list.select") });
-    this.element = h("div", { class: "test" }, h("h2", { class: "unseen", text: "What needs a look" }), this.running, this.broken.element, this.tests.element, this.incidents.element, this.diagnoses.element, this.nothing);
+    this.element = h("div", { class: "test" }, h("h2", { class: "unseen", text: "Problems" }), this.running, this.broken.element, this.tests.element, this.incidents.element, this.diagnoses.element, this.nothing);
     this.update();
   }
 
@@ -50,7 +50,7 @@ export class RunDetail {
     this.followed = null;
   }
 
-  /** Show the test that runs, until another one does or the run is over. */
+  /** Show the running test, until another one starts or the run is over. */
   #follow(changes) {
     const { model } = this.page;
     const id = [...model.running].find((one) => this.page.now() - model.tests.get(one).attempt.started.time > SETTLED);

@@ -1,16 +1,15 @@
-// A table of any number of rows that is sorted by its headers and builds only the rows in sight.
+// A virtual table, which is sorted by its headers and builds only its visible rows.
 //
-// All rows are of one height, which the style sheet says (--row); spacers stand for the rows that are not there. A row
-// that is the same object as before keeps its element, so rows do not change: what changes comes as a new row.
+// All rows have the same height, from the style sheet (--row); spacers replace the rows that are not built. A row that
+// is the same object as before keeps its element, so row objects must not change: a change needs a new object.
 
 import { fill, free, h } from "./dom.js";
 import { visible } from "./format.js";
 
-const SPARE = 10; // rows beyond both edges, so that not every step of a scroll needs new ones
-const PRINTED = 500; // rows on paper, which has no scroll bar
+const SPARE = 10; // additional rows at both edges, for scrolling
+const PRINTED = 500; // number of printed rows
 
-/**
- * Columns are {key, label, value(row), cell(row), numeric?, title?, first?}: `value` is what is sorted by (null
+/** Columns are {key, label, value(row), cell(row), numeric?, title?, first?}: `value` is the sort key (null
  * goes to the end), `cell` an element or a text, `first` the direction of the first press, 1 or -1.
  */
 export class SortTable {
@@ -19,8 +18,8 @@ export class SortTable {
   #sorted = [];
   #sort;
   #fallback;
-  #range = [Infinity, -1]; // rows that are there
-  #built = new Map(); // row -> its element, of those in sight
+  #range = [Infinity, -1]; // rows that are built
+  #built = new Map(); // row -> its element, of visible rows
   #height = 0;
 
   /** `name`: a class for the widths of the columns; `fallback(a, b)`: the order at first, and among equals. */
@@ -62,7 +61,7 @@ export class SortTable {
     this.#order();
   }
 
-  /** The rows in the order they are shown in. */
+  /** The rows in the displayed order. */
   get sorted() {
     return this.#sorted;
   }
@@ -155,7 +154,7 @@ export class SortTable {
   }
 }
 
-/** A link in a cell: the text comes from the run, and where the cell cuts it, the tooltip has the whole. */
+/** A link in a cell, with a text from the run; the tooltip has the whole text. */
 export function cellLink(href, text, title = text) {
   return h("a", { href, title: visible(title) }, free(text));
 }

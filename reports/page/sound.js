@@ -1,4 +1,4 @@
-// Tones for an operator who looks elsewhere: off until asked for, and remembered.
+// Tones for the operator: off by default, and remembered.
 
 const SOUND_KEY = "rtf-sound";
 
@@ -9,7 +9,7 @@ export class Sound {
     try {
       this.on = localStorage.getItem(SOUND_KEY) === "on";
     } catch {
-      this.on = false; // a browser that keeps nothing
+      this.on = false; // a browser without storage
     }
   }
 
@@ -18,7 +18,7 @@ export class Sound {
     try {
       localStorage.setItem(SOUND_KEY, on ? "on" : "off");
     } catch {
-      // it holds as long as the page
+      // the setting lasts as long as the page
     }
     if (on) this.question();
   }

@@ -1,7 +1,7 @@
-// Small pictures of many runs: the course of a measurement, and the verdicts of a test.
+// Sparklines of many runs: the values of a measurement, and the verdicts of a test.
 
-import { svg } from "./figures.js";
-import { toneOf } from "./signs.js";
+import { svg } from "./chart_helpers.js";
+import { toneOf } from "./state_signs.js";
 
 const SPARK_WIDTH = 150;
 const SPARK_HEIGHT = 24;
@@ -47,7 +47,7 @@ export function sparkline(points, count) {
   return frame;
 }
 
-/** The verdicts of a test, a column a run: tall where it did not pass, low where it did, a line where it was not. */
+/** The verdicts of a test, a column for each run: tall for not passed, low for passed, a line for not in the run. */
 export function verdictStrip(verdicts, runs, format) {
   const counts = new Map();
   for (const verdict of verdicts) counts.set(verdict ?? "not there", (counts.get(verdict ?? "not there") ?? 0) + 1);

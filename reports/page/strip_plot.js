@@ -1,13 +1,13 @@
-// One measurement of many subjects, as dots between their limits.
+// A strip plot: a measurement of many subjects, as dots between their limits.
 //
-// Where all have the same limits the axis is the value; else it is the place between the limits, from 0 to 100 %.
+// If all limits are equal the axis is the value, otherwise the position between the limits, from 0 to 100 %.
 
-import { niceStep, svg, tickText, ticks } from "./figures.js";
+import { niceStep, svg, tickText, ticks } from "./chart_helpers.js";
 import { number } from "./model.js";
-import { markerShape } from "./plot_look.js";
+import { markerShape } from "./plot_style.js";
 
-const STRIP_LANE = 18;
-const MOST_LANES = 24; // more subjects go into one lane
+const STRIP_HEIGHT = 18;
+const MOST_STRIPS = 24; // more subjects go into one strip
 const MOST_DOTS = 3000;
 const AXIS = 18;
 const TOP = 6;
@@ -19,11 +19,11 @@ export function stripPlot(rows, width, page) {
   const shown = rows.filter((row) => Number.isFinite(row.value)).slice(0, MOST_DOTS);
   const frame = stripScale(shown);
   if (!frame) return null;
-  const lanes = stripLanes(shown, page.format);
-  const left = Math.min(width / 3, 8 + 7.2 * Math.max(...lanes.map((lane) => lane.label.length)));
+  const strips = stripsOf(shown, page.format);
+  const left = Math.min(width / 3, 8 + 7.2 * Math.max(...strips.map((strip) => strip.label.length)));
   const step = niceStep(frame.max - frame.min, Math.max(2, (width - left) / 90));
   const x = (value) => left + ((value - frame.min) / (frame.max - frame.min)) * (width - left - 16);
-  const height = TOP + lanes.length * STRIP_LANE;
+  const height = TOP + strips.length * STRIP_HEIGHT;
   const text = stripText(rows, shown, page.format);
   return svg(
     "svg",
@@ -39,11 +39,11 @@ export function stripPlot(rows, width, page) {
     ticks(frame.min, frame.max, 8, step).map((at) =>
       axisTick(x(at), height, tickText(at, step) + (frame.share ? " %" : "")),
     ),
-    lanes.map((lane, index) => laneOf(lane, TOP + (index + 0.5) * STRIP_LANE, left, width)),
+    strips.map((strip, index) => stripLine(strip, TOP + (index + 0.5) * STRIP_HEIGHT, left, width)),
     frame.limits.map((limit) => svg("path", { class: "strip-limit", d: `M${x(limit)} 0V${height}` })),
-    lanes.flatMap((lane, index) =>
-      lane.rows.map((row, place) =>
-        dot(row, x(frame.at(row)), TOP + (index + 0.5) * STRIP_LANE + spread(place, lane.rows.length), page),
+    strips.flatMap((strip, index) =>
+      strip.rows.map((row, place) =>
+        dot(row, x(frame.at(row)), TOP + (index + 0.5) * STRIP_HEIGHT + spread(place, strip.rows.length), page),
       ),
     ),
     svg("text", {
@@ -65,11 +65,11 @@ function axisTick(x, height, text) {
   );
 }
 
-function laneOf(lane, y, left, width) {
-  const label = lane.label.length > 28 ? `${lane.label.slice(0, 27)}…` : lane.label;
+function stripLine(strip, y, left, width) {
+  const label = strip.label.length > 28 ? `${strip.label.slice(0, 27)}…` : strip.label;
   return svg(
     "g",
-    { class: "strip-lane" },
+    { class: "strip-row" },
     svg("path", { d: `M${left} ${y}H${width - 16}` }),
     svg("text", { x: left - 8, y: y + 4, "text-anchor": "end", text: label }),
   );
@@ -88,27 +88,27 @@ function dot(row, x, y, page) {
   );
 }
 
-/** Dots of a lane stand a little apart, always in the same way. */
+/** The vertical offset of a dot, so that dots overlap less; always the same. */
 function spread(place, count) {
-  return count < 3 ? 0 : (((place * 5) % 9) / 8 - 0.5) * (STRIP_LANE - 8);
+  return count < 3 ? 0 : (((place * 5) % 9) / 8 - 0.5) * (STRIP_HEIGHT - 8);
 }
 
-function stripLanes(rows, format) {
+function stripsOf(rows, format) {
   const bySubject = new Map();
   for (const row of rows) {
     const label = row.record.subject ?? "";
     if (!bySubject.has(label)) bySubject.set(label, []);
     bySubject.get(label).push(row);
   }
-  if (bySubject.size > MOST_LANES) return [{ label: `${bySubject.size} subjects`, rows }];
-  const lanes = [...bySubject].map(([label, members]) => ({
+  if (bySubject.size > MOST_STRIPS) return [{ label: `${bySubject.size} subjects`, rows }];
+  const strips = [...bySubject].map(([label, members]) => ({
     label: format.visible(label) || "whole test",
     rows: members,
   }));
-  return lanes.sort((a, b) => a.label.localeCompare(b.label, undefined, { numeric: true }));
+  return strips.sort((a, b) => a.label.localeCompare(b.label, undefined, { numeric: true }));
 }
 
-/** The axis: {min, max, limits, share, at(row)}; null where nothing can be placed. */
+/** The axis: {min, max, limits, share, at(row)}; null without values. */
 function stripScale(rows) {
   if (rows.length === 0) return null;
   const limit = (row, key) =>

@@ -1,10 +1,10 @@
-// One suite: what it is, how it went as a whole, and what was said that belongs to none of its tests.
+// The detail of a suite: its description, its result, and the messages that belong to none of its tests.
 
 import { free, h, section, setText } from "./dom.js";
 import { formatCount, formatPlace, formatSeconds, linkToFixture } from "./format.js";
 import { GrowingList } from "./long_text.js";
 import { messageItem, problemItem, problemsOf } from "./messages.js";
-import { badge, setBadge } from "./signs.js";
+import { badge, setBadge } from "./state_signs.js";
 
 export class SuiteDetail {
   constructor(page, suite) {

@@ -1,16 +1,16 @@
-// One test, in depth: what is said of it, what failed in it, and everything it left behind. A subject (a joint, a port, a
-// repetition) in the link narrows it to that part.
+// The detail of a test: verdict, failures, measurements, series, files and messages. A subject (a joint, a port, a
+// repetition) in the link restricts it to that part.
 
 import { free, h, setText } from "./dom.js";
 import { firstLine, formatBytes, formatDate, formatPlace, formatSeconds, formatTimeout, linkTo, linkToFixture, linkToLog, readPlace } from "./format.js";
-import { badge, setBadge } from "./signs.js";
-import { FailuresPart, PartsPart, MeasurementsPart, PlotsPart, MessagesPart, QuestionsPart, AttachmentsPart, OutputPart, StacksPart, ParametersPart } from "./test_parts.js";
+import { badge, setBadge } from "./state_signs.js";
+import { FailuresPart, PartsPart, MeasurementsPart, PlotsPart, MessagesPart, QuestionsPart, AttachmentsPart, OutputPart, StacksPart, ParametersPart } from "./test_sections.js";
 
 export class TestDetail {
   constructor(page, test) {
     Object.assign(this, { page, test });
     this.subject = "";
-    this.chosen = null; // number of the attempt to show; null for the last
+    this.chosen = null; // number of the shown attempt; null for the last
     this.body = h("div", { class: "test-body" });
     this.verdict = badge(test.state);
     this.reason = free("", "span", { class: "verdict-reason" });
@@ -101,7 +101,7 @@ export class TestDetail {
     this.narrow.replaceChildren("only ", free(this.subject, "strong"), " · ", h("a", { href: linkTo(this.test.id), text: "show the whole test" }));
   }
 
-  /** Bring the measurement that the link names into view. */
+  /** Scroll to the measurement of the link. */
   #pointOut() {
     for (const row of this.body.querySelectorAll("tr.pointed")) row.classList.remove("pointed");
     const row = [...this.body.querySelectorAll("tr[data-measurement]")].find((one) => one.dataset.measurement === this.measurement);
@@ -110,13 +110,13 @@ export class TestDetail {
   }
 }
 
-/** The fault of a simulated robot that the test began with, by its parameter; empty for none. */
+/** The injected fault of the simulated robot, by its parameter; empty for none. */
 function injectedFault(attempt) {
   const value = attempt?.parameters.find((one) => one.name === "inject")?.value ?? "";
   return value.replace(/^"(.*)"$/, "$1");
 }
 
-/** The sentence behind a verdict. */
+/** The reason of a verdict. */
 function verdictReason(test, attempt) {
   const { ended } = attempt ?? {};
   if (!ended) return "";

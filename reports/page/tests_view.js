@@ -1,16 +1,16 @@
-// The tests: a list of all of them beside one of them. On a narrow screen one takes the place of the other.
+// The view of the tests: a list beside the detail of one. On a narrow screen only one of them is shown.
 
 import { h, setText } from "./dom.js";
 import { firstLine, formatCount, formatRunning, formatSeconds, linkTo, readPlace } from "./format.js";
 import { VERDICTS } from "./model.js";
-import { Rows, rowHeight } from "./rows.js";
+import { Rows, rowHeight } from "./virtual_list.js";
 import { RunDetail } from "./run_detail.js";
-import { signOf, toneOf } from "./signs.js";
+import { signOf, toneOf } from "./state_signs.js";
 import { SuiteDetail } from "./suite_detail.js";
 import { TestDetail } from "./test_detail.js";
 import { stateWord, t } from "./texts.js";
 
-/** Where states stand when failures come first: what needs eyes, what goes on, what went well, what is to come. */
+/** The rank of states in the order "failures first": problems, running, good, planned. */
 const RANK = new Map();
 for (const verdict of VERDICTS.slice(0, 8)) RANK.set(verdict, RANK.size);
 for (const state of ["running", ...VERDICTS.slice(8), "planned"]) RANK.set(state, RANK.size);
@@ -20,10 +20,10 @@ const ORDERS = ["worst", "plan", "duration"];
 export class TestsView {
   constructor(page) {
     this.page = page;
-    this.states = null; // a set of states that are shown, or null for all
+    this.states = null; // the set of shown states, or null for all
     this.order = "worst";
     this.place = readPlace("");
-    this.words = new Map(); // test -> what is searched in it
+    this.words = new Map(); // test -> its searched text
     this.#build();
   }
 
@@ -67,7 +67,7 @@ export class TestsView {
     else this.shown?.update(changes);
   }
 
-  /** Draw what grows with time alone. */
+  /** Update elapsed times. */
   tick() {
     if (this.page.model.running.size) this.rows.refresh();
     this.shown?.tick?.();
@@ -85,7 +85,7 @@ export class TestsView {
     this.showStates(null);
   }
 
-  /** What the keys of the page do here; answers whether they did something. */
+  /** Handle a key of the page; return whether it had an effect. */
   press(key) {
     if (key === "/") {
       this.filter.focus();
@@ -245,7 +245,7 @@ function pushSuite(items, suite, wanted) {
   if (tests.length) items.push(suite, ...tests);
 }
 
-/** In place, by rank and then by plan: buckets, since this is done for every frame in which a test changes. */
+/** Sort in place, by rank and then by plan, with buckets, as this is done in every frame with a changed test. */
 function sortByRank(items) {
   const buckets = Array.from({ length: RANK.size + 1 }, () => []);
   for (const test of items) buckets[RANK.get(test.state) ?? RANK.size].push(test);
@@ -259,7 +259,7 @@ function runningNote(test) {
   return phases[phases.length - 1]?.phase ?? "";
 }
 
-/** Why a test stands where it stands, as far as there is something to say. */
+/** The reason for the state of a test; empty if there is none. */
 function reasonOf(test) {
   const { attempt } = test;
   if (!attempt) return "";
@@ -269,7 +269,7 @@ function reasonOf(test) {
   return severe?.detail || severe?.title || attempt.ended?.reason || before?.ended.detail || "";
 }
 
-/** What a test that went well left behind. */
+/** The summary of a passed test. */
 function tally(test) {
   const { parts, measurements } = test.attempt ?? { parts: new Map(), measurements: [] };
   return [formatCount(parts.size, "part"), formatCount(measurements.length, "measurement")].filter(Boolean).join(" · ");

@@ -1,5 +1,5 @@
-// The words of the page in English, German and Italian: everything an operator reads, and the labels around it.
-// What a test says stays as it was written; the names of verdicts are those of the documentation, translated.
+// The texts of the page in English, German and Italian: all that an operator reads, with their labels.
+// Texts of tests are not translated; the names of verdicts are those of the documentation, translated.
 
 const LANGUAGES = ["en", "de", "it"];
 
@@ -37,17 +37,17 @@ const WORDS = {
   "link.complete": ["ended", "beendet", "terminata"],
   "link.archive": ["archived", "Archiv", "archivio"],
   "link.cut": [
-    "The connection to the run is cut. What is shown may be old; the page goes on by itself as soon as the server answers.",
+    "The connection to the run is lost. The page may be out of date; it continues by itself as soon as the server answers.",
     "Die Verbindung zum Lauf ist unterbrochen. Das Gezeigte kann veraltet sein; die Seite macht von selbst weiter, sobald der Server antwortet.",
     "Il collegamento con l'esecuzione è interrotto. I dati possono essere vecchi; la pagina riprende da sola appena il server risponde.",
   ],
   "link.none": [
-    "This page could not get its data: {why}. Reload it once the server is there.",
+    "This page could not load its data: {why}. Reload it when the server is running.",
     "Diese Seite bekam ihre Daten nicht: {why}. Neu laden, sobald der Server da ist.",
     "Questa pagina non ha ricevuto i suoi dati: {why}. Ricaricarla quando il server è attivo.",
   ],
   "link.gone": [
-    "The runner is gone; the run did not end.",
+    "The runner has ended without finishing the run.",
     "Der Lauf ist abgebrochen: Das Programm ist fort, ohne ein Ende zu melden.",
     "Il programma è sparito; l'esecuzione non è terminata.",
   ],
@@ -69,7 +69,7 @@ const WORDS = {
   "list.none": ["No test matches.", "Kein Test passt.", "Nessuna prova corrisponde."],
   "list.empty": ["No tests are planned yet.", "Noch sind keine Tests geplant.", "Nessuna prova ancora prevista."],
   "list.clear": ["Show all tests", "Alle Tests zeigen", "Mostra tutte"],
-  "list.select": ["Nothing needs a look so far.", "Bisher ist nichts auffällig.", "Finora niente da segnalare."],
+  "list.select": ["No problems so far.", "Bisher ist nichts auffällig.", "Finora niente da segnalare."],
   "list.back": ["All tests", "Alle Tests", "Tutte le prove"],
   // operator
   "ask.title": ["Question", "Frage", "Domanda"],
@@ -86,12 +86,12 @@ const WORDS = {
   "ask.number": ["A number, please.", "Bitte eine Zahl.", "Un numero, per favore."],
   "ask.picture": ["picture for the question", "Bild zur Frage", "immagine per la domanda"],
   "control.off": [
-    "This run takes no answers and no stop from the page.",
+    "This run accepts no answers and no stop from the page.",
     "Dieser Lauf nimmt von der Seite weder Antworten noch Halt an.",
     "Questa esecuzione non accetta risposte né arresto dalla pagina.",
   ],
   "control.token": [
-    "To answer or stop, open the page by the whole address that the run printed (it ends in #token=…).",
+    "To answer or stop, open the page with the complete address that the run printed (it ends in #token=…).",
     "Zum Antworten und Anhalten die Seite mit der ganzen ausgegebenen Adresse öffnen (sie endet mit #token=…).",
     "Per rispondere o fermare, aprire la pagina con l'indirizzo completo stampato all'avvio (termina con #token=…).",
   ],
@@ -99,7 +99,7 @@ const WORDS = {
   "stop.button": ["Stop", "Anhalten", "Ferma"],
   "stop.title": ["Stop the run?", "Den Lauf anhalten?", "Fermare l'esecuzione?"],
   "stop.text": [
-    "What has not run by then counts as not run; the fixtures are taken down in order.",
+    "Tests that have not started by then are not run; the fixtures are torn down in order.",
     "Was bis dahin nicht lief, gilt als nicht gelaufen; der Aufbau wird geordnet abgebaut.",
     "Ciò che non è ancora stato eseguito conta come non eseguito; gli allestimenti vengono chiusi in ordine.",
   ],
@@ -118,7 +118,7 @@ const WORDS = {
   "key.stop": ["stop the run", "Lauf anhalten", "ferma l'esecuzione"],
   "key.back": ["back, clear", "zurück, leeren", "indietro, svuota"],
   "key.help": ["these keys", "diese Tasten", "questi tasti"],
-  // said aloud
+  // announcements of screen readers
   "say.state": ["{name}: {state}", "{name}: {state}", "{name}: {state}"],
   "say.many": ["{n} more tests have failed", "{n} weitere Tests sind fehlgeschlagen", "altre {n} prove fallite"],
   "say.end": ["The run has ended: {state}", "Der Lauf ist zu Ende: {state}", "Esecuzione terminata: {state}"],
@@ -126,7 +126,7 @@ const WORDS = {
 
 let column = 0;
 
-/** Choose among the languages wanted, best first; answers the one that is spoken from now on. */
+/** Choose among the preferred languages, best first; return the chosen one. */
 export function chooseLanguage(wanted) {
   const plain = wanted.map((language) => language.toLowerCase().split("-")[0]);
   const language = plain.find((one) => LANGUAGES.includes(one)) ?? LANGUAGES[0];
@@ -134,13 +134,13 @@ export function chooseLanguage(wanted) {
   return language;
 }
 
-/** A text of the page; `{name}` in it stands for a value. */
+/** Return a text of the page; `{name}` in it is replaced by a value. */
 export function t(key, values = {}) {
   const text = WORDS[key]?.[column] ?? key;
   return text.replace(/\{(\w+)\}/g, (whole, name) => values[name] ?? whole);
 }
 
-/** The word for a state; a word of which nothing is known stands for itself. */
+/** Return the word for a state; an unknown state is its own word. */
 export function stateWord(state) {
   return t(state);
 }

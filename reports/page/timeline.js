@@ -1,21 +1,21 @@
-// The life of a suite's fixtures, drawn over the time of the run: a lane a fixture, with the tests that stood on it.
+// The timeline of a suite's fixtures: a row for each fixture, with its states and the tests that used it.
 //
-// Reached by one stop of the Tab key: arrow keys go from mark to mark, Enter opens a test. What a mark means is said in
-// words under the picture.
+// It is one stop of the Tab key: arrow keys go from mark to mark, Enter opens a test. The meaning of a mark is written
+// below the timeline.
 
 import { fill, free, h, setText } from "./dom.js";
-import { clockText, mergeBars, svg, timeTicks, watchWidth } from "./figures.js";
+import { clockText, mergeBars, svg, timeTicks, watchWidth } from "./chart_helpers.js";
 import { VERDICTS } from "./model.js";
-import { toneOf } from "./signs.js";
+import { toneOf } from "./state_signs.js";
 
-const LABEL = 26; // pixels for the name above a lane
+const LABEL = 26; // pixels for the name above a row
 const LIFE = 16; // height of the bar of a generation
 const TESTS = 12; // and of the tests on it
-const LANE = LABEL + LIFE + TESTS + 12;
+const ROW_HEIGHT = LABEL + LIFE + TESTS + 12;
 const AXIS_HEIGHT = 20;
 const EDGE = 8;
 const THIN = 4; // bars of tests that are narrower may be merged
-const WIDEST = 32; // how many times the width of the page
+const WIDEST = 32; // as a multiple of the width of the page
 const STATE_TONES = {
   starting: "busy",
   ready: "good",
@@ -25,13 +25,13 @@ const STATE_TONES = {
   failed: "bad",
 };
 
-/** The timeline of one suite. `draw` draws what is known now. */
+/** The timeline of one suite. `draw` updates it. */
 export class Timeline {
   #page;
   #suite;
   #width = 0;
   #wide = 1;
-  #marks = []; // {element, text, fixture, incident?, test?, at, lane} in the order of time and lane
+  #marks = []; // {element, text, fixture, incident?, test?, at, row} in the order of time and row
   #current = -1;
 
   constructor(page, suite) {
@@ -92,10 +92,10 @@ export class Timeline {
     const span = spanOf(this.#suite, fixtures, this.#page.now());
     const width = Math.floor(this.#width * this.#wide);
     const x = (time) => EDGE + ((time - span.from) / (span.to - span.from)) * (width - 2 * EDGE);
-    const height = fixtures.length * LANE + AXIS_HEIGHT;
+    const height = fixtures.length * ROW_HEIGHT + AXIS_HEIGHT;
     const scale = { x, begin, now: span.to, model };
     this.#marks = [];
-    const lanes = fixtures.map((fixture, index) => this.#lane(fixture, index * LANE, scale));
+    const rows = fixtures.map((fixture, index) => this.#row(fixture, index * ROW_HEIGHT, scale));
     const axis = timeTicks(span.from - begin, span.to - begin, Math.max(2, width / 110)).map(({ at, text }) =>
       tickMark(x(at + begin), height, text, width),
     );
@@ -105,10 +105,10 @@ export class Timeline {
         "svg",
         { class: "timeline-picture", width, height, viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" },
         axis,
-        lanes,
+        rows,
       ),
     );
-    this.#marks.sort((a, b) => a.lane - b.lane || a.at - b.at);
+    this.#marks.sort((a, b) => a.row - b.row || a.at - b.at);
     if (this.#current >= this.#marks.length) this.#current = -1;
     this.#show(this.#current);
   }
@@ -123,7 +123,7 @@ export class Timeline {
     this.#show(this.#marks.indexOf(mark));
   }
 
-  #lane(fixture, top, scale) {
+  #row(fixture, top, scale) {
     const { visible } = this.#page.format;
     const count = fixture.generations.length;
     const facts = [
@@ -146,7 +146,7 @@ export class Timeline {
     return svg(
       "g",
       {},
-      svg("path", { class: "timeline-base", d: `M0 ${top + LANE - 6}H100000` }),
+      svg("path", { class: "timeline-base", d: `M0 ${top + ROW_HEIGHT - 6}H100000` }),
       label,
       life,
       tests,
@@ -192,7 +192,7 @@ export class Timeline {
                 text: `#${generation.number}`,
               })
             : null;
-        return this.#mark(svg("g", {}, bar, label), { text, fixture: fixture.name, at: change.time, lane: top });
+        return this.#mark(svg("g", {}, bar, label), { text, fixture: fixture.name, at: change.time, row: top });
       });
   }
 
@@ -212,7 +212,7 @@ export class Timeline {
       };
     });
     bars.sort((a, b) => a.from - b.from);
-    const merged = mergeBars(bars, THIN).sort((a, b) => b.rank - a.rank); // what is bad is drawn over its neighbours
+    const merged = mergeBars(bars, THIN).sort((a, b) => b.rank - a.rank); // bad ones are drawn over their neighbours
     return merged.map(({ from, to, members }) => {
       const [first] = members;
       const gap = to - from > 3 ? 1 : 0;
@@ -229,7 +229,7 @@ export class Timeline {
         fixture: fixture.name,
         test: first.test,
         at: first.attempt.started.time,
-        lane: top + 1,
+        row: top + 1,
       });
     });
   }
@@ -247,7 +247,7 @@ export class Timeline {
       incident,
       test: incident.test,
       at: incident.time,
-      lane: top + 2,
+      row: top + 2,
     });
   }
 
@@ -298,7 +298,7 @@ export class Timeline {
   }
 }
 
-/** From the first to the last that is known of the fixtures; to `now` while the suite goes on. */
+/** The time span of the fixtures' records; up to `now` while the suite is running. */
 function spanOf(suite, fixtures, now) {
   const changes = fixtures
     .flatMap((fixture) => fixture.generations.flatMap((one) => one.changes))
@@ -330,7 +330,7 @@ function testsText(bars, model, begin) {
   return `${who}: ${first.verdict} ${period(first.attempt.started.time, last, begin)}`;
 }
 
-/** What the colours and signs of the timelines mean. */
+/** The legend of the timelines. */
 export function timelineLegend() {
   const entry = (tone, text) =>
     h(

@@ -1,9 +1,9 @@
-// One measurement over the last runs, with its limits and what each run was.
+// A measurement over the last runs, with its limits and the verdict of each run.
 
 import { fill, free, h, setText } from "./dom.js";
-import { watchWidth } from "./figures.js";
-import { markerShape, plotTheme, watchTheme, xAxis, yAxis } from "./plot_look.js";
-import { badge } from "./signs.js";
+import { watchWidth } from "./chart_helpers.js";
+import { markerShape, plotTheme, watchTheme, xAxis, yAxis } from "./plot_style.js";
+import { badge } from "./state_signs.js";
 
 const TREND_HEIGHT = 240;
 const TREND_MARKS = { failed: "diamond", marginal: "triangle" };

@@ -1,17 +1,17 @@
-// The last runs together: measurements that drift, tests that come and go.
+// The view of the trends over the last runs: drifting measurements, flaky tests.
 
 import { NOT_CARRIED_OUT } from "./compare.js";
 import { fill, free, h, setText } from "./dom.js";
 import { linkTo } from "./format.js";
-import { badge, toneOf } from "./signs.js";
+import { badge, toneOf } from "./state_signs.js";
 import { alignedNumber, cellLink, SortTable } from "./sort_table.js";
 import { sparkline, verdictStrip } from "./sparkline.js";
 import { t } from "./texts.js";
 import { TrendPlot } from "./trend_plot.js";
 
-const STABLE = 1; // a pass rate that nobody needs to be told of
+const STABLE = 1; // the pass rate from which on a test is not shown
 
-/** What the history knows of the tests and measurements of this run. */
+/** The history of the tests and measurements of this run. */
 export class TrendsView {
   #page;
   #asked = false;
@@ -241,7 +241,7 @@ function trendRow(key, item) {
   };
 }
 
-/** What reaches a limit soonest, then what passes least often, then what drifts. */
+/** Order: the fewest runs to a limit, then the lowest pass rate, then drifts. */
 function byConcern(one, other) {
   const concern = (row) => [row.after ?? Infinity, isJudged(row.rate) ? row.rate[0] : 1, row.believed ? 0 : 1];
   const [a, b] = [concern(one), concern(other)];
@@ -249,7 +249,7 @@ function byConcern(one, other) {
   return index < 0 ? 0 : a[index] - b[index];
 }
 
-/** Without a verdict the interval is all there is. */
+/** Without verdicts only the interval is shown. */
 function isJudged([, low, high]) {
   return high - low < 1;
 }
@@ -267,7 +267,7 @@ function driftWords({ drift, believed }, format) {
   );
 }
 
-/** `48/50, 86–99 %`: how many of those that were judged, and the interval of the rate. */
+/** `48/50, 86–99 %`: passed of judged runs, and the interval of the rate. */
 function rateWords(rate, judged) {
   if (!isJudged(rate)) return h("span", { class: "dim", text: "never judged" });
   const [share, low, high] = rate;

@@ -80,7 +80,7 @@ def test_a_tick_has_the_digits_that_its_step_needs(ask: Any, value: float, step:
 
 
 def test_thin_bars_merge_but_a_bad_one_stays_in_sight(ask: Any):
-    """Five hundred tests on a lane are a few bars, and the one that failed is one of them."""
+    """Five hundred tests of a fixture are a few bars, and the one that failed is one of them."""
     bars = [{"from": index / 10, "to": index / 10 + 0.08, "rank": 0 if index == 250 else 12} for index in range(500)]
     merged = ask(
         "figures", "({ mergeBars }, bars) => mergeBars(bars, 4).map((bar) => [bar.rank, bar.members.length])", bars

@@ -257,11 +257,11 @@ def test_without_the_token_there_is_only_looking(live_run: Callable[..., Any], v
     page = visit(run.origin)
     question = page.get_by_role("region", name="Question")
     expect(question).to_contain_text("Is the lamp green?")
-    expect(question).to_contain_text("open the page by the whole address")
+    expect(question).to_contain_text("open the page with the complete address")
     expect(question.get_by_role("button")).to_have_count(0)
     page.keyboard.press("s")
     expect(page.get_by_role("dialog").get_by_role("button", name="Now")).to_be_hidden()
-    expect(page.get_by_role("dialog")).to_contain_text("open the page by the whole address")
+    expect(page.get_by_role("dialog")).to_contain_text("open the page with the complete address")
     shoot(page, "live-without-token")
 
 

@@ -1,4 +1,4 @@
-// What the figures share: numbers as text, ticks, bars that merge, and text files to save. No elements, but for saving.
+// Helpers of the charts: number formats, ticks, merged bars, and saving of text files.
 
 const SVG = "http://www.w3.org/2000/svg";
 const MOST_TICKS = 1000;
@@ -45,7 +45,7 @@ export function timeTicks(low, high, count) {
   return ticks(low, high, count, step).map((at) => ({ at, text: clockText(at, step) }));
 }
 
-/** Seconds as people read them on an axis: `2.5 s`, `1:30`, `2:05:00`; `step` says how finely. */
+/** Format seconds for an axis: `2.5 s`, `1:30`, `2:05:00`; `step` is the resolution. */
 export function clockText(seconds, step = 1) {
   if (seconds < 0) return `−${clockText(-seconds, step)}`;
   const digits = Math.min(3, digitsOf(step));
@@ -58,12 +58,12 @@ export function clockText(seconds, step = 1) {
   return minutes < 60 ? `${minutes}:${tail}` : `${Math.floor(minutes / 60)}:${two(minutes % 60)}:${tail}`;
 }
 
-/** Four significant digits: enough for a difference, whose last digits are noise. */
+/** Format a difference with four significant digits. */
 export function shortNumber(value) {
   return String(Number(Number(value).toPrecision(4)));
 }
 
-/** A share as a percentage with the digits it deserves: `0.4 %`, `12 %`. */
+/** Format a share as a percentage: `0.4 %`, `12 %`. */
 export function percentText(share) {
   if (!Number.isFinite(share)) return "";
   const percent = share * 100;
@@ -71,9 +71,8 @@ export function percentText(share) {
   return `${percent.toFixed(digits).replace("-", "−")} %`;
 }
 
-/**
- * Merge bars that would be too thin to be told apart: `bars` are {from, to, rank} in pixels, sorted by `from`. Only
- * neighbours of one rank become one, {from, to, rank, members}, so that a single bad one between many stays in sight.
+/** Merge bars that are too thin to be distinguished: `bars` are {from, to, rank} in pixels, sorted by `from`. Only
+ * neighbours of one rank become one, {from, to, rank, members}, so that a single failure between many stays visible.
  */
 export function mergeBars(bars, least) {
   const merged = [];
@@ -90,7 +89,7 @@ export function mergeBars(bars, least) {
   return merged;
 }
 
-/** Rows of texts and numbers as a CSV file. A text that a spreadsheet would take for a formula gets a `'` before it. */
+/** Format rows of texts and numbers as CSV. A text that a spreadsheet would read as a formula gets a `'` before it. */
 export function csvText(rows) {
   const cell = (value) => {
     if (value === null || value === undefined) return "";
@@ -101,7 +100,7 @@ export function csvText(rows) {
   return rows.map((row) => row.map(cell).join(",")).join("\r\n") + "\r\n";
 }
 
-/** Have the browser save a text as a file. */
+/** Let the browser save a text as a file. */
 export function saveText(name, text, type = "text/csv") {
   const address = URL.createObjectURL(new Blob([text], { type: `${type};charset=utf-8` }));
   const link = document.createElement("a");
@@ -124,14 +123,14 @@ export function watchWidth(element, callback) {
   return observer;
 }
 
-/** A value of an axis with the digits that its step needs. */
+/** Format a value of an axis with the digits for its step. */
 export function tickText(value, step) {
   const size = Math.max(Math.abs(value), Math.abs(step));
   if (size >= 1e7 || (step && Math.abs(step) < 1e-5)) return value.toPrecision(3).replace("-", "−");
   return value.toFixed(step ? digitsOf(Math.abs(step)) : 2).replace("-", "−");
 }
 
-/** How many digits after the point a step needs: 1 for 0.5, 2 for 0.25. */
+/** Return the digits after the decimal point for a step: 1 for 0.5, 2 for 0.25. */
 function digitsOf(step) {
   let digits = 0;
   while (digits < 12 && Math.abs(Number(step.toFixed(digits)) - step) > step * 1e-6) digits += 1;

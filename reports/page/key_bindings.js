@@ -1,4 +1,4 @@
-// The keyboard: single letters, never while somebody writes, never with a modifier, never against a dialog.
+// The keyboard: single letters, not in text fields, not with modifiers, not in dialogs.
 
 import { h } from "./dom.js";
 import { t } from "./texts.js";
@@ -8,12 +8,12 @@ const HELP = [
   [["f"], "key.failures"], [["Esc"], "key.back"], [["s"], "key.stop"], [["?"], "key.help"],
 ];
 
-/** Whether an element takes keys for itself. */
+/** Return whether an element handles keys itself. */
 function takesKeys(element, key) {
   if (!element?.closest) return false;
   if (element.closest("input:not([type=checkbox]), select, textarea, [contenteditable]")) return true;
   if (element.closest("button, a[href], summary, input") && (key === "Enter" || key === " ")) return true;
-  // What scrolls by itself keeps the keys that scroll.
+  // Scrollable elements keep the keys for scrolling.
   return ["ArrowDown", "ArrowUp", "PageDown", "PageUp", "Home", "End"].includes(key) && Boolean(element.closest(".detail, .sort-region, [role=region], canvas, svg"));
 }
 

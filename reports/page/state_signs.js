@@ -1,4 +1,4 @@
-// How a state looks: a sign, a tone (a colour of page.css) and a word, always together.
+// The appearance of a state: a sign, a tone (a colour of page.css) and a word, always together.
 
 import { h } from "./dom.js";
 import { stateWord } from "./texts.js";
@@ -46,7 +46,7 @@ export function toneOf(state) {
   return SIGNS[state]?.[1] ?? "idle";
 }
 
-/** A sign on its own, coloured; what reads aloud says the word. */
+/** A coloured sign; screen readers read the word. */
 export function sign(state) {
   return h("span", { class: "sign", data: { tone: toneOf(state) }, text: signOf(state), role: "img", "aria-label": stateWord(state) });
 }
@@ -57,7 +57,7 @@ export function badge(state, word = stateWord(state)) {
     h("span", { class: "sign", text: signOf(state), "aria-hidden": "true" }), word);
 }
 
-/** Make a badge show another state. */
+/** Set the state of a badge. */
 export function setBadge(element, state, word = stateWord(state)) {
   if (element.dataset.state === `${state}\n${word}`) return;
   element.dataset.state = `${state}\n${word}`;

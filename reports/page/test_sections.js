@@ -1,7 +1,7 @@
-// The parts of a test's page: each shows one kind of what an attempt left behind, and hides while there is none.
+// The sections of a test's detail: each shows one kind of records of an attempt, and is hidden while there are none.
 //
-// A part has `element` and `update()`, which takes what is new; `matches(record)` says whether a record belongs to what
-// is shown.
+// A section has `element` and `update()`, which adds new records; `matches(record)` returns whether a record is of the
+// shown subject.
 
 import { free, h, section } from "./dom.js";
 import { formatBytes, formatLimits, formatNumber, formatSeconds, linkTo, visible, visibleOutput } from "./format.js";
@@ -9,7 +9,7 @@ import { folded, GrowingList, longText } from "./long_text.js";
 import { marginBar } from "./margin_bar.js";
 import { messageItem } from "./messages.js";
 import { PlotPanel } from "./plots.js";
-import { badge, sign, toneOf } from "./signs.js";
+import { badge, sign, toneOf } from "./state_signs.js";
 import { alignedNumber } from "./sort_table.js";
 
 export class FailuresPart {
@@ -28,7 +28,7 @@ export class FailuresPart {
     this.element.hidden = !any && !this.#sentence();
   }
 
-  /** A reason of several lines is told in full: a test that could not be loaded has no message. */
+  /** Show a reason of several lines in full: a test that could not be loaded has no message. */
   #sentence() {
     const { ended } = this.attempt;
     if (!ended?.detail?.includes("\n")) return false;
@@ -50,7 +50,7 @@ export class PartsPart {
   }
 }
 
-/** Seconds that are worth telling: joints that are tested at the same time are judged one after the other, in no time. */
+/** The least shown duration in seconds: joints that are tested at the same time are judged in no time. */
 const SHOWN = 0.01;
 
 function partItem(record, test) {
@@ -101,7 +101,7 @@ export class PlotsPart {
     else if (series.length) this.#plot(series);
   }
 
-  /** The part that failed, if one with a series did, is chosen first: its plot is what people came for. */
+  /** Choose the first failed subject with a series, as its plot is the most important one. */
   #plot(series) {
     const subjects = series.map((one) => (one.record ?? one).subject ?? "");
     const worst = subjects.find((one) => toneOf(this.attempt.parts.get(one)?.verdict) === "bad");

@@ -1,17 +1,17 @@
-// How plots look: the colours, axes, lines and signs that the plotting library is told to draw.
+// The style of plots: colours, axes, lines and markers for the plotting library.
 
-import { svg, tickText } from "./figures.js";
+import { svg, tickText } from "./chart_helpers.js";
 
 const COLOURS = 8; // --line-1 … in the style sheet
 const MARKERS = ["circle", "square", "triangle", "diamond"];
-const MARKER_GAP = 90; // pixels between the signs on a line
+const MARKER_GAP = 90; // pixels between the markers on a line
 const MARKER_SIZE = 4;
 const WANTED_DASH = [6, 4];
 const AXIS_SIZE = 52; // of a vertical axis, beside its label
 const LABEL_SIZE = 20;
 const END = 12; // free space at the right
 
-/** The colours of the page as they are now, for canvases. */
+/** The present colours of the page, for canvases. */
 export function plotTheme(element) {
   const style = getComputedStyle(element);
   const token = (name) => style.getPropertyValue(name).trim();
@@ -37,7 +37,7 @@ export function plotHeight(width) {
   return width < 480 ? 200 : 260;
 }
 
-/** What the library needs to know to draw a figure of `layoutOf`; `shown(line)` says whether a line is switched on. */
+/** The options of the library for a figure of `layoutOf`; `shown(line)` returns whether a line is switched on. */
 export function figureOptions(group, figure, theme, { width, sync, shown, limits }) {
   const lowest = group.figures[group.figures.length - 1] === figure;
   const missing = group.twoAxes && figure.scales.length < 2 ? AXIS_SIZE + LABEL_SIZE : 0;
@@ -62,7 +62,7 @@ export function figureOptions(group, figure, theme, { width, sync, shown, limits
   };
 }
 
-/** A horizontal axis; of plots that stand above each other only the lowest has numbers. */
+/** A horizontal axis; of stacked plots only the lowest has numbers. */
 export function xAxis({ name, unit }, theme, numbers = true) {
   const label = numbers ? (unit ? `${name} (${unit})` : name) : undefined;
   return {
@@ -116,13 +116,13 @@ function lineOptions(line, figure, theme, show) {
   };
 }
 
-/** What was wanted is grey, unless that of several series has to be told apart. */
+/** Setpoints are grey, unless there are those of several series. */
 function lineColour(line, { lines }, theme) {
   const wanted = new Set(lines.filter((one) => one.wanted).map((one) => one.trace));
   return line.wanted && wanted.size < 2 ? theme.dim : theme.lines[line.colour % COLOURS];
 }
 
-/** The sign on a line, so that lines differ without colour; none where there is only one to be told. */
+/** The marker of a line, so that lines differ without colour; none for a single line. */
 function markerOf(line, lines) {
   return line.wanted || lines.filter((one) => !one.wanted).length < 2 ? null : MARKERS[line.colour % MARKERS.length];
 }
@@ -152,14 +152,14 @@ function paintMarker(plot, marker, series, scale, x) {
   plot.ctx.stroke(shape);
 }
 
-/** From a row of joined series on, the first at which this one was sampled. */
+/** Return the first row, from a row of joined series on, with a sample of this one. */
 function nextKnown(column, row) {
   let next = row;
   while (next < column.length && column[next] === undefined) next += 1;
   return next;
 }
 
-/** The outline of a sign about a point, as an SVG path. */
+/** The outline of a marker about a point, as an SVG path. */
 export function markerShape(marker, x, y, size) {
   if (marker === "square") return `M${x - size * 0.85} ${y - size * 0.85}h${size * 1.7}v${size * 1.7}h${-size * 1.7}Z`;
   if (marker === "triangle") return `M${x} ${y - size * 1.1}L${x + size * 1.1} ${y + size * 0.85}H${x - size * 1.1}Z`;
@@ -186,7 +186,7 @@ function paintLimits(plot, lines, limits, theme) {
   ctx.restore();
 }
 
-/** A piece of a line as it is drawn, for the legend. */
+/** A sample of a line for the legend. */
 export function lineSwatch(line, figure, theme) {
   const marker = markerOf(line, figure.lines);
   const stroke = lineColour(line, figure, theme);

@@ -1,26 +1,25 @@
-// A list of which only the part that can be seen is made: ten thousand tests, a hundred thousand lines of a log.
+// A virtual list, which only builds its visible rows: for ten thousand tests, a hundred thousand lines of a log.
 
 import { h } from "./dom.js";
 
-const OVERSCAN = 6; // rows made above and below what is seen, so that scrolling finds them there
+const OVERSCAN = 6; // additional rows above and below the visible ones, for scrolling
 
-/** How tall a row is: as large as a finger needs where there are fingers. */
+/** The height of a row, larger on touch screens. */
 export function rowHeight(fine) {
   return matchMedia("(pointer: coarse)").matches ? Math.max(44, fine) : fine;
 }
 
 let lists = 0;
 
-/**
- * A listbox over `items`. `make()` builds the inside of a row and `draw(row, item)` fills it; `key(item)` tells items
- * apart when they move; `pick(item)` hears that the cursor went to another item, `open(item, byKey)` that it is wanted.
+/** A listbox over `items`. `make()` builds the inside of a row and `draw(row, item)` fills it; `key(item)` identifies
+ * an item; `pick(item)` is called when the cursor moves to another item, `open(item, byKey)` when it is opened.
  */
 export class Rows {
   constructor({ label, height, make, draw, key, pick = () => {}, open = () => {}, follow = false }) {
     Object.assign(this, { height, make, draw, key, pick, open });
     this.items = [];
     this.current = null; // key of the item under the cursor
-    this.follow = follow; // stay at the end while items come
+    this.follow = follow; // stay at the end while items are added
     this.onFollow = () => {};
     this.pool = [];
     this.prefix = `rows${(lists += 1)}-`;
@@ -34,7 +33,7 @@ export class Rows {
     new ResizeObserver(() => this.place()).observe(this.element);
   }
 
-  /** Show these items; what is at the top of the view stays there, except at the very top. */
+  /** Show these items; the top row of the view keeps its place, except at the very top. */
   setItems(items) {
     const top = this.element.scrollTop;
     const anchor = top > 0 && !this.follow ? this.items[Math.floor(top / this.height)] : undefined;
@@ -61,14 +60,14 @@ export class Rows {
     return key === null ? -1 : this.items.findIndex((item) => this.key(item) === key);
   }
 
-  /** Draw what is seen anew. */
+  /** Redraw the visible rows. */
   refresh() {
     this.currentIndex = this.indexOf(this.current);
     for (const row of this.pool) row.item = null;
     this.place();
   }
 
-  /** Bring the rows to where the view is; only those that came in are drawn. */
+  /** Move the rows to the view; only new ones are drawn. */
   place() {
     const seen = Math.ceil(this.element.clientHeight / this.height) + 2 * OVERSCAN;
     const wanted = Math.min(seen, this.items.length);
@@ -114,13 +113,13 @@ export class Rows {
     else this.element.removeAttribute("aria-activedescendant");
   }
 
-  /** Put the cursor on the item with this key, without telling anybody. */
+  /** Put the cursor on the item with this key, without calling `pick`. */
   setCurrent(key) {
     this.current = key;
     this.refresh();
   }
 
-  /** Scroll so far that the cursor is seen. */
+  /** Scroll until the cursor is visible. */
   reveal() {
     const index = this.indexOf(this.current);
     if (index < 0) return;
@@ -143,7 +142,7 @@ export class Rows {
     this.pick(this.items[index]);
   }
 
-  /** What a key does in the list; answers whether it did something. */
+  /** Handle a key; return whether it had an effect. */
   press(key) {
     const page = Math.max(1, Math.floor(this.element.clientHeight / this.height) - 1);
     const steps = {

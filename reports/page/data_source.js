@@ -1,20 +1,20 @@
-// Where the page's data come from: the live server, or the blocks inside an archived page. Both give the same.
+// The source of the page's data: the live server, or the blocks of an archived page, with the same interface.
 //
-// A source has `facts`, `start(take, tell)` (records go to `take`, the state of the connection to `tell`: `connecting`,
-// `live`, `reconnecting`, `complete`), `series(path)`, `file(record)`, `compare()`, `history()`, and, where there is
+// A source has `facts`, `start(take, tell)` (`take` gets records, `tell` the state of the connection: `connecting`,
+// `live`, `reconnecting`, `complete`), `series(path)`, `file(record)`, `compare()`, `history()`, and, if it has
 // control, `stop(stage)` and `answer(…)`.
 
 const TOKEN_KEY = "rtf-token";
-const RETRY = 2000; // milliseconds before a stream that the server refused is asked for again
-const SLICE = 4000; // records of an archive that are read before the page may paint
+const RETRY = 2000; // milliseconds before a refused stream is requested again
+const SLICE = 4000; // records of an archive that are read between two frames
 
-/** The source this page has. */
+/** Return the source of this page. */
 export async function openSource() {
   if (document.getElementById("rtf-journal")) return ArchiveSource.open();
   return LiveSource.open();
 }
 
-/** Take the token out of the address, so that it is neither seen nor bookmarked, and keep it for this tab. */
+/** Remove the token from the address, so that it is neither visible nor bookmarked, and store it for this tab. */
 function takeToken() {
   const found = /(?:^#|&)token=([^&]*)/.exec(location.hash);
   try {
@@ -22,7 +22,7 @@ function takeToken() {
     if (found) history.replaceState(null, "", location.pathname + location.search);
     return sessionStorage.getItem(TOKEN_KEY) ?? "";
   } catch {
-    return found?.[1] ?? ""; // a browser that keeps nothing: the token lasts until the page is reloaded
+    return found?.[1] ?? ""; // a browser without storage: the token lasts until the page is reloaded
   }
 }
 
@@ -51,7 +51,7 @@ export function readSeries(buffer) {
 
 class LiveSource {
   #token = takeToken();
-  #last = 0; // lines of the journal that were taken
+  #last = 0; // number of received lines of the journal
 
   constructor(facts) {
     this.facts = facts;
@@ -61,7 +61,7 @@ class LiveSource {
     return new LiveSource(await (await fetched("facts")).json());
   }
 
-  /** Why stop and answers cannot be given from here: a key of the texts, or empty. */
+  /** The reason why this page cannot control the run: a key of the texts, or empty. */
   get withoutControl() {
     if (!this.facts.control) return "control.off";
     return this.#token ? "" : "control.token";
@@ -71,7 +71,7 @@ class LiveSource {
     tell("connecting");
     const stream = new EventSource(`events?after=${this.#last}`);
     stream.addEventListener("open", () => tell("live"));
-    // The next run may be served at the same address: then nothing of what is shown is true any more.
+    // The next run may be served at the same address: then the page has to be reloaded.
     stream.addEventListener("run", (message) => JSON.parse(message.data) === this.facts.run || location.reload());
     stream.addEventListener("message", (message) => {
       const records = JSON.parse(message.data);
@@ -97,7 +97,7 @@ class LiveSource {
     return readSeries(await (await fetched(relativeAddress("series", path))).arrayBuffer());
   }
 
-  /** The address of an attached file, or null where the page does not have it. */
+  /** The address of an attached file, or null if the page does not have it. */
   async file(record) {
     return relativeAddress("files", record.path);
   }
@@ -118,7 +118,7 @@ class LiveSource {
     return this.#control("answer", { test, question, answer });
   }
 
-  /** Ask the server to do something; throws an Error with a sentence for the operator. */
+  /** Send a request to the server; throws an Error with a message for the operator. */
   async #control(what, body) {
     const answer = await fetch(`control/${what}`, {
       method: "POST",
@@ -167,7 +167,7 @@ class ArchiveSource {
     let records = [];
     for (let start = 0; start < text.length;) {
       const newline = text.indexOf("\n", start);
-      if (newline < 0) break; // a last line without its end was torn
+      if (newline < 0) break; // an incomplete last line
       this.#read(text.slice(start, newline), records);
       start = newline + 1;
       if (records.length < SLICE) continue;
@@ -183,7 +183,7 @@ class ArchiveSource {
     try {
       records.push(JSON.parse(line));
     } catch {
-      this.unreadable += 1; // the page says how many
+      this.unreadable += 1; // the page shows the number
     }
   }
 
@@ -200,7 +200,7 @@ class ArchiveSource {
     if (!element) return null;
     if (!this.#files.has(record.path)) {
       const bytes = await (await unpack(element)).arrayBuffer();
-      // Only what an <img> shows keeps its type: whatever else is opened must never become a page.
+      // Only types for <img> are kept: no other file may be opened as a page.
       const type = record.media_type?.startsWith("image/") ? record.media_type : "application/octet-stream";
       this.#files.set(record.path, URL.createObjectURL(new Blob([bytes], { type })));
     }

@@ -1,4 +1,4 @@
-// What the browser's tab tells: a title, and an icon with sign and colour, so that a run can be watched from another tab.
+// Title and icon of the browser's tab, so that a run can be watched from another tab.
 
 import { visible } from "./format.js";
 
