@@ -6,7 +6,7 @@ import { niceStep, svg, tickText, ticks } from "./chart_helpers.js";
 import { number } from "./model.js";
 import { markerShape } from "./plot_style.js";
 
-const STRIP_HEIGHT = 18;
+const DOT_ROW_HEIGHT = 18;
 const MOST_STRIPS = 24; // more subjects go into one strip
 const MOST_DOTS = 3000;
 const AXIS = 18;
@@ -23,7 +23,7 @@ export function stripPlot(rows, width, page) {
   const left = Math.min(width / 3, 8 + 7.2 * Math.max(...strips.map((strip) => strip.label.length)));
   const step = niceStep(frame.max - frame.min, Math.max(2, (width - left) / 90));
   const x = (value) => left + ((value - frame.min) / (frame.max - frame.min)) * (width - left - 16);
-  const height = TOP + strips.length * STRIP_HEIGHT;
+  const height = TOP + strips.length * DOT_ROW_HEIGHT;
   const text = stripText(rows, shown, page.format);
   return svg(
     "svg",
@@ -39,11 +39,11 @@ export function stripPlot(rows, width, page) {
     ticks(frame.min, frame.max, 8, step).map((at) =>
       axisTick(x(at), height, tickText(at, step) + (frame.share ? " %" : "")),
     ),
-    strips.map((strip, index) => stripLine(strip, TOP + (index + 0.5) * STRIP_HEIGHT, left, width)),
+    strips.map((strip, index) => stripLine(strip, TOP + (index + 0.5) * DOT_ROW_HEIGHT, left, width)),
     frame.limits.map((limit) => svg("path", { class: "strip-limit", d: `M${x(limit)} 0V${height}` })),
     strips.flatMap((strip, index) =>
       strip.rows.map((row, place) =>
-        dot(row, x(frame.at(row)), TOP + (index + 0.5) * STRIP_HEIGHT + spread(place, strip.rows.length), page),
+        dot(row, x(frame.at(row)), TOP + (index + 0.5) * DOT_ROW_HEIGHT + spread(place, strip.rows.length), page),
       ),
     ),
     svg("text", {
@@ -90,7 +90,7 @@ function dot(row, x, y, page) {
 
 /** The vertical offset of a dot, so that dots overlap less; always the same. */
 function spread(place, count) {
-  return count < 3 ? 0 : (((place * 5) % 9) / 8 - 0.5) * (STRIP_HEIGHT - 8);
+  return count < 3 ? 0 : (((place * 5) % 9) / 8 - 0.5) * (DOT_ROW_HEIGHT - 8);
 }
 
 function stripsOf(rows, format) {

@@ -111,4 +111,4 @@ def test_the_page_tells_what_did_not_pass():
     page = write_matrix([quiet, JudgedCase(case, Judgement.EXPECTED, "failed", "l_elbow: it stays", 1.0)])
     assert "2 pairs: 1 passed" in page
     assert "| Looks | jam | l_elbow | torque 400 Nm | expected | it cannot move |" in page
-    assert "ft_bias |" not in page.split("nothing\n\n")[-1]
+    assert "ft_bias |" not in page.split("without a claim\n\n")[-1]
