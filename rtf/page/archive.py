@@ -87,7 +87,7 @@ def write_archive(stream: BinaryIO, folder: Path, extras: Extras | None = None) 
             "compare": extras.compare is not None,
             "history": extras.history is not None,
             "run": references.run,
-            "omitted": omitted.files,
+            "left_out": omitted.files,
         }
         _write_json(stream, "rtf-facts", facts)
         if extras.compare is not None:

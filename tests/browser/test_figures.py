@@ -65,7 +65,7 @@ def ask(page: Page) -> Any:
 def test_an_axis_of_time_is_divided_as_clocks_are(ask: Any, low: float, high: float, texts: list[str]):
     """Seconds by 1, 2, 5, 10, 15, 30; minutes and hours likewise."""
     assert (
-        ask("figures", "({ timeTicks }, low, high) => timeTicks(low, high, 5).map((tick) => tick.text)", low, high)
+        ask("chart_helpers", "({ timeTicks }, low, high) => timeTicks(low, high, 5).map((tick) => tick.text)", low, high)
         == texts
     )
 
@@ -76,14 +76,14 @@ def test_an_axis_of_time_is_divided_as_clocks_are(ask: Any, low: float, high: fl
 )
 def test_a_tick_has_the_digits_that_its_step_needs(ask: Any, value: float, step: float, text: str):
     """No tick is rounded to a value that it is not at."""
-    assert ask("figures", "({ tickText }, value, step) => tickText(value, step)", value, step) == text
+    assert ask("chart_helpers", "({ tickText }, value, step) => tickText(value, step)", value, step) == text
 
 
 def test_thin_bars_merge_but_a_bad_one_stays_in_sight(ask: Any):
     """Five hundred tests of a fixture are a few bars, and the one that failed is one of them."""
     bars = [{"from": index / 10, "to": index / 10 + 0.08, "rank": 0 if index == 250 else 12} for index in range(500)]
     merged = ask(
-        "figures", "({ mergeBars }, bars) => mergeBars(bars, 4).map((bar) => [bar.rank, bar.members.length])", bars
+        "chart_helpers", "({ mergeBars }, bars) => mergeBars(bars, 4).map((bar) => [bar.rank, bar.members.length])", bars
     )
     assert merged == [[12, 250], [0, 1], [12, 249]]
 
@@ -92,7 +92,7 @@ def test_a_saved_table_is_text_for_a_spreadsheet(ask: Any):
     """Quotes are doubled, numbers stay numbers, and what a test wrote is never a formula."""
     rows = [["name", "value"], ['=HYPERLINK("x")', -1.5], ["a,b\nc", None]]
     text = 'name,value\r\n"\'=HYPERLINK(""x"")",-1.5\r\n"a,b\nc",\r\n'
-    assert ask("figures", "({ csvText }, rows) => csvText(rows)", rows) == text
+    assert ask("chart_helpers", "({ csvText }, rows) => csvText(rows)", rows) == text
 
 
 @pytest.mark.parametrize(

@@ -130,7 +130,7 @@ def test_a_cut_connection_is_taken_up_again(
     expect(row(page, "say")).to_contain_text("running")
     for cut in (1, 2):
         cable.cut()
-        expect(page.get_by_role("alert").filter(has_text="cut")).to_be_visible()
+        expect(page.get_by_role("alert").filter(has_text="connection to the run is lost")).to_be_visible()
         shoot(page, "live-cut")
         let_it_say(run, 5 * cut + 1, 5 * cut + 5)
         cable.hint()
