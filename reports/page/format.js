@@ -48,7 +48,7 @@ export function formatRunning(seconds) {
   return `${Math.floor(whole / HOUR)}:${two(Math.floor((whole % HOUR) / MINUTE))}:${two(whole % MINUTE)} h`;
 }
 
-/** A limit somebody wrote: `10 s`, `2:00 min`. */
+/** A limit as it was written: `10 s`, `2:00 min`. */
 export function formatTimeout(seconds) {
   return seconds < 2 * MINUTE ? `${formatNumber(seconds)} s` : formatRunning(seconds);
 }

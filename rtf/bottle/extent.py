@@ -1,7 +1,7 @@
 """The end of a binary bottle, found without decoding it, also while its bytes are still arriving.
 
 Replies and the messages of some carriers have no length prefix: the bottle itself is self-delimiting. :class:`Scanner`
-reads codes, counts and lengths once, whatever the pieces in which they arrive, and keeps its position in between; a
+reads codes, counts and lengths once, in any pieces in which they arrive, and keeps its position in between; a
 peer that sends byte by byte therefore costs no more than any other.
 """
 

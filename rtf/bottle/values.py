@@ -60,7 +60,7 @@ def to_single(value: float) -> float:
 
 
 class _SizedInt(int):
-    """An integer whose type on the wire is fixed, whatever its magnitude."""
+    """An integer whose type on the wire does not depend on its magnitude."""
 
     __slots__ = ()
     BITS: ClassVar[int]

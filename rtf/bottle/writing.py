@@ -1,6 +1,6 @@
 """The text form of values, digit for digit as in YARP.
 
-Parsing the text gives an equal value, except: integers become I32 or I64 whatever their width, F32 becomes F64, a
+Parsing the text gives an equal value, except: integers become I32 or I64 for any width, F32 becomes F64, a
 property a list of lists; the strings ``null``, ``nan``, ``inf`` become a vocab and floats; and a vocab that contains
 blanks, commas, quotes, parentheses, braces, backslashes or a NUL in the middle, because nothing is escaped inside ``[
 ]``.

@@ -1,7 +1,7 @@
 """Base classes and tools for tests of robots: guarded and recorded parts, joint routines, statistics.
 
 A test derives from :class:`RobotTest`. It declares its :class:`Safety` class and opens parts; each part of a test that
-moves the robot has a guard that watches it and restores it afterwards, whatever the result of the test. The package
+moves the robot has a guard that watches it and restores it afterwards, with any result of the test. The package
 connects the xUnit core, which does not know robots, with the robot layer, which does not know tests.
 """
 

@@ -141,7 +141,7 @@ class _Sample(NamedTuple):
     inertial: float
 
 
-class Strike(NamedTuple):
+class DetectedContact(NamedTuple):
     """A contact: the change of force that the motion does not explain (N), and the joint speeds before it (deg/s)."""
 
     force: float
@@ -149,7 +149,7 @@ class Strike(NamedTuple):
 
 
 class ContactWatch:
-    """Contact detection of one limb. ``look`` is called periodically from one thread, while the limb moves.
+    """Contact detection of one limb. ``detect`` is called periodically from one thread, while the limb moves.
 
     ``forces`` are those of the limb's ``force_port``.
     """
@@ -183,7 +183,7 @@ class ContactWatch:
         """The port of the sensor."""
         return self.forces.source
 
-    def look(self, limit: float) -> Strike | None:
+    def detect(self, limit: float) -> DetectedContact | None:
         """Return a contact, once: when the force has changed by more than ``limit`` N beyond what the motion explains.
 
         Raises NoForcesError if the sensor is missing or has fallen silent.
@@ -214,7 +214,7 @@ class ContactWatch:
         early = islice(samples, (len(samples) + 1) // 2)
         speeds = np.abs([sample.speeds for sample in early]).mean(axis=0)
         samples.clear()
-        return Strike(force, speeds)
+        return DetectedContact(force, speeds)
 
     def _is_releasing(self, now: _Sample, before: _Sample) -> bool:
         """Whether a contact ends: the force is returning to its value before the contact."""
@@ -223,7 +223,7 @@ class ContactWatch:
         free = self._free.force
         return float(np.linalg.norm(now.force - free)) < float(np.linalg.norm(before.force - free))
 
-    def doubt(self, limit: float) -> str:
+    def limitation(self, limit: float) -> str:
         """Return why a contact may need clearly more than ``limit`` N to be detected; "" if it does not."""
         if self._sparse:
             return f"for {_SILENT:g} s too many of its states were missing to know its motion"

@@ -131,7 +131,7 @@ class MotionGuard:
         self._coupling: Transmission | None = None  # read when a joint is excluded
         self._secured: set[int] = set()  # joints that were reported as held
         self._contacts = contacts
-        self._doubted = False  # whether the low sensitivity to contacts was reported
+        self._limitation_reported = False  # whether the low sensitivity to contacts was reported
         self._cpu_pressure = RecentCpuPressure()
         #: Called with a joint that was stopped.
         self.on_stop: Callable[[int], object] | None = None
@@ -268,26 +268,26 @@ class MotionGuard:
         if self._contacts is None or self.limits.contact is None:
             return
         try:
-            strike = self._contacts.look(self.limits.contact)
+            contact = self._contacts.detect(self.limits.contact)
         except NoForcesError as error:
             self._contacts = None
             self._report(f"{self.name} is not watched for contacts: {error}")
             return
-        if not self._doubted and (doubt := self._contacts.doubt(self.limits.contact)):
-            self._doubted = True
-            self._report(f"{self.name} is watched for contacts with less sensitivity: {doubt}")
+        if not self._limitation_reported and (limitation := self._contacts.limitation(self.limits.contact)):
+            self._limitation_reported = True
+            self._report(f"{self.name} is watched for contacts with less sensitivity: {limitation}")
         held = self._included
-        if strike is None or not held:
+        if contact is None or not held:
             return
-        joint = max(held, key=lambda one: strike.speeds[one])
+        joint = max(held, key=lambda one: contact.speeds[one])
         what = "is in contact with an obstacle"
-        if strike.speeds[joint] < _STANDING:
+        if contact.speeds[joint] < _STANDING:
             joint = self._farthest(held, joint)  # before the stop, which changes the targets
             what = "is at rest by its encoder, but in contact: something holds it, or the encoder is frozen"
         self._stop(
             held,
             f"{self._names[joint]} ({self.name} joint {joint}) {what}; {self._contacts.source} shows at least "
-            f"{strike.force:.0f} N of contact within {WITHIN:g} s, more than {self.limits.contact:g} N; "
+            f"{contact.force:.0f} N of contact within {WITHIN:g} s, more than {self.limits.contact:g} N; "
             "all joints of the part were stopped",
             joint,
         )

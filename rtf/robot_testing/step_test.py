@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 #: Longest period of a board's states, s: the time grid on which repetitions are compared.
 _GRID = 0.01
-#: The bands are at most this share of the step, whatever the parameters say.
+#: The greatest bands, as a share of the step; larger parameters are reduced.
 _NEAREST = 0.25
 
 

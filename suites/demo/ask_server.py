@@ -1,4 +1,4 @@
-"""A test that needs the server, which dies under it the first time."""
+"""A test that needs the server, which dies during the first attempt."""
 
 import os
 import socket
@@ -11,7 +11,7 @@ class AskServer(TestCase):
     """Talks to the server of the fixture."""
 
     def run(self):
-        """Ask the server how it is; its first generation dies of the question."""
+        """Send a request; the first generation of the server dies of it."""
         port = int((Path(os.environ["RTF_RUN_FOLDER"]) / "server.port").read_text())
         with socket.create_connection(("127.0.0.1", port), timeout=5) as connection:
             connection.sendall(b"how are you?\n")

@@ -1,4 +1,4 @@
-"""A test that fails now and then: here, exactly the first time in a run."""
+"""A flaky test: it fails exactly the first time in a run."""
 
 import os
 from pathlib import Path
@@ -7,11 +7,11 @@ from rtf.testing import TestCase
 
 
 class Flaky(TestCase):
-    """Passes when it is tried again; the verdict says so."""
+    """Passes when it is retried; its verdict is flaky."""
 
     def run(self):
-        """Fail unless somebody was here before."""
+        """Fail at the first attempt."""
         mark = Path(os.environ["RTF_RUN_FOLDER"]) / "flaky.mark"
         tried = mark.exists()
         mark.touch()
-        self.check(tried, "somebody was here before")
+        self.check(tried, "this is not the first attempt")

@@ -1,4 +1,4 @@
--- A Lua test: the ancestor's API, unchanged.
+-- A Lua test with the API of the C++ framework, unchanged.
 
 TestCase.setup = function(parameter)
     robottestingframework.setName("lua greeting")

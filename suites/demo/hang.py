@@ -1,4 +1,4 @@
-"""A test that never comes back."""
+"""A test that never returns."""
 
 import threading
 
@@ -6,9 +6,9 @@ from rtf.testing import TestCase
 
 
 class Hang(TestCase):
-    """Waits for an event that nobody sets."""
+    """Waits for an event that is never set."""
 
     def run(self):
         """Hang."""
-        self.report("waiting for an event that nobody sets")
+        self.report("waiting for an event that is never set")
         threading.Event().wait()

@@ -7,7 +7,7 @@ from rtf.testing import Parameter, TestCase
 
 
 class Reach(TestCase):
-    """A joint follows a minimum-jerk reference; what is left of the way at the end is measured."""
+    """A joint follows a minimum-jerk reference; the remaining distance at the end is measured."""
 
     tags = ("demo", "motion")
 

@@ -65,7 +65,9 @@ def ask(page: Page) -> Any:
 def test_an_axis_of_time_is_divided_as_clocks_are(ask: Any, low: float, high: float, texts: list[str]):
     """Seconds by 1, 2, 5, 10, 15, 30; minutes and hours likewise."""
     assert (
-        ask("chart_helpers", "({ timeTicks }, low, high) => timeTicks(low, high, 5).map((tick) => tick.text)", low, high)
+        ask(
+            "chart_helpers", "({ timeTicks }, low, high) => timeTicks(low, high, 5).map((tick) => tick.text)", low, high
+        )
         == texts
     )
 
@@ -83,7 +85,9 @@ def test_thin_bars_merge_but_a_bad_one_stays_in_sight(ask: Any):
     """Five hundred tests of a fixture are a few bars, and the one that failed is one of them."""
     bars = [{"from": index / 10, "to": index / 10 + 0.08, "rank": 0 if index == 250 else 12} for index in range(500)]
     merged = ask(
-        "chart_helpers", "({ mergeBars }, bars) => mergeBars(bars, 4).map((bar) => [bar.rank, bar.members.length])", bars
+        "chart_helpers",
+        "({ mergeBars }, bars) => mergeBars(bars, 4).map((bar) => [bar.rank, bar.members.length])",
+        bars,
     )
     assert merged == [[12, 250], [0, 1], [12, 249]]
 

@@ -1,8 +1,8 @@
 """The interface of a carrier: a handshake, and the two ends of the connection that it returns.
 
 An *input link* is the end that receives messages and replies, an *output link* the end that sends. Each is used by one
-thread at a time; ``close`` may be called by any. Whatever a peer does, all of them raise only MiddlewareError and its
-subclasses.
+thread at a time; ``close`` may be called by any. For any behaviour of a peer, all of them raise only MiddlewareError
+and its subclasses.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Base classes of the two ends of a connection over a stream, whatever its protocol."""
+"""Base classes of the two ends of a connection over a stream, for any protocol."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ class RemoteNames(Names):
                 stream.send(f"{PREFIX} {line}{ending}".encode("utf-8", "surrogateescape"))
                 return _answer(stream, clock.Deadline.after(self._patience), one_line=_is_one_line(line))
         except (OSError, MiddlewareError) as error:
-            self._keeper.doubt()
+            self._keeper.mark_unanswered()
             reason = error.strerror if isinstance(error, OSError) and error.strerror else error
             raise ConnectError(
                 f"the name server at {self._place} does not answer: {reason};"

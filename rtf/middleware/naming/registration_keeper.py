@@ -30,7 +30,7 @@ class Record:
     properties: dict[str, Sequence[str]] = field(default_factory=dict)
     announced: bool = False
     #: The port is announced, but the server has not received it.
-    owed: bool = False
+    announcement_missing: bool = False
 
 
 class RegistrationKeeper:
@@ -44,7 +44,7 @@ class RegistrationKeeper:
         self._changed = threading.Condition()
         # Held while a name is restored or unregistered, so that no unregistered name is restored.
         self._changing = threading.RLock()
-        self._doubtful = False
+        self._needs_check = False
         self._thread: threading.Thread | None = None
 
     def keep(self, record: Record) -> None:
@@ -66,12 +66,12 @@ class RegistrationKeeper:
         with self._changed:
             record = self._records.get(name)
             if record is not None:
-                record.announced, record.owed = True, not heard
+                record.announced, record.announcement_missing = True, not heard
             return record is not None
 
-    def doubt(self) -> None:
+    def mark_unanswered(self) -> None:
         """Record that the server did not answer. When it answers again, all names are checked."""
-        self._doubtful = True
+        self._needs_check = True
 
     @contextmanager
     def forgetting(self, name: str) -> Iterator[None]:
@@ -110,11 +110,11 @@ class RegistrationKeeper:
                 turn = (turn + 1) % len(names)
                 record = self._records[names[turn]]
             try:
-                if self._doubtful or self._missing(record):
-                    self._doubtful = False
+                if self._needs_check or self._missing(record):
+                    self._needs_check = False
                     self._look_at(names)
             except MiddlewareError:
-                self._doubtful = True  # the server is down: check again after the next period
+                self._needs_check = True  # the server is down: check again after the next period
 
     def _look_at(self, names: Sequence[str]) -> None:
         for name in names:
@@ -122,7 +122,7 @@ class RegistrationKeeper:
                 record = self._records.get(name)
                 if record is not None and self._missing(record):
                     self._restore(record)
-                    record.owed = False
+                    record.announcement_missing = False
 
     def _missing(self, record: Record) -> bool:
         """Return whether the server does not know one of our ports, or lacks its announcement."""
@@ -130,7 +130,7 @@ class RegistrationKeeper:
         found = self._find(contact.name)
         with self._changed:
             ours = self._records.get(contact.name) is record
-            if found is None or record.owed:
+            if found is None or record.announcement_missing:
                 return ours
             if ours and (found.host, found.port) != (contact.host, contact.port):
                 del self._records[contact.name]

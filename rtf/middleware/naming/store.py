@@ -25,7 +25,7 @@ class Store(ABC):
 
     @abstractmethod
     def load(self, kind: str) -> Iterator[tuple[str, Any]]:
-        """Return all values of a kind by key. Any: the values are whatever JSON holds."""
+        """Return all values of a kind by key. Any: the values have the types of JSON."""
 
     @abstractmethod
     def put(self, kind: str, key: str, value: object) -> None:

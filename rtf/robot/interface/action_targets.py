@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rtf.robot.interface.model import Action, Robot
     from rtf.robot.interface.problems import ProblemLog
 
-#: The type of device whose attach passes the list of the robot's devices, whatever its parameters.
+#: The type of device whose attach always passes the list of the robot's devices.
 DESCRIBING = "robotDescription_nws_yarp"
 
 

@@ -1,4 +1,4 @@
-"""The interfaces of devices, as abstract classes. Tests use these, whatever the implementation.
+"""The interfaces of devices, as abstract classes. Tests use only these.
 
 Units are the iCub's: degrees, seconds, newton-metres, amperes, volts, per cent of duty cycle, degrees Celsius. Joints
 and motors are numbered from 0 within their device. Where a method takes ``joints`` (or ``motors``), None means all of

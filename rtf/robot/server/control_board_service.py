@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class ControlBoardServiceServer:
     """The ports of a board: ``NAME/nws/rpc:i``, ``NAME/command:i``, ``NAME/state:o`` and ``NAME/stateExt:o``.
 
-    They speak YARP 4.0, whatever the dialect of the network. With ``requests`` there is ``NAME/rpc:i`` as well, so
+    They speak YARP 4.0 in every dialect of the network. With ``requests`` there is ``NAME/rpc:i`` as well, so
     that clients of YARP 3 are served at the same time; the streams, of which there is one each in any case, then have
     the dialect of the network.
 

@@ -1,4 +1,4 @@
--- A script of the ancestor.
+-- A script of the C++ framework.
 
 TestCase.setup = function(parameter)
     robottestingframework.setName("classic")

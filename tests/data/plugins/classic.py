@@ -1,4 +1,4 @@
-"""A script of the ancestor: no import, the module is among the globals once the script is loaded."""
+"""A script of the C++ framework: no import, the module is among the globals once the script is loaded."""
 
 
 class TestCase:
