@@ -121,14 +121,14 @@ class Scripted(Device):
 
 
 class ScriptedBoard(Scripted):
-    """A device that is told of calibrators, and of descriptions."""
+    """A device that gets calibrators and descriptions."""
 
     def set_calibrator(self, calibrator: Calibrator) -> None:
         """Called before a calibration."""
         self._do("set_calibrator", calibrator.name)
 
     def attach(self, devices: Mapping[str, Device]) -> None:
-        """Say what is told of the robot."""
+        """Report the description of the robot."""
         (description,) = devices.values()
         self._do("attach", description.name, *description.devices)
 

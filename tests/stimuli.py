@@ -67,7 +67,7 @@ class Command(NamedTuple):
     moment: float
 
     def value(self, joint: int) -> Any:
-        """What one of the joints was told."""
+        """The commands to one of the joints."""
         return self.values[self.joints.index(joint)]
 
 

@@ -96,7 +96,7 @@ def test_the_two_truths():
 
 
 def test_errors_are_ours_and_built_in():
-    """Whoever catches ValueError or RtfError catches the errors of values; the column is part of the message."""
+    """Anyone who catches ValueError or RtfError catches the errors of values; the column is part of the message."""
     error = BottleError("odd", 4)
     assert isinstance(error, RtfError)
     assert isinstance(error, ValueError)

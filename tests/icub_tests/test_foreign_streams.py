@@ -171,7 +171,7 @@ def test_no_two_pictures_of_a_real_camera_are_the_same(outcome, measured, camera
 
 
 def test_a_load_that_nobody_knows_is_not_passed(outcome, measured):
-    """Rate and noise say nothing of it; the sentence says the hint, and the mean is told."""
+    """Rate and noise say nothing of it; the sentence says the hint, and the mean is reported."""
     assert outcome.verdict("unknown") is Verdict.INCONCLUSIVE
     assert "the load of /bot/left_hand/analog:o is unknown" in outcome.detail("unknown")
     assert "or give expected" in outcome.detail("unknown")
@@ -181,7 +181,7 @@ def test_a_load_that_nobody_knows_is_not_passed(outcome, measured):
 
 
 def test_a_load_that_is_not_to_be_judged_is_skipped(outcome):
-    """In sight of whoever reads the report, beside what was judged."""
+    """In sight of anyone who reads the report, beside what was judged."""
     assert outcome.verdict("not-asked") is Verdict.PASSED
     port = "/bot/left_leg/analog:o"
     assert verdicts(outcome, "not-asked") == {port: Verdict.PASSED, f"{port}/load": Verdict.SKIPPED}

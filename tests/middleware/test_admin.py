@@ -197,7 +197,7 @@ class TestDelete:
             eventually(lambda: all(one.peer != "/writer" for one in port.inputs), "the input is left")
 
     def test_none(self, port: Port, way: str):
-        """Both searches are told of."""
+        """Both searches are reported."""
         wanted = "Could not find an outgoing connection to /x\r\nCould not find an incoming connection from /x\r\n"
         assert ask(port, "[del] /x", way) == Bottle([-1, wanted])
 
@@ -206,7 +206,7 @@ class TestList:
     """``[list]``: names, or how one of them is connected."""
 
     def test_names(self, port: Port, reader: Port, network: Network, way: str):
-        """Outputs unless inputs are asked for; whoever asks is an input, too."""
+        """Outputs unless inputs are asked for; anyone who asks is an input, too."""
         port.add_output("/reader")
         asking = "admin"
         with sending(network, "/port", "fast_tcp"):
@@ -339,7 +339,7 @@ class TestProperties:
         assert text == f"(sched ((policy 0) (priority 0) (tid {reader.inputs[0].thread}))) (qos ((tos 0)))"
 
     def test_both_ways(self, port: Port, reader: Port, way: str):
-        """Two ports that send to each other have two connections, and both are told of."""
+        """Two ports that send to each other have two connections, and both are reported."""
         port.add_output("/reader")
         reader.add_output("/port")
         eventually(lambda: len(port.inputs) == 1, "the other way has not come")
@@ -431,7 +431,7 @@ class TestTyped:
 
 
 class TestTurnedRound:
-    """``r``: whoever called is sent to."""
+    """``r``: anyone who called is sent to."""
 
     def test_a_person_reads(self, port: Port):
         """What the port writes is typed to them."""

@@ -152,7 +152,7 @@ def _answer(listening: socket.socket, asked: list[bytes]) -> None:
 
 
 class TestNotices:
-    """What a network is told of connections, as YARP words it."""
+    """The reports of connections to a network, in YARP's words."""
 
     @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "udp", "local", "text_ack"])
     def test_made_and_ended(self, network: Network, noticed: list[str], said: list[str], carrier: str):
@@ -175,7 +175,7 @@ class TestNotices:
         assert said == []
 
     def test_tools_are_not_worth_it(self, network: Network, noticed: list[str]):
-        """Only ports are told of, not who asks a question."""
+        """Only ports are reported, not who asks a question."""
         with Port("/port", network=network) as port:
             assert remote.exists(network, port.contact)
             remote.describe(network, port.contact)
@@ -210,7 +210,7 @@ def _welcome(listening: socket.socket) -> None:
 
 @pytest.fixture
 def noticed(network: Network) -> list[str]:
-    """What the network was told of connections."""
+    """The reports of connections to the network."""
     heard: list[str] = []
     network.notice = heard.append
     return heard

@@ -73,7 +73,7 @@ class TestOpening:
         assert names.asked == 1
 
     def test_elsewhere_when_that_is_taken(self, squatter: socket.socket):
-        """And the name server is told."""
+        """And the name server gets the request."""
         names = Giving(squatter.getsockname()[1])
         listening, contact = Network(names).open_address("/a", "yarp/image")
         with listening:

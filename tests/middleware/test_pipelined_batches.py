@@ -46,7 +46,7 @@ def test_when_it_has_settled_everybody_has_got_everything(network: Network, carr
 
 @pytest.mark.parametrize("carrier", ["tcp", "text_ack", "local"])
 def test_what_is_kept_is_told_as_it_was(network: Network, carrier: str):
-    """Whoever gets bytes or text; in this process it is the object itself."""
+    """Anyone who gets bytes or text; in this process it is the object itself."""
     came: list[Bottle] = []
 
     def take(delivery: IncomingMessage) -> None:

@@ -35,7 +35,7 @@ class TestConnecting:
     """Two may want the same connection."""
 
     def test_two_who_connect_at_the_same_time_leave_one_connection(self, network: Network):
-        """Both ends keep the same one of the two, whoever was quicker: what is written arrives."""
+        """Both ends keep the same one of the two, whichever was quicker: what is written arrives."""
         for number in range(150):
             names = f"/reader{number}", f"/writer{number}"
             with Port(names[0], network=network) as reader, Port(names[1], network=network) as writer:
@@ -53,7 +53,7 @@ class TestConnecting:
         ids=["udp", "fast_tcp", "text", "text_ack"],
     )
     def test_a_caller_is_listed_before_it_gets_its_reply(self, network: Network, handshake: bytes, monkeypatch):
-        """Whoever has connected finds itself among the inputs: until the port lists the caller, no reply is sent."""
+        """Anyone who has connected finds itself among the inputs: until the port lists the caller, no reply is sent."""
         early: list[bool] = []
         joined = Port.input_opened
 

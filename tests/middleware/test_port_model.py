@@ -101,7 +101,7 @@ class Model:
 
 
 class Call:
-    """A call in a thread of its own, and what came of it."""
+    """A call in a thread of its own, and its result."""
 
     def __init__(self, work: Callable[[], object]) -> None:
         self._work = work
@@ -251,7 +251,7 @@ class Ports(RuleBasedStateMachine):
 
     @rule()
     def interrupt_and_resume(self) -> None:
-        """Whoever reads is woken, however short it was; what a writer waits with need not be thrown away."""
+        """Anyone who reads is woken, however short it was; what a writer waits with need not be thrown away."""
         if self.model.busy:
             return
         self.reader.interrupt()

@@ -37,7 +37,7 @@ def reader(network: Network) -> Iterator[BufferedPort[Bottle]]:
 
 @pytest.fixture
 def writer(network: Network, reader: Port) -> Iterator[Port]:
-    """A port that sends to it in the thread of whoever writes."""
+    """A port that sends to it in the thread of anyone who writes."""
     with Port("/writer", network=network) as made:
         made.add_output("/reader")
         eventually(lambda: reader.inputs, "the writer has not come")

@@ -75,7 +75,7 @@ class Scene:
         return BufferedPort("/reader", network=self.network, strict=True, **options)  # type: ignore[arg-type]
 
     def plain(self) -> Port:
-        """One whose messages wait for whoever reads them."""
+        """One whose messages wait for anyone who reads them."""
         return Port("/reader", network=self.network)
 
 
@@ -186,7 +186,7 @@ class TestEither:
         scene.explore(program)
 
     def test_resume_does_not_open_what_is_closed(self, scene: Scene, make: Callable[[], Port]):
-        """Whoever reads a port while it is closed is told, whatever a third thread does."""
+        """A reader of a port that is closed meanwhile gets an error, whatever a third thread does."""
 
         def program(control: Control) -> None:
             with scene.pair(control, make) as (reader, _):
@@ -292,7 +292,7 @@ class TestBuffered:
         scene.explore(program)
 
     def test_read_and_interrupt(self, scene: Scene):
-        """A reader gets what came before the interrupt, in order, or is told."""
+        """A reader gets the messages before the interrupt, in order, or an error."""
 
         def program(control: Control) -> None:
             with scene.pair(control, scene.reader) as (reader, writer):

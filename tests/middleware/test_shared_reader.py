@@ -170,7 +170,7 @@ class TestEnds:
     def test_what_makes_no_sense_costs_its_sender_the_connection_and_nobody_else(
         self, network: Network, said: list[str]
     ):
-        """It is told, and the other streams go on."""
+        """It is reported, and the other streams go on."""
 
         class Fussy(Keeper):
             def _keep(self, delivery: IncomingMessage) -> None:
@@ -208,7 +208,7 @@ class TestEnds:
             assert any("does not read what is sent to it" in line for line in said)
 
     def test_a_thread_cannot_be_given_another_priority(self, pair: tuple[PipelinedPort, Keeper]):
-        """It is not its own; who asks is told."""
+        """It is not its own; the requester gets an error."""
         _, keeper = pair
         with pytest.raises(QosError, match="one thread reads all streams"):
             keeper.set_qos("/writer", Qos(policy=1, priority=30))

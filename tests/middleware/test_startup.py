@@ -12,7 +12,7 @@ from rtf.middleware.naming.configuration import find_network
 find_network({"YARP_CONFIG_HOME": sys.argv[1]})
 print(*sys.modules)
 """
-#: What takes long and is of use to others: interfaces and keys, whoever keeps names, ports and their types.
+#: What takes long and is of use to others: interfaces and keys, the keepers of names, ports and their types.
 _LATER = {
     "hmac",
     "numpy",

@@ -70,7 +70,7 @@ class TestKeeping:
         assert id(stream.take(LARGE).obj) == place
 
     def test_what_was_lent(self, ends: tuple[Stream, Callable[[bytes], None]]):
-        """It stays for whoever keeps it, and the bytes behind it are not lost."""
+        """It stays for anyone who keeps it, and the bytes behind it are not lost."""
         stream, send = ends
         send(b"a" * LARGE + b"b" * LARGE + b"c")
         stream.more_towards(LARGE)

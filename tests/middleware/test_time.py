@@ -137,7 +137,7 @@ class TestLockstep:
         assert told[-1] >= 60 * 0.007
 
     def test_it_is_closed_when_time_passes_no_more(self, network: Network):
-        """Whoever has closed the server may take away what happens in time."""
+        """Anyone who has closed the server may take away what happens in time."""
         begun, may_go, ended = threading.Event(), threading.Event(), threading.Event()
 
         def advance(until: float) -> float:

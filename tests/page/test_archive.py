@@ -49,7 +49,7 @@ def archived(folder: Path, extras: Extras | None = None) -> dict[str, bytes]:
 
 
 def facts(found: dict[str, bytes]) -> dict[str, Any]:
-    """What the page is told."""
+    """The facts of the page."""
     return json.loads(found['id="rtf-facts"'])
 
 
@@ -106,7 +106,7 @@ def test_a_run_whose_runner_was_killed_is_given_its_ends(tmp_path: Path):
 
 
 def test_a_run_that_was_resumed_is_one_run(tmp_path: Path):
-    """What was run again is told once."""
+    """What was run again is reported once."""
     ended = TestEnded(test="s/t", verdict=Verdict.INTERRUPTED, outcome=Verdict.INTERRUPTED, time=3.0)
     passed = TestEnded(test="s/t", verdict=Verdict.PASSED, outcome=Verdict.PASSED, time=5.0)
     start = TestStarted(test="s/t", time=2.0)
@@ -140,7 +140,7 @@ def test_a_series_is_packed_as_the_server_packs_it(tmp_path: Path):
 
 
 def test_many_series_share_the_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Each gets fewer points before any is left out; what does not fit then is told of."""
+    """Each gets fewer points before any is left out; what does not fit then is reported."""
     monkeypatch.setattr(archive, "MAX_SERIES", 3 * 2 * 8 * 1000)
     for name in "abcd":
         np.savez(tmp_path / f"{name}.npz", t=np.arange(5000.0), x=np.zeros(5000))
@@ -176,7 +176,7 @@ def test_attachments_and_pictures_of_questions_are_put_in(tmp_path: Path):
 
 
 def test_attachments_are_bounded_one_by_one_and_in_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Smaller ones after one that does not fit still find room; each that does not is told of with its size."""
+    """Smaller ones after one that does not fit still find room; each that does not is reported with its size."""
     monkeypatch.setattr(archive, "MAX_ATTACHMENT", 100)
     monkeypatch.setattr(archive, "MAX_ATTACHMENTS", 150)
     for name, size in [("large", 101), ("a", 90), ("b", 80), ("c", 60)]:

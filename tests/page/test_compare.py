@@ -48,7 +48,7 @@ def test_only_the_last_attempt_is_compared(tmp_path: Path):
 
 
 def test_of_a_resumed_run_the_last_word_counts(tmp_path: Path):
-    """A test that was run again is told of once; a torn end is nothing."""
+    """A test that was run again is reported once; a torn end is nothing."""
     start = RunStarted(run="r", version="1", time=1.0, seq=1)
     planned = TestPlanned(test="s/a", suite="s", name="a", fingerprint="f", time=1.0)
     lost, kept = (Measured(test="s/a", name="n", value=value, time=2.0) for value in (1.0, 2.0))

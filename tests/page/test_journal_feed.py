@@ -107,7 +107,7 @@ def test_more_lines_than_there_are_means_the_end(tmp_path: Path):
 
 
 def test_a_journal_that_shrinks_is_an_error_and_no_endless_loop(tmp_path: Path):
-    """Whoever cut it off took away what clients were promised."""
+    """Anyone who cut it off took away what clients were promised."""
     path = tmp_path / "journal"
     path.write_bytes(b'{"n":0}\n')
     journal = Feed(path)

@@ -119,7 +119,7 @@ def test_no_path_leads_out_of_the_run(waiting: LiveRun, path: str):
 
 
 def test_a_series_is_sent_packed(waiting: LiveRun):
-    """As ``docs/page.md`` has it; what is no series is told of."""
+    """As ``docs/page.md`` has it; what is no series is reported."""
     folder = waiting.run_folder / "files"
     folder.mkdir(exist_ok=True)
     np.savez(folder / "elbow.npz", t=np.arange(3.0), position=np.array([1.0, np.nan, 3.0]))

@@ -145,7 +145,7 @@ def test_what_is_no_series_is_refused(tmp_path: Path, columns: dict[str, Any], s
     ],
 )
 def test_broken_files_are_refused_and_named(tmp_path: Path, content: bytes, said: str):
-    """A file that was cut off, or made up, costs no memory and is told of."""
+    """A file that was cut off, or made up, costs no memory and is reported."""
     path = tmp_path / "broken.npz"
     path.write_bytes(content)
     with pytest.raises(SeriesError, match=said) as caught:

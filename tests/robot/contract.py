@@ -426,7 +426,7 @@ class ControlBoardContract:
         assert self.at(board, 0) == pytest.approx(where, abs=self.TOLERANCE / 5)
 
     def test_speeds(self, board: Device):
-        """A joint runs at the speed it is told, and rests when that is 0."""
+        """A joint runs at the commanded speed, and rests when that is 0."""
         places = self.centre(board)
         speed = self.of(board, IVelocityControl)
         self.of(board, IPositionControl).set_reference_accelerations(500.0, 0)
@@ -442,7 +442,7 @@ class ControlBoardContract:
         assert self.at(board, 0) == pytest.approx(where, abs=self.TOLERANCE / 5)
 
     def test_mixed_mode_takes_positions_and_speeds(self, board: Device):
-        """A joint in mixed mode goes where it is told, and runs at the speed it is told, without another mode."""
+        """A joint in mixed mode moves to its target, and runs at the commanded speed, without another mode."""
         places = self.centre(board)
         self.enter(board, ControlMode.MIXED)
         self.go(board, places[0] + self.WAY, 0)

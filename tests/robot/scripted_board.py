@@ -29,7 +29,7 @@ class ScriptedBoard:
     """Ports like those of a board with so many axes.
 
     ``answer`` is called with each question that does not belong to the opening and gives the answer; ``protocol`` is
-    the answer about the version. A state is sent to whoever connects, and whenever ``publish`` is called.
+    the answer about the version. A state is sent to anyone who connects, and whenever ``publish`` is called.
     """
 
     def __init__(

@@ -388,7 +388,7 @@ class TestRemoteCalibrator:
 
 
 class TestConfiguration:
-    """What is wrong in it is told, with the list."""
+    """What is wrong in it is reported, with the list."""
 
     @pytest.mark.parametrize(
         ("old", "new", "said"),

@@ -75,7 +75,7 @@ def test_measurements_come_with_the_state(network: Network):
 
 
 def test_what_is_not_valid_is_not_given(network: Network):
-    """A board without torques says so in its state, and the client says it to whoever asks."""
+    """A board without torques says so in its state, and the client says it to anyone who asks."""
     with ScriptedBoard("/board", network) as board:
         board.state.valid[Field.TORQUES] = False
         with client_of(board, network) as client:

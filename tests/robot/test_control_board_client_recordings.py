@@ -68,7 +68,7 @@ class Raw(TextCodec[bytes]):
 
 
 class StatePort(BufferedPort[bytes]):
-    """Sends the last of the recorded states to whoever connects."""
+    """Sends the last of the recorded states to anyone who connects."""
 
     def connected(self, output: Output) -> None:
         """See BufferedPort."""

@@ -68,7 +68,7 @@ def test_state_is_published_with_stamps(network: Network, board, stepped: Manual
 
 
 def test_state_in_the_background(network: Network, board, stepped: ManualClock):
-    """Whoever publishes does not wait for a reader: one that is slow misses messages."""
+    """Anyone who publishes does not wait for a reader: one that is slow misses messages."""
     go_on = threading.Event()
     delivered = []
 

@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from rtf.robot.device import Device
 
 PART = "/robot/arm"
-#: The port of the board's service in the recordings, as it is told to whoever connects.
+#: The port of the board's service in the recordings, as it is told to anyone who connects.
 RECORDED_PORT = 10008
 
 
@@ -389,7 +389,7 @@ def test_errors_of_the_device_reach_the_client(
 
 
 def test_a_device_that_gives_nonsense_is_reported(network: Network, said: list[str]):
-    """What does not fit into the answer is a fault of the device, not of whoever asked."""
+    """What does not fit into the answer is a fault of the device, not of anyone who asked."""
     service = BoardService(Scripted(lambda: "nonsense"), PART, network=network)
     answer = decode_from(bytes_of(service.answer(Bottle.parse("getPosLimitsRPC 0"))), 0, Dialect.YARP4)[0]
     assert answer.to_text() == "([err1]) 0.0 0.0"

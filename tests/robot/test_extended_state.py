@@ -245,7 +245,7 @@ def test_a_device_without_encoders_has_no_time():
 
 
 def test_times_that_are_apart_are_an_error():
-    """More than a second between two joints is told with both."""
+    """More than a second between two joints is reported with both."""
     assert mean_time(np.array([1.0, 2.0])) == 1.5
     with pytest.raises(StaleStateError, match="joints 1 and 0"):
         mean_time(np.array([2.5, 1.0]))

@@ -50,7 +50,7 @@ def test_a_device_by_its_interface():
 
 
 def test_a_sensor_that_is_not_well_is_named():
-    """And nothing is told."""
+    """And nothing is reported."""
     sensors = ScriptedSensors([readings(1.0)])
     source = DeviceMeasurements(sensors)
     sensors.status = SensorStatus.OVERFLOW

@@ -63,7 +63,7 @@ def test_every_state_comes(client: RemoteControlBoard, server: ControlBoardServe
 def test_one_that_raises_is_given_no_more(
     client: RemoteControlBoard, server: ControlBoardServer, stepped: ManualClock, said: list[str]
 ):
-    """It is told of once; the others, and the readings, go on."""
+    """It is reported once; the others, and the readings, go on."""
     times: list[float] = []
 
     def broken(_time: float, _state: ExtendedState) -> None:

@@ -85,7 +85,7 @@ def test_what_is_written_is_read(message: Measurements, dialect: Dialect):
 
 @given(measurements, st.data())
 def test_a_message_that_is_cut_off(message: Measurements, data: st.DataObject):
-    """Whoever reads a part of it is told that more is wanted."""
+    """Anyone who reads a part of it is told that more is wanted."""
     whole = blocks(message)
     with pytest.raises(TruncatedBottleError) as caught:
         SENSOR_MESSAGE.decode_from(whole[: data.draw(st.integers(0, len(whole) - 1))], THREE)

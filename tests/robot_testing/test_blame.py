@@ -190,7 +190,7 @@ def test_what_the_guard_has_stopped_ends_a_part_of_a_test(
 
 
 def test_the_guard_knows_whether_the_machine_could_keep_up(bench: PartBench, monkeypatch: pytest.MonkeyPatch):
-    """Its errors say so; in lockstep time waits for whoever is late."""
+    """Its errors say so; in lockstep time waits for anyone who is late."""
     monkeypatch.setattr(RecentCpuPressure, "overload", lambda _: BUSY)
     show(bench, {0: BEYOND})
     with pytest.raises(GuardError) as caught:

@@ -60,7 +60,7 @@ def test_what_is_missing_is_held_against_a_robot_that_could_be_heard(listening):
 
 
 def test_what_is_missing_on_a_busy_machine_is_inconclusive(listening):
-    """The sender may be on it. What was measured is told without its limits."""
+    """The sender may be on it. What was measured is reported without its limits."""
     listening.listener.cpu_pressure = 0.95
     with pytest.raises(Inconclusive, match=r"rate is 50 Hz, lost is .*; but this machine is too busy: for 95%"):
         listening.judge(messages(every=2), 100.0, 5.0)

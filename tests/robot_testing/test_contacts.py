@@ -191,7 +191,7 @@ def test_a_push_that_is_over_at_once_is_no_contact(limb: Limb, begin: float):
 
 
 def test_noise_of_speeds_hides_no_contact(limb: Limb):
-    """6 deg/s of it would explain 60 N that nobody presses with. That it is so is told once."""
+    """6 deg/s of it would explain 60 N that nobody presses with. That it is so is reported once."""
     limb.device.noise = 6.0
     limb.step(steps=200)
     (said,) = limb.said
@@ -271,7 +271,7 @@ def test_port_that_sends_something_else_is_told_once(limb: Limb, sent: dict[str,
 
 
 def test_sensor_that_falls_silent_is_told_once(limb: Limb):
-    """Whoever reads the log knows that nobody felt what came then."""
+    """Anyone who reads the log knows that nobody felt what came then."""
     for _ in range(150):
         limb.time.sleep(0.01)
         limb.server.publish(limb.time.now())
@@ -324,7 +324,7 @@ def test_what_a_limb_did_in_a_gap_of_its_states_is_not_known(limb: Limb):
 
 
 def test_a_limb_of_which_many_states_are_missing_is_told_once(limb: Limb):
-    """Whoever reads the log knows that contacts were felt late, if at all."""
+    """Anyone who reads the log knows that contacts were felt late, if at all."""
     for number in range(300):
         limb.time.sleep(0.01)
         limb.feel(WEIGHT, at=limb.time.now())

@@ -255,7 +255,7 @@ def test_an_infinite_limit_of_speeds_is_none(bench: Bench):
 
 
 def test_a_board_without_greatest_speeds_is_watched_without_them(bench: Bench, monkeypatch: pytest.MonkeyPatch):
-    """And it is told."""
+    """And it is reported."""
 
     def unknown(joint: int) -> tuple[float, float]:
         raise NotSupportedError(f"no velocity limits of joint {joint}")
@@ -275,7 +275,7 @@ MEASURED = [row.values[0] for row in WRONG[1:]]
 
 @pytest.mark.parametrize("field", MEASURED)
 def test_what_was_measured_and_is_no_number_any_more_stops_its_joint(bench: Bench, field: str):
-    """At once it is told, once; for half a second it may be so. No number is more than any limit."""
+    """At once it is reported, once; for half a second it may be so. No number is more than any limit."""
     guard = bench.guard()
     guard.watch()
     bench.time.sleep(1.5)
@@ -387,7 +387,7 @@ def test_joint_that_was_excluded_is_not_watched(bench: Bench):
 
 
 def test_what_was_changed_is_put_back(bench: Bench):
-    """Settings, speeds, modes and places; and each that was put back is told."""
+    """Settings, speeds, modes and places; and each that was put back is reported."""
     board, guard = bench.board, bench.guard()
     gains = board.pid(PidType.POSITION, 1)
     board.set_limits(1, -5.0, 5.0)
@@ -412,7 +412,7 @@ def test_nothing_is_written_where_nothing_was_changed(bench: Bench):
 
 
 def test_board_that_is_gone_is_tried_once(bench: Bench):
-    """The end of a test does not wait for the same board again and again; the problem is told in one sentence."""
+    """The end of a test does not wait for the same board again and again; the problem is reported in one sentence."""
     guard = bench.guard()
     bench.server.close()
     with pytest.raises(RobotError, match=r"^/fake could not be restored: .*cannot be reached again") as caught:
@@ -510,7 +510,7 @@ def test_no_greatest_current_is_no_limit(bench: Bench):
 
 
 def test_one_thing_that_cannot_be_put_back_keeps_no_other(bench: Bench):
-    """Of all joints, and in all that is put back; and it is told."""
+    """Of all joints, and in all that is put back; and it is reported."""
     board, guard = bench.board, bench.guard()
     for joint in range(3):
         board.set_max_current(joint, 3.0)

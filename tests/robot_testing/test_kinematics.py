@@ -92,7 +92,7 @@ def test_half_a_turn_has_an_axis(axis):
 
 @given(st.floats(-3.0, 3.0), st.lists(vectors, min_size=1, max_size=5))
 def test_the_heading_between_two_series_is_found(heading, turns):
-    """A turn about the vertical is told, whatever the orientations are."""
+    """A turn about the vertical is reported, whatever the orientations are."""
     wanted = np.array([rotation_about(vector) for vector in turns])
     found = rotation_of(0, 0, -heading) @ wanted
     assert vertical_turn(found, wanted) == pytest.approx(heading, abs=1e-6)

@@ -84,7 +84,7 @@ def test_a_late_step_beyond_them_is_left_to_those_in_time(judging):
 
 
 def test_without_any_step_in_time_nothing_can_be_said(judging):
-    """What was measured is told without its limits."""
+    """What was measured is reported without its limits."""
     with pytest.raises(Inconclusive, match=r"elbow: overshoot is 50 %; but the loop of this test was suspended"):
         judging.judge(0, [cycle(0.5, LATE)])
     assert not judging.failed

@@ -1,4 +1,4 @@
-"""The ledger of a run: what was noted is there for whoever comes later, and a snapshot as it was."""
+"""The ledger of a run: its records, and snapshots, are read unchanged by later processes."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_what_was_in_the_way_is_until_somebody_lets_the_robot_move(tmp_path: Pat
 
 @pytest.mark.parametrize("torn", ['{"robot": "icub", "may_mo', '{"place": "/icub/head", "given_up": 1}\n{"pla'])
 def test_a_line_that_was_torn_is_left_out(tmp_path: Path, torn: str):
-    """Whoever wrote it was killed meanwhile; all others count."""
+    """Its writer was killed meanwhile; all others count."""
     (tmp_path / FILE_NAME).write_text('{"robot": "icub", "may_move": true}\n' + torn)
     assert MotionLedger(tmp_path).may_move("icub")
     MotionLedger(tmp_path).record_permission("icub", may_move=False)

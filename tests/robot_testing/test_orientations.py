@@ -22,7 +22,7 @@ def noisy(random, wanted, turn=0.0):
 
 
 def test_a_turn_is_within_its_interval():
-    """Angle and axis are told; the interval is that of 99 of a hundred."""
+    """Angle and axis are reported; the interval is that of 99 of a hundred."""
     random = np.random.default_rng(3)
     wanted = random.normal(size=(30, 3)) * (3.0, 2.0, 1.0)
     turns = [sure_turn(noisy(random, wanted, 10.0), wanted) for _ in range(_RUNS)]

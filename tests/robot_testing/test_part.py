@@ -56,7 +56,7 @@ def test_what_refuses_to_be_stiff_is_held_all_the_same(bench: PartBench, test: J
 
 
 def test_joints_that_were_excluded_get_no_power_any_more(bench: PartBench, test: Joints):
-    """Nor are they waited for, whoever moves the part."""
+    """Nor are they waited for, by any move of the part."""
     part = bench.part
     bench.guard.exclude(1, "it does not obey")
     bench.time.sleep(0.1)
@@ -76,7 +76,7 @@ def test_joints_that_were_excluded_get_no_power_any_more(bench: PartBench, test:
 
 
 def test_a_joint_that_was_excluded_is_in_no_mode_and_arrives_nowhere(bench: PartBench):
-    """Where there is no other to wait for, it is told at once; where nothing is asked of any, all is well."""
+    """Where there is no other to wait for, it is reported at once; where nothing is asked of any, all is well."""
     bench.guard.exclude(1, "it does not obey")
     before = bench.time.now()
     assert not bench.part.set_mode(POSITION, [1])

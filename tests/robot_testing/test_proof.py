@@ -153,7 +153,7 @@ def test_written_suites_tell_their_cases(tmp_path: Path):
 
 
 def result(verdict: Verdict, *failures: str) -> TestResult:
-    """What came of a test."""
+    """The result of a test."""
     made = TestResult(TestPlanned(test="s/t", suite="s", name="t"), "t")
     made.verdict = verdict
     made.attempts.append(TestEnded(test="s/t", outcome=verdict, verdict=verdict))

@@ -59,7 +59,7 @@ def test_a_board_that_goes_on_with_an_old_command_was_told_late():
 
 
 def test_a_machine_on_which_much_waits_is_busy():
-    """What waits is counted by the machine itself, and only grows; a share of the time is told in per cent."""
+    """What waits is counted by the machine itself, and only grows; a share of the time is reported in per cent."""
     assert overload(0.0) == overload(0.4) == ""
     assert "for 93% of the time a task waited for a CPU" in overload(0.93)
     assert "for 100%" in overload(1.02)

@@ -52,7 +52,7 @@ class TestModes:
 
     @pytest.mark.parametrize("state", STATES, ids=lambda mode: mode.word)
     def test_requests_lead_where_the_table_says(self, rig: Rig, state: ControlMode):
-        """Every request in every state, whoever may ask for it or not."""
+        """Every request in every state, permitted or not."""
         axis = INDEX[ELBOW]
         for request in ControlMode:
             rig.boards._enter(axis, state)

@@ -322,12 +322,12 @@ def test_a_reset_hints_and_goes_home(bench: Bench):
 
 
 def test_quit_ends_the_program(bench: Bench):
-    """Whoever asks is answered, and the program is told."""
+    """The request is answered, and the program is notified."""
     bench.control.quit()
     assert bench.ended.is_set()
 
 
-# Whoever asks -----------------------------------------------------------------------------------------------------
+# Clients -------------------------------------------------------------------------------------------------------------
 
 
 def test_nobody_there(network: Network):
@@ -378,7 +378,7 @@ def test_the_status_in_words(bench: Bench):
     assert "jam l_elbow running, from 0.000 s to 3.000 s" in text
 
 
-# The clock of whoever stands on it ---------------------------------------------------------------------------------
+# The clock of a client ------------------------------------------------------------------------------------------------
 
 
 def test_the_environment_says_by_which_clock_one_lives(bench: Bench):

@@ -142,7 +142,7 @@ def test_what_is_thrown_comes_to_rest_as_with_the_engines_own(axis: int):
 
 @pytest.mark.parametrize("axis", [ELBOW, FINGER])
 def test_what_is_stopped_is_not_pushed_on(axis: int):
-    """Whoever stops a quick joint does not feel the friction press it against the stop."""
+    """Anyone who stops a quick joint does not feel the friction press it against the stop."""
     joint = Joint(axis)
     joint.throw(150.0)
     joint.run(0.02)

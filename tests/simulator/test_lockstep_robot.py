@@ -142,7 +142,7 @@ class TestParticipants:
     """Who takes part in the time."""
 
     def test_each_wakes_at_its_own_moments(self, network: Network, robot: SimulatedIcub):
-        """Time goes to whoever wakes first, however differently they sleep."""
+        """Time goes to anyone who wakes first, however differently they sleep."""
         woken: list[tuple[str, float]] = []
         ready = threading.Barrier(2)
 

@@ -252,7 +252,7 @@ class TestBuilding:
 
     @pytest.mark.parametrize(("module", "package"), [("mujoco", "mujoco-core"), ("icub_models", "icub-models")])
     def test_missing_package_is_named_with_its_hint(self, module, package, monkeypatch):
-        """Whoever lacks an optional package is told what to install."""
+        """Anyone who lacks an optional package is told what to install."""
         monkeypatch.setitem(sys.modules, module, None)
         engine.mujoco.cache_clear()
         with pytest.raises(MissingPackageError, match=rf"{package}: pip install 'rtf\[sim\]'"):

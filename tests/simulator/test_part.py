@@ -177,7 +177,7 @@ class TestPart:
         ]
 
     def test_one_refusal_does_not_stop_the_others(self):
-        """Modes are asked for of every joint before the first refusal is told."""
+        """Modes are asked for of every joint before the first refusal is reported."""
         rig = Rig()
         arm = rig.part("left_arm")
         with pytest.raises(RefusedError, match="l_wrist_pitch"):

@@ -172,7 +172,7 @@ def test_a_signal_while_it_starts(lab: Lab):
 
 
 def test_its_control_port_ends_it(lab: Lab):
-    """Whoever asks is answered."""
+    """Anyone who asks is answered."""
     program = lab.ready()
     with SimulatorControl(network=lab.network) as control:
         control.quit()
@@ -232,7 +232,7 @@ def test_it_can_be_the_name_server_itself(lab: Lab):
 
 
 def test_two_name_servers_at_a_place(lab: Lab):
-    """The fix is told."""
+    """The fix is reported."""
     program = lab.start("nameserver=True")
     assert program.end() == 1
     assert "leave out --nameserver" in program.said
@@ -247,7 +247,7 @@ def test_the_file_that_says_it_is_ready(lab: Lab):
 
 
 def test_a_file_that_cannot_be_written(lab: Lab):
-    """It is told, and the robot ends."""
+    """It is reported, and the robot ends."""
     program = lab.start("parts=('head',), ready_file=Path('nowhere/ready.txt')")
     assert program.end() == 1
     assert "nowhere/ready.txt" in program.said
@@ -255,7 +255,7 @@ def test_a_file_that_cannot_be_written(lab: Lab):
 
 
 def test_cameras_where_no_picture_can_be_made(lab: Lab):
-    """What fixes it is told; with ``auto`` the robot goes without."""
+    """What fixes it is reported; with ``auto`` the robot goes without."""
     program = lab.start("cameras='yes'", BLIND)
     assert program.end() == 1
     assert "install the Debian packages" in program.said

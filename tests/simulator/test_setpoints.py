@@ -103,7 +103,7 @@ class TestMoves:
         assert setpoints.done(AXES, 4).all()
 
     def test_a_move_from_motion_stays_within_the_limits(self, setpoints: Setpoints):
-        """Whoever is fast near a limit and told to end there slowly does not swing beyond it."""
+        """Anyone who is fast near a limit and told to end there slowly does not swing beyond it."""
         setpoints.run(AXES, same(60.0), same(1e6), 0)
         setpoints.move(AXES, same(LIMIT), same(1.0), 1300)
         found = path(setpoints, 1300, 3000)
@@ -243,7 +243,7 @@ def test_rows_are_what_an_evaluation_gives(history: list, scale: float):
 @settings(max_examples=40, deadline=None)
 @given(history=st.lists(st.tuples(st.integers(1, 2000), _COMMANDS.filter(lambda one: one[0] != "limits")), max_size=10))
 def test_no_history_leads_beyond_the_limits(history: list):
-    """Whatever is told, setpoints are between the limits at every moment."""
+    """For any commands, setpoints are between the limits at every moment."""
     setpoints, tick = made(), 0
     for wait, command in history:
         for after in range(0, wait, max(1, wait // 7)):

@@ -101,7 +101,7 @@ class TestHappenings:
         assert simulation.boards.tick == 301
 
     def test_measurements_are_those_of_the_moment(self, simulation: Simulation):
-        """What is published at a step is what whoever asks after it sees."""
+        """What is published at a step is what anyone who asks after it sees."""
         rig_axis = INDEX["l_elbow"]
         simulation.boards.move(np.array([rig_axis]), np.array([90.0]))
         seen: list[float] = []
@@ -111,7 +111,7 @@ class TestHappenings:
         assert np.degrees(simulation.data.actuator_length[rig_axis]) == pytest.approx(seen[0], abs=0.01)
 
     def test_after_an_error_the_gate_is_free(self, simulation: Simulation):
-        """Whoever wants to look at the wreck can."""
+        """Anyone who wants to look at the wreck can."""
 
         def explode() -> None:
             raise ArithmeticError("boom")

@@ -73,7 +73,7 @@ def test_to_the_byte(ends: Ends):
 
 @pytest.mark.parametrize(("ours", "theirs"), [(KEY, b"another"), (b"another", KEY), (KEY, KEY + b" ")])
 def test_another_key(ends: Ends, ours: bytes, theirs: bytes):
-    """Whoever calls hears it first, and has then not shown anything that could be used."""
+    """Anyone who calls hears it first, and has then not shown anything that could be used."""
     thread, errors = outcome(lambda: authentication.accept(ends[0], ours))
     with pytest.raises(ProtocolError, match=r"does not know the key .*auth\.conf"):
         authentication.connect(ends[1], theirs)

@@ -161,7 +161,7 @@ def test_relations_of_types(typed: Typed):
 
 
 def test_events(typed: Typed):
-    """Whoever listens hears of every change, but not of multicast groups."""
+    """Anyone who listens hears of every change, but not of multicast groups."""
     for line in "register /a", "register ... mcast", "set /a owns /tmp/port/1", "unregister /a", "unregister /nosuch":
         typed(line)
     assert typed.events == [("add", "/a"), ("del", "/a")]

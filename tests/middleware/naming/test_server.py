@@ -279,7 +279,7 @@ class TestByItself:
     """Events, and persistent connections."""
 
     def test_tells_who_comes_and_goes(self, server: NameServer, names: RemoteNames, wait_until: Callable[..., None]):
-        """Whoever is connected to its port."""
+        """Anyone who is connected to its port."""
         network, heard = Network(names), []
         with Port("/listener", lambda delivery: heard.append(delivery.read().to_text()), network=network):
             remote.connect(network, Contact("/root"), Contact("/listener"))

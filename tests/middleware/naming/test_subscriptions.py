@@ -112,7 +112,7 @@ def test_listed(hub: Hub):
 
 
 def test_topics(hub: Hub):
-    """All sources of a topic are connected with all its targets, whoever comes last."""
+    """All sources of a topic are connected with all its targets, in any order of arrival."""
     hub.come("/a1", "/a2", "/b1")
     hub.come("/t", carrier="topic")
     for source in "/a1", "/a2":

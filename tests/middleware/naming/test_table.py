@@ -69,7 +69,7 @@ class TestBounds:
 
     @pytest.mark.parametrize("host", ["no host", "a..b", "x" * 64, ".a", "é", "10.0.0.1:5", "[::1]", "a\n"])
     def test_hosts(self, host: str):
-        """No machine is called so, and whoever connected to it would get strange errors."""
+        """No machine is called so, and anyone who connected to it would get strange errors."""
         with pytest.raises(AddressError, match="is not a host"):
             Table().register("/a", "tcp", host, 5)
 
@@ -173,7 +173,7 @@ class TestFile:
         store.close()
 
     def test_that_cannot_be_written(self, tmp_path: Path):
-        """Is heard of: whoever asked is not told that all is well."""
+        """Is heard of: anyone who asked is not told that all is well."""
         store = Database(tmp_path / "names.db")
         table = Table(Numbers(1, 99), store)
         commands = Commands(table, Subscriptions(table), Contact("/root", "127.0.0.1", 1, "tcp"))

@@ -71,7 +71,7 @@ def test_pixels_are_not_copied():
 
 
 def test_rows_are_filled_up_to_the_quantum():
-    """Fifteen bytes a row become sixteen; whoever reads sees only the pixels."""
+    """Fifteen bytes a row become sixteen; anyone who reads sees only the pixels."""
     pixels = np.arange(1, 31, dtype=np.uint8).reshape(2, 5, 3)
     data = bytes_of(Image(pixels))
     assert struct.unpack_from("<i", data, 36) == (32,)

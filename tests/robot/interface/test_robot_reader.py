@@ -131,7 +131,7 @@ class TestRobot:
         ],
     )
     def test_attributes_that_make_no_sense(self, bench: Bench, attributes: str, complaint: str):
-        """Each is told with its place."""
+        """Each is reported with its place."""
         (told,) = problems(bench, "", attributes)
         assert told.startswith("robot.xml:3:1: ")
         assert complaint in told
@@ -180,7 +180,7 @@ class TestParameters:
         assert robot.parameters == Property({"of_robot": 0})
 
     def test_substitutions(self, bench: Bench):
-        """The prefix, with and without its slash, and the name; what is not known stays, and is told."""
+        """The prefix, with and without its slash, and the name; what is not known stays, and is reported."""
         handed = configuration(bench, '<param name="p">"${portprefix} ${portprefixnoslash} ${robotname} ${x}"</param>')
         assert handed.find("p") == "/bot bot bot ${x}"
         reading = bench.read(device("d", p="${x}"))
@@ -207,13 +207,13 @@ class TestParameters:
         assert read_robot(path, given).robot.devices[0].configuration.find_group("p") == Bottle.parse("p (1 2)")
 
     def test_what_everybody_is_handed_cannot_be_changed(self, bench: Bench):
-        """It is told, and the automatic value stays."""
+        """It is reported, and the automatic value stays."""
         reading = bench.read(device("d", "t", device="x"))
         assert reading.robot.devices[0].configuration.find("device") == "t"
         assert "is always 't'" in reading.warnings[0].sentence
 
     def test_what_cannot_be_read(self, bench: Bench):
-        """All of it is told at once, each with its place and the hint."""
+        """All of it is reported at once, each with its place and the hint."""
         told = problems(
             bench,
             """<device name="d" type="t"><param name="a">1</param>
@@ -316,7 +316,7 @@ class TestActions:
         ],
     )
     def test_attributes_that_make_no_sense(self, bench: Bench, text: str, complaint: str):
-        """Each is told with its place."""
+        """Each is reported with its place."""
         (told,) = problems(bench, f'<device name="d" type="t"><action {text}/></device>')
         assert told.startswith("robot.xml:4:27: ")
         assert complaint in told
@@ -527,7 +527,7 @@ class TestHostile:
         [b"", b"\0", b"\xff\xfe<\0", b"<robot", b"text", b"<?xml version='1.0' encoding='klingon'?><robot/>", b"\xff"],
     )
     def test_what_is_no_xml(self, bench: Bench, data: bytes):
-        """It is told, with its place."""
+        """It is reported, with its place."""
         assert self.refused(bench, data)
 
     def test_dashes_in_comments_are_forgiven(self, bench: Bench):
