@@ -60,11 +60,11 @@ class TextCodec(ABC, Generic[T]):
 
     @abstractmethod
     def encode(self, value: T, dialect: Dialect) -> Sequence[Buffer]:
-        """See Codec."""
+        """Encode an object as blocks of bytes."""
 
     @abstractmethod
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[T, int]:
-        """See Codec."""
+        """Decode an object; return it with the position after its bytes."""
 
     def decode(self, data: Buffer, dialect: Dialect) -> T:
         """Decode the object at the start of the message and ignore what follows it, as YARP does."""

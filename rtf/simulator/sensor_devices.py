@@ -34,7 +34,7 @@ class _AttachedSensors(Device, IMultipleAnalogSensors, IMeasurementsSource, Gene
         """Return the sensors. Raises DeviceError if the robot does not have them."""
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
+        """Do nothing: ``attach`` makes the sensors."""
 
     def attach(self, devices: Mapping[str, Device]) -> None:
         """Attach the sensors to a simulated robot."""

@@ -40,11 +40,11 @@ class SimulatedOutlet:
 
     @property
     def outputs(self) -> Sequence[Output]:
-        """See Outlet."""
+        """The connected readers."""
         return self.port.outputs
 
     def write(self, value: Any, *, envelope: str) -> None:
-        """See Outlet."""
+        """Send an object with its stamp."""
         if not self.disturbances:
             self.port.write(value, envelope=envelope)
             return
@@ -67,11 +67,11 @@ class SimulatedOutlet:
             self.port.flush()
 
     def settle(self, timeout: float | None = PATIENCE) -> bool:
-        """See Outlet."""
+        """Wait until all readers have received it; False after ``timeout`` s of real time."""
         return self.port.settle(timeout) if isinstance(self.port, PipelinedPort) else self.port.wait(timeout)
 
     def close(self) -> None:
-        """See Outlet."""
+        """Close the port."""
         self.port.close()
 
 
@@ -85,7 +85,7 @@ class SimulatedOutlets:
         self.by_name: dict[str, SimulatedOutlet] = {}
 
     def open(self, name: str, codec: Codec[Any]) -> SimulatedOutlet:
-        """See Outlets."""
+        """Open a port for objects of a codec."""
         port: PipelinedPort | BufferedPort[Any]
         if self._lockstep:
             port = PipelinedPort(name, codec, network=self._network, together=_TOGETHER)

@@ -87,10 +87,10 @@ class _Sensor(Device):
         return row
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
+        """Do nothing: it is open from its construction."""
 
     def close(self) -> None:
-        """See Device."""
+        """Do nothing: there are no resources."""
 
 
 class SimulatedForceTorque(_Sensor, IAnalogSensor):
@@ -139,10 +139,10 @@ class SimulatedForceTorques(Device, IMultipleAnalogSensors, IMeasurementsSource)
         self._infos = tuple(SensorInfo(one.name, one.sensor.frame) for one in self._sensors)
 
     def open(self, configuration: Property) -> None:
-        """See Device."""
+        """Do nothing: it is open from its construction."""
 
     def close(self) -> None:
-        """See Device."""
+        """Do nothing: there are no resources."""
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
         return self._infos if category is SensorCategory.FORCE_TORQUE else ()

@@ -47,13 +47,13 @@ class Memory(Store):
         return iter(())
 
     def put(self, kind: str, key: str, value: object) -> None:
-        """See Store."""
+        """Do nothing: nothing is stored."""
 
     def drop(self, kind: str, key: str) -> None:
-        """See Store."""
+        """Do nothing: nothing is stored."""
 
     def close(self) -> None:
-        """See Store."""
+        """Do nothing: there are no resources."""
 
 
 class Database(Store):

@@ -51,7 +51,7 @@ class FakeImu(Device, IMultipleAnalogSensors):
         self.state = SensorStatus.OK
 
     def close(self) -> None:
-        """See Device."""
+        """Do nothing: there are no resources."""
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
         return (self._info,) if category <= SensorCategory.ORIENTATION else ()
@@ -91,7 +91,7 @@ class FakeAnalogSensor(Device, IAnalogSensor):
         self._offsets = np.zeros(parameters.count(configuration, "channels", 6, _MAX_CHANNELS))
 
     def close(self) -> None:
-        """See Device."""
+        """Do nothing: there are no resources."""
 
     def channels(self) -> int:
         return self._offsets.size
@@ -120,7 +120,7 @@ class FakeBattery(Device, IBattery):
         """See Device; there is nothing to say about it."""
 
     def close(self) -> None:
-        """See Device."""
+        """Do nothing: there are no resources."""
 
     def voltage(self) -> float:
         return 40.0

@@ -50,7 +50,7 @@ class BackgroundOutlets:
         self._strict = strict
 
     def open(self, name: str, codec: Codec[Any]) -> BackgroundOutlet:
-        """See Outlets."""
+        """Open a port for objects of a codec."""
         return BackgroundOutlet(name, codec, network=self._network, strict=self._strict)
 
 
@@ -63,19 +63,19 @@ class BackgroundOutlet:
 
     @property
     def outputs(self) -> Sequence[Output]:
-        """See Outlet."""
+        """The connected readers."""
         return self.port.outputs
 
     def write(self, value: Any, *, envelope: str) -> None:
-        """See Outlet."""
+        """Send an object with its stamp."""
         self.port.write(value, envelope=envelope, strict=self._strict)
 
     def settle(self, timeout: float | None = None) -> bool:
-        """See Outlet."""
+        """Wait until all readers have received it; False after ``timeout`` s of real time."""
         return self.port.wait(timeout)
 
     def close(self) -> None:
-        """See Outlet."""
+        """Close the port."""
         self.port.close()
 
 
@@ -86,5 +86,5 @@ class PipelinedOutlets:
         self._network = network
 
     def open(self, name: str, codec: Codec[Any]) -> PipelinedPort:
-        """See Outlets."""
+        """Open a port for objects of a codec."""
         return PipelinedPort(name, codec, network=self._network)

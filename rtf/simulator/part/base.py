@@ -37,7 +37,7 @@ class PartBase(Device):
         """Do nothing: the part lives as long as the simulation."""
 
     def close(self) -> None:
-        """See Device."""
+        """Do nothing: there are no resources."""
 
     def axes(self) -> int:
         return self.size
