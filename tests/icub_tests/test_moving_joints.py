@@ -37,7 +37,7 @@ SUITE = "".join(
         entry("open-loop-pitch", "OpenLoopConsistency", joints="(2)"),
         entry("open-loop-lost", "OpenLoopConsistency", "missed_command torso_roll every=1"),
         entry("open-loop-no-mode", "OpenLoopConsistency", "mode_ignored torso_yaw"),
-        entry("open-loop-strays", "OpenLoopConsistency", "encoder_bias torso_roll bias=60 delay=0.2"),
+        entry("open-loop-beyond-limits", "OpenLoopConsistency", "encoder_bias torso_roll bias=60 delay=0.2"),
         entry("stress", "position-stress"),
         entry("stress-jams", "position-stress", "jam torso_pitch", cycles=1),
         entry("stress-dead", "position-stress", "motor_dead torso_yaw", home="(3)", cycles=1),
@@ -170,10 +170,10 @@ def test_joints_that_share_motors_are_driven_together(outcome, measured):
 
 def test_a_joint_that_has_to_be_stopped_is_left_out(outcome, measured):
     """It fails and is named; of what shares its motors nothing is said, and the others are driven to the end."""
-    assert outcome.verdict("open-loop-strays") is Verdict.FAILED
-    assert failed_in(outcome, "open-loop-strays") == {"torso_roll"}
-    assert "beyond its limits; it was stopped" in outcome.detail("open-loop-strays")
-    (kept,) = measured(outcome, "open-loop-strays", "reference kept after leaving")
+    assert outcome.verdict("open-loop-beyond-limits") is Verdict.FAILED
+    assert failed_in(outcome, "open-loop-beyond-limits") == {"torso_roll"}
+    assert "beyond its limits; it was stopped" in outcome.detail("open-loop-beyond-limits")
+    (kept,) = measured(outcome, "open-loop-beyond-limits", "reference kept after leaving")
     assert kept.subject == "torso_yaw"
 
 

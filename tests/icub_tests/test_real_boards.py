@@ -32,10 +32,10 @@ SUITE = "".join([
     entry("limp", "TorqueControlStiffDampCheck", joints="(1)"),
     entry("impedance", "TorqueControlStiffDampCheck", joints="(0 1)", stiffness="(1 0)", damping=0, duration=1),
 ])  # fmt: skip
-STRAY_SUITE = entry("stray", "MotorStiction", joints="(0 2)", outputMax=2, outputStep=1)
+BEYOND_LIMITS_SUITE = entry("beyond-limits", "MotorStiction", joints="(0 2)", outputMax=2, outputStep=1)
 RUNAWAY_SUITE = entry("runaway", "TorqueControlConsistency", joints="(0)")
 #: A joint that is far outside of its limits, and one that goes far in torque mode: by so many deg.
-STRAY, RUNAWAY, FAR = 2, 0, 15.0
+BEYOND_LIMITS, RUNAWAY, FAR = 2, 0, 15.0
 
 
 class Board(FakeBoard):
@@ -49,8 +49,8 @@ class Board(FakeBoard):
     def fill_state(self, state):
         """See IStateSource."""
         time = super().fill_state(state)
-        if self.fault == "stray":
-            state.joint_positions[STRAY] = 300.0
+        if self.fault == "beyond-limits":
+            state.joint_positions[BEYOND_LIMITS] = 300.0
         elif self.fault == "runaway":
             state.torques += 1e-3 * np.sin(1e4 * time)  # somebody measures them
             if self.control_modes(RUNAWAY)[0] is ControlMode.TORQUE:
@@ -142,7 +142,7 @@ def test_a_joint_far_outside_of_its_limits_is_not_driven(tmp_path):
 
     That nothing is known of couplings is said once.
     """
-    outcome, told = run(tmp_path, STRAY_SUITE, "stray")
+    outcome, told = run(tmp_path, BEYOND_LIMITS_SUITE, "beyond-limits")
     failures = {one.subject: one.detail for one in outcome.of(Message, severity=Severity.FAILURE)}
     assert "joint2 is not driven: it was excluded and left idle. Its encoder shows 300.0 deg" in failures["joint2"]
     assert "joint0 does not move" in failures["joint0"]
@@ -150,7 +150,11 @@ def test_a_joint_far_outside_of_its_limits_is_not_driven(tmp_path):
     assert "arm does not report the coupling of its motors" in warning.detail
     driven = {joint for _, what, joints in told if what == "duty" for joint in joints or ()}
     assert driven == {0}
-    modes = [what for _, what, joints in told if isinstance(what, ControlMode) and STRAY in (joints or [STRAY])]
+    modes = [
+        what
+        for _, what, joints in told
+        if isinstance(what, ControlMode) and BEYOND_LIMITS in (joints or [BEYOND_LIMITS])
+    ]
     assert modes[-1] is ControlMode.IDLE
     assert ControlMode.PWM not in modes
 
