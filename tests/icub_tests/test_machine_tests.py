@@ -143,7 +143,7 @@ def test_this_machine_is_measured(outcome):
     assert {"processor 0", "all processors", "available memory", "used swap space", "free space"} <= names
     (other,) = (one for one in outcome.of(SubResultEnded, test="s/hosts") if one.subject == "/pc104")
     assert other.verdict is Verdict.SKIPPED
-    assert "there run: testrunner --test SystemStatus --set cpu_mean=40" in other.reason
+    assert "run there: testrunner --test SystemStatus --set cpu_mean=40" in other.reason
 
 
 LOAD = "processes that want to run, mean of 1 min"
@@ -156,7 +156,7 @@ def test_more_than_the_processors_can_do_fails(outcome):
     (crowded,) = outcome.of(Measured, test="s/crowded", name=LOAD)
     assert crowded.verdict is MeasurementVerdict.FAILED
     said = [one.detail for one in outcome.of(Message, test="s/crowded") if one.detail.startswith(LOAD)]
-    assert "likely: a program that runs away" in said[0]
+    assert "likely: a runaway program" in said[0]
 
 
 def test_a_busy_machine_fails_no_simulated_robot(run_on_robot):

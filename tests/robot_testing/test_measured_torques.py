@@ -107,7 +107,7 @@ def test_a_wrong_factor_is_no_gain_of_a_healthy_joint(factor):
 def test_a_gain_that_is_not_known_well_is_inconclusive():
     """The joint is healthy for all that is known, and the rest of it is judged."""
     kept = weighed(MODEL + np.random.default_rng(3).normal(0.0, 0.5, MODEL.size))
-    assert "its gain is only known to " in str(kept.ended["gain"])
+    assert "the torques scatter too much: the interval of the gain is " in str(kept.ended["gain"])
     assert isinstance(kept.ended["gain"], Inconclusive)
     assert {"gain", "offset", "greatest error"} <= kept.values.keys()
     assert not weighed(MODEL + np.random.default_rng(3).normal(0.0, 0.05, MODEL.size)).ended
@@ -118,7 +118,7 @@ def test_of_a_joint_that_gravity_hardly_loads_the_offset_is_judged():
     model = 0.05 * MODEL
     kept = weighed(model + np.random.default_rng(3).normal(0.0, 0.05, MODEL.size), model)
     assert isinstance(kept.ended["gain"], SkipTest)
-    assert "too little to tell a gain" in str(kept.ended["gain"])
+    assert "too little to determine a gain" in str(kept.ended["gain"])
     assert "gain" not in kept.values
     assert {"offset", "greatest error"} <= kept.values.keys()
     assert not kept.failures

@@ -162,7 +162,7 @@ def test_announced_when_it_can_be_heard(nothing_left: None, wait_until: Callable
     with NameServer(port=first.contact.port) as second:
         wait_until(lambda: second.names.query("/a"), "/a is not back")
         second.names.command("register /b")
-        wait_until(lambda: not names._keeper._records["/a"].owed, "it is still owed")
+        wait_until(lambda: not names._keeper._records["/a"].announcement_missing, "its announcement is still missing")
         second.names.command("unregister /a")
         names.close()
 
