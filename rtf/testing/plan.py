@@ -100,7 +100,7 @@ def diagnosed_from(diagnostic: Diagnostic) -> Diagnosed:
     """The event that tells of a problem in a suite file."""
     location = diagnostic.location
     return Diagnosed(
-        severity=Severity(str(diagnostic.severity)),
+        severity=diagnostic.severity,
         text=diagnostic.message,
         file=location.file,
         line=location.line,

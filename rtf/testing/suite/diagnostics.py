@@ -1,13 +1,13 @@
-"""Everything that is wrong with a suite file, collected in one go and each with its place."""
+"""What is wrong with a suite file, collected in one go and each with its place; and how much a file may unfold into."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from difflib import get_close_matches
-from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from rtf.errors import Location
+from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -18,17 +18,22 @@ _MAX_COMPARED = 64  # names longer than this are no misspelling of ours
 _MAX_CANDIDATES = 200  # comparing is slow, and a list this long is generated rather than typed
 _MAX_SUGGESTIONS = 100
 
-
-class Severity(StrEnum):
-    """With an error the suite is not what its author meant, and is not run; a warning leaves it as it is."""
-
-    ERROR = "error"
-    WARNING = "warning"
+LIMITS = {"tests": 100_000, "steps": 2_000_000, "characters": 64 * 1024 * 1024, "files": 1000}
+"""What the loops and includes of one suite may unfold into."""
+_OVER = {
+    "tests": "the suite unfolds into more than {} tests",
+    "steps": "the loops of the suite take more than {} steps to unfold",
+    "characters": "the texts of the suite unfold into more than {} characters",
+    "files": "the suite includes more than {} files",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One problem: what it is, where it is, and what would fix it (``hint`` may be empty)."""
+    """One problem: what it is, where it is, and what would fix it (``hint`` may be empty).
+
+    With an error the suite is not what its author meant, and is not run; a warning leaves it as it is.
+    """
 
     severity: Severity
     message: str
@@ -48,9 +53,9 @@ class DiagnosticLog:
     """
 
     def __init__(self, *, lenient: bool = False) -> None:
-        self._lenient = lenient
+        self._unknown = Severity.WARNING if lenient else Severity.ERROR
         self._kept: dict[Diagnostic, None] = {}
-        self._left_out = dict.fromkeys(Severity, 0)
+        self._left_out = {Severity.ERROR: 0, Severity.WARNING: 0}
         self._suggestions = _MAX_SUGGESTIONS
 
     def error(self, message: str, location: Location, hint: str = "") -> None:
@@ -63,7 +68,7 @@ class DiagnosticLog:
 
     def unknown(self, message: str, location: Location, hint: str = "") -> None:
         """Note a name that is not in the vocabulary: what it says is lost."""
-        self._add(Diagnostic(Severity.WARNING if self._lenient else Severity.ERROR, message, location, hint))
+        self._add(Diagnostic(self._unknown, message, location, hint))
 
     def did_you_mean(self, name: str, candidates: Collection[str]) -> str:
         """A hint for a name that is not known; empty when nothing resembles it or there is too much to compare."""
@@ -92,3 +97,25 @@ class DiagnosticLog:
             if count:
                 message = f"{count} more problems of this kind are not listed"
                 yield Diagnostic(severity, message, Location(next(iter(files), "")))
+
+
+class OverBudgetError(Exception):
+    """A file unfolds into more than the loader is willing to hold."""
+
+    def __init__(self, message: str, location: Location) -> None:
+        super().__init__(message)
+        self.message, self.location = message, location
+
+
+class Budget:
+    """What loops and includes may still unfold into; a file of a few lines can ask for billions of tests."""
+
+    def __init__(self) -> None:
+        self._left = dict(LIMITS)
+
+    def spend(self, location: Location, **amounts: int) -> None:
+        """Take from the budget; OverBudgetError names the limit and the place when it is used up."""
+        for what, amount in amounts.items():
+            self._left[what] -= amount
+            if self._left[what] < 0:
+                raise OverBudgetError(_OVER[what].format(LIMITS[what]), location)

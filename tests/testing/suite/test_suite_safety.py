@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from rtf.testing.suite import fields as suite_fields
 from rtf.testing.suite import scan as suite_scan
-from rtf.testing.suite.diagnostics import MAX_DIAGNOSTICS
+from rtf.testing.suite.diagnostics import LIMITS, MAX_DIAGNOSTICS
 from rtf.testing.suite.xml import load_suite, load_suite_bytes
 
 if TYPE_CHECKING:
@@ -184,7 +183,7 @@ def test_includes_do_not_multiply(tmp_path: Path):
         (tmp_path / f"{number}.xml").write_text(f'<suite name="S">{line * 2}</suite>')
     (tmp_path / "15.xml").write_text('<suite name="S"><test>T</test></suite>')
     loaded = load_suite(tmp_path / "0.xml")
-    assert f"includes more than {suite_fields.MAX_FILES} files" in loaded.errors[0].message
+    assert f"includes more than {LIMITS['files']} files" in loaded.errors[0].message
 
 
 def test_requirements_do_not_multiply():
