@@ -197,7 +197,7 @@ class Planner:
         refs = {ref for ref in found if not isinstance(ref, str)}
         while refs := {ref for ref in refs if ref not in self._specs}:
             specs = {ref: spec_of(ref) for ref in sorted(refs)}
-            unknown = {ref: () for ref, spec in specs.items() if spec.matrix is None or spec.occupies is None}
+            unknown = {ref: () for ref, spec in specs.items() if not spec.complete}
             if unknown:
                 from rtf.testing.inspection import inspect_plugins
 

@@ -13,7 +13,7 @@ from rtf.testing.inspection import inspect_plugins
 from rtf.testing.plan import Planner, load_files
 from rtf.testing.plugin_source import specs_in
 from rtf.testing.plugin_spec import combinations
-from rtf.testing.verdict import ExitCode
+from rtf.testing.verdict import ExitCode, Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -179,3 +179,11 @@ def test_the_text_of_every_shipped_plug_in_tells_what_the_loaded_class_says(kind
         loaded = structs.replace(found[ref].spec, description=read.description, parameters=())
         assert found[ref].spec.summary == read.summary
         assert structs.replace(loaded, names=read.names) == read, ref
+
+
+def test_facts_that_the_text_computes_are_known_before_the_run(folder: Path):
+    """Tags select, and what is required is required, also where the file builds them from other values."""
+    text = 'from rtf.testing import TestCase\nTAGS = ("slow",)\nclass Slow(TestCase):\n    tags = TAGS\n'
+    write_files(folder, {"slow.py": f'{text}    requires = ("env:" + "NOT_THERE",)\n    def run(self): pass\n'})
+    outcome = run_command(folder, "slow.py", "two.py", "--tags", "slow")
+    assert [(test.name, test.verdict) for test in outcome.results.tests.values()] == [("slow", Verdict.SKIPPED)]
