@@ -67,7 +67,13 @@ class ClassText:
 
     def spec(self) -> PluginSpec:
         """The description of the plug-in."""
-        return make_spec(self.name, ast.get_docstring(self._node) or "", self.value)
+        return make_spec(self.name, ast.get_docstring(self._node) or "", self.value, secrets=self.secrets)
+
+    @cached_property
+    def secrets(self) -> frozenset[str]:
+        """The names of the parameters that are declared with ``secret=True``, their keys and aliases."""
+        own = {name for statement in self._node.body for name in _secret_names(statement)}
+        return frozenset(own).union(*(base.secrets for base in self._bases))
 
     @cached_property
     def _bases(self) -> list[ClassText]:
@@ -101,6 +107,7 @@ class _Elsewhere(ClassText):
 
     def __init__(self, *, is_plugin: bool | None, value: object) -> None:
         self.is_plugin = is_plugin
+        self.secrets = frozenset[str]()
         self._value = value
 
     def value(self, name: str) -> object:  # noqa: ARG002 - it is the same for all
@@ -224,6 +231,18 @@ def _literal(node: ast.expr) -> object:
         return ast.literal_eval(node)
     except (ValueError, TypeError):
         return node.attr if isinstance(node, ast.Attribute) and node.attr.isupper() else UNCERTAIN
+
+
+def _secret_names(statement: ast.stmt) -> tuple[str, ...]:
+    """The names of the parameter that a statement declares, if it declares it as secret."""
+    if not (isinstance(statement, ast.Assign | ast.AnnAssign) and isinstance(statement.value, ast.Call)):
+        return ()
+    words = {word.arg: _literal(word.value) for word in statement.value.keywords}
+    if words.get("secret") in (None, False):
+        return ()
+    targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+    names = [target.id for target in targets if isinstance(target, ast.Name)]
+    return (*names, *as_strings(words.get("key")), *as_strings(words.get("aliases")))
 
 
 def _comes_with_python(name: str) -> bool:

@@ -100,8 +100,8 @@ class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     ``safety`` is a word in small letters, empty where the plug-in declares none, and None where the text does not tell;
     ``occupies`` is None likewise. It is ``complete`` unless the text leaves open what the planner has to know. A file
-    with several test classes, of which none is named, has them in ``classes`` and nothing else. ``parameters`` are
-    those of a loaded plug-in.
+    with several test classes, of which none is named, has them in ``classes`` and nothing else. ``secrets`` are the
+    keys of parameters that are declared secret, ``parameters`` are known of a loaded plug-in.
     """
 
     class_name: str = ""
@@ -115,6 +115,7 @@ class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
     matrix: tuple[Axis, ...] = ()
     classes: tuple[str, ...] = ()
     complete: bool = True
+    secrets: tuple[str, ...] = ()
     parameters: tuple[ParameterSpec, ...] = ()
 
     @property
@@ -142,7 +143,12 @@ ABSENT, UNCERTAIN = object(), object()
 
 
 def make_spec(
-    class_name: str, description: str, get: Callable[[str], object], parameters: Iterable[ParameterSpec] = ()
+    class_name: str,
+    description: str,
+    get: Callable[[str], object],
+    *,
+    secrets: Iterable[str],
+    parameters: Iterable[ParameterSpec] = (),
 ) -> PluginSpec:
     """The description of a class; ``get`` tells the value of an attribute, or ABSENT, or UNCERTAIN."""
     safety, matrix, occupies, timeout = get("safety"), get("matrix"), get("occupies"), get("timeout")
@@ -159,25 +165,32 @@ def make_spec(
         safety=None if safety is UNCERTAIN else "" if safety is ABSENT else _word_of(safety),
         matrix=matrix.axes if isinstance(matrix, Matrix) else (),
         complete=all(value is not UNCERTAIN for value in (tags, requires, timeout, occupies, matrix)),
+        secrets=tuple(sorted(secrets)),
         parameters=tuple(parameters),
     )
 
 
 def spec_of_class(cls: type[Declared]) -> PluginSpec:
     """The description of a class that was loaded."""
-    parameters = (
-        ParameterSpec(
-            name=parameter.key,
-            aliases=", ".join(parameter.aliases),
-            type=parameter.type_name,
-            unit=parameter.unit,
-            default=parameter.default_text(),
-            range=parameter.range_text(),
-            description=parameter.description,
-        )
-        for parameter in cls.declarations().values()
+    declared = cls.declarations()
+    return make_spec(
+        cls.__name__,
+        (cls.__doc__ or "").strip(),
+        lambda name: getattr(cls, name, ABSENT),
+        secrets=(key for name, one in declared.items() if one.secret for key in {name, one.key, *one.aliases}),
+        parameters=(
+            ParameterSpec(
+                name=parameter.key,
+                aliases=", ".join(parameter.aliases),
+                type=parameter.type_name,
+                unit=parameter.unit,
+                default=parameter.default_text(),
+                range=parameter.range_text(),
+                description=parameter.description,
+            )
+            for parameter in declared.values()
+        ),
     )
-    return make_spec(cls.__name__, (cls.__doc__ or "").strip(), lambda name: getattr(cls, name, ABSENT), parameters)
 
 
 def as_strings(value: object) -> tuple[str, ...]:
