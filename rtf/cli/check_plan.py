@@ -1,26 +1,147 @@
-"""Everything that can be known to be wrong before a test is run: plug-ins that do not load, values that do not fit."""
+"""What a plan is and what is wrong with it, before a test is run: listing, dry run, validation."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from rtf.cli.running import Plan, show_diagnostics, show_plan
+from rtf.cli.arguments import add_lenient_option
+from rtf.cli.parser import Parser, key_value
+from rtf.cli.planning import Plan
 from rtf.testing.events import Diagnosed
 from rtf.testing.inspection import Use, inspect_plugins
+from rtf.testing.plan import Loaded, Planner, load_files, suite_files
 from rtf.testing.plugins import shipped_folder
-from rtf.testing.suite.model import TestEntry
+from rtf.testing.suite.model import TestEntry, number_suites
 from rtf.testing.verdict import ExitCode, Severity
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
-    from rtf.cli.running import Plan
     from rtf.testing.inspection import Trial
     from rtf.testing.plan import PlannedSuite
     from rtf.testing.plugins import PluginRef
-    from rtf.testing.suite.model import FixtureEntry
+    from rtf.testing.suite.model import FixtureEntry, TestSuite
+
+
+def list_plan(plan: Plan) -> ExitCode:
+    """Print a plan, and below it why something of it is not found: where that was looked for ``--dry-run`` tells."""
+    show_plan(plan)
+    missing = tuple(missing_of(plan))
+    show_diagnostics(missing)
+    return ExitCode.USAGE if plan.refused or missing else ExitCode.PASSED
+
+
+def show_plan(plan: Plan) -> None:
+    """Print the tests of a plan, a line each: id, plug-in, tags, what it does to the robot, whether it is missing."""
+    show_diagnostics(plan.diagnostics)
+    for planned in plan.suites:
+        print(f"{planned.suite.name}  ({planned.suite.file or 'command line'})")
+        for entry, found in planned.fixtures:
+            missing = "  NOT FOUND" if isinstance(found, str) else ""
+            needs = f"  needs {', '.join(entry.depends)}" if entry.depends else ""
+            print(f"  fixture {entry.name}{needs}{missing}")
+        for test in planned.tests:
+            tags = f"  [{' '.join(test.entry.tags)}]" if test.entry.tags else ""
+            missing = "  NOT FOUND" if test.plugin is None else ""
+            safety = f"  safety: {test.spec.safety}" if test.spec.safety else ""
+            print(f"  {test.entry.id}  {test.entry.name}{tags}{safety}{missing}")
+    print(_counted(sum(len(planned.tests) for planned in plan.suites), "test"))
+
+
+def refuse(plan: Plan) -> ExitCode:
+    """Say why nothing is run: a suite that cannot be read whole is not the suite that was meant."""
+    show_diagnostics(plan.diagnostics)
+    print(
+        f"testrunner: nothing was run: {_counted(_errors(plan.diagnostics), 'error')} in the suite files",
+        file=sys.stderr,
+    )
+    return ExitCode.USAGE
+
+
+def show_diagnostics(diagnostics: Iterable[Diagnosed]) -> None:
+    """Print what is wrong with files, and with the command line, to stderr, the way compilers do."""
+    for diagnosed in diagnostics:
+        place = ":".join(str(part) for part in (diagnosed.file, diagnosed.line, diagnosed.column) if part)
+        place = place or "command line"
+        hint = f" ({diagnosed.hint})" if diagnosed.hint else ""
+        print(f"{place}: {diagnosed.severity}: {diagnosed.text}{hint}", file=sys.stderr)
+
+
+def dry_run(plan: Plan, options: argparse.Namespace) -> ExitCode:
+    """Print the plan and every problem. Exit code 0 when a run could begin."""
+    show_plan(plan)
+    problems = [*problems_of(plan, options.overrides)]
+    show_diagnostics(problems)
+    print(f"dry run: nothing was run, {_counted(_errors(problems), 'error')} found")
+    return ExitCode.USAGE if _errors(problems) else ExitCode.PASSED
+
+
+def validate(words: Sequence[str]) -> ExitCode:
+    """Say everything that is wrong in suite files, their plug-ins and their parameters; run nothing."""
+    from rtf.cli.project import project_value
+
+    parser = Parser(
+        prog="testrunner validate", description="Everything that is wrong in suite files, before anything moves."
+    )
+    parser.add_argument(
+        "suites", nargs="*", metavar="SUITE", help="suite files, or folders of them (default: those of rtf.toml)"
+    )
+    parser.add_argument(
+        "--define", metavar="NAME=VALUE", type=key_value, action="append", default=[], help="replace ${NAME}"
+    )
+    parser.add_argument(
+        "--set",
+        metavar="KEY=VALUE",
+        type=key_value,
+        action="append",
+        default=[],
+        dest="overrides",
+        help="as for running",
+    )
+    parser.add_argument("--strict", action="store_true", help="warnings count as errors")
+    add_lenient_option(parser)
+    options = parser.parse_args(words)
+    suites: list[TestSuite] = []
+    found: list[Diagnosed] = []
+    names = options.suites or project_value("suites")
+    if not names:
+        parser.error("which suites? Name files or folders, here or in rtf.toml")
+    for name in names:
+        loaded = _loaded(Path(name), dict(options.define), lenient=options.lenient)
+        suites += loaded.suites
+        found += loaded.diagnostics
+    planner = Planner(options.overrides)
+    plan = Plan(planner.plan(planner.complete(number_suites(suites))), ())
+    found += problems_of(plan, options.overrides)
+    show_diagnostics(found)
+    errors = _errors(found)
+    warnings = len(found) - errors
+    tests = sum(len(planned.tests) for planned in plan.suites)
+    size = f"{_counted(len(plan.suites), 'suite')}, {_counted(tests, 'test')}"
+    print(f"{size}: {_counted(errors, 'error')}, {_counted(warnings, 'warning')}")
+    return ExitCode.USAGE if errors or (options.strict and warnings) else ExitCode.PASSED
+
+
+def _loaded(path: Path, variables: dict[str, str], *, lenient: bool) -> Loaded:
+    """The suite of a file, or all suites of a folder, where there has to be one."""
+    if not path.is_dir():
+        return load_files([(path, True)], variables, lenient=lenient)
+    loaded = load_files([(file, False) for file in suite_files(path, recursive=True)], variables, lenient=lenient)
+    if loaded.suites or loaded.diagnostics:
+        return loaded
+    text = "there is no suite in this folder"
+    return Loaded((), (Diagnosed(severity=Severity.ERROR, text=text, file=str(path)),))
+
+
+def _errors(diagnostics: Iterable[Diagnosed]) -> int:
+    return sum(diagnosed.severity is Severity.ERROR for diagnosed in diagnostics)
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' if number != 1 else ''}"
 
 
 class _Planned(NamedTuple):
@@ -132,13 +253,3 @@ def _diagnosed(planned: PlannedSuite, entry: TestEntry | FixtureEntry, severity:
         column=location.column,
         suite=planned.suite.id,
     )
-
-
-def dry_run(plan: Plan, options: argparse.Namespace) -> ExitCode:
-    """Print the plan and every problem. Exit code 0 when a run could begin."""
-    show_plan(plan)
-    problems = tuple(problems_of(plan, options.overrides))
-    show_diagnostics(problems)
-    errors = sum(problem.severity is Severity.ERROR for problem in problems)
-    print(f"dry run: nothing was run, {errors} error{'s' if errors != 1 else ''} found")
-    return ExitCode.USAGE if errors else ExitCode.PASSED

@@ -79,7 +79,7 @@ class Command:
 _TESTS = "tests (the first six are commands of testrunner, too)"
 _BESIDE_RUNNING = (
     Command("describe", "[NAME]", "what tests and fixtures there are, and are for", "rtf.cli.describe:describe"),
-    Command("validate", "[SUITE ...]", "what is wrong in suite files; nothing moves", "rtf.cli.commands:validate"),
+    Command("validate", "[SUITE ...]", "what is wrong in suite files; nothing moves", "rtf.cli.check_plan:validate"),
     Command("report", "RUN ...", "write reports of a run that is over", "rtf.cli.commands:report"),
     Command("page", "RUN", "serve the page of a run that is over, or still going on", "rtf.cli.page:page"),
     Command("history", "[NAME ...]", "trends of tests and measurements over the runs", "rtf.cli.history:history"),

@@ -54,16 +54,15 @@ def _execute(options: argparse.Namespace, words: Sequence[str]) -> int:
 
         launched = launch()  # first of all: it gets ready while the suites are read, and ends with us if nothing is run
     from rtf.cli import running
+    from rtf.cli.planning import make_plan
 
-    planned = running.make_plan(options)
-    if options.list:
-        return int(running.list_plan(planned))
-    if planned.refused:
-        return int(running.refuse(planned))
-    if options.dry_run:
-        from rtf.cli.check_plan import dry_run
+    planned = make_plan(options)
+    if options.list or options.dry_run or planned.refused:
+        from rtf.cli import check_plan
 
-        return int(dry_run(planned, options))
+        if options.list:
+            return int(check_plan.list_plan(planned))
+        return int(check_plan.refuse(planned) if planned.refused else check_plan.dry_run(planned, options))
     folder = running.make_run_folder(options, planned)
     return int(running.execute(planned, running.run_options(options, folder, words), options, launched))
 
@@ -82,6 +81,7 @@ def _resume(options: argparse.Namespace) -> int:
 
     from rtf.cli import running
     from rtf.cli.arguments import build_parser, parse_run
+    from rtf.cli.planning import fingerprints, make_plan, said_of_changes
     from rtf.robot_testing.ledger import MotionLedger
     from rtf.testing import journal, replay
 
@@ -104,14 +104,16 @@ def _resume(options: argparse.Namespace) -> int:
     here = Path.cwd()
     _absolute_targets(original, here, given=options)
     os.chdir(started.environment.get("folder", here))
-    planned = running.make_plan(original)
+    planned = make_plan(original)
     if planned.refused:
-        return int(running.refuse(planned))
+        from rtf.cli.check_plan import refuse
+
+        return int(refuse(planned))
     MotionLedger(folder).record_resume()
     run: RunOptions = running.run_options(original, folder, list(started.command))
-    changes = before.changes([one.suite.id for one in planned.suites], running.fingerprints(planned))
+    changes = before.changes([one.suite.id for one in planned.suites], fingerprints(planned))
     if changes is not None:
-        planned = replace(planned, diagnostics=(*planned.diagnostics, running.said_of_changes(changes)))
+        planned = replace(planned, diagnostics=(*planned.diagnostics, said_of_changes(changes)))
         before.finished.difference_update(changes.removed, changes.changed)
     run = replace(run, done=frozenset(before.finished), changes=changes, resumed=True, seed=started.seed)
     return int(running.execute(planned, run, original))
