@@ -77,6 +77,8 @@ def _with_fixtures(
 
 def _load(options: argparse.Namespace) -> Loaded:
     """All suites that the command line names: single tests as one suite, then what its words name, then options."""
+    if "" in (options.test, options.tests, options.suites, *options.targets):
+        raise UsageError("an empty word names no test, suite or folder; is a variable of the shell not set?")
     tests = [(options.test, options.type)] if options.test else []
     tests += [(word, options.type) for word in options.targets if _is_test(word)]
     parts = [Loaded((_suite_for(options, "test", tests),), ())] if tests else []
@@ -88,6 +90,10 @@ def _load(options: argparse.Namespace) -> Loaded:
         wanted += [(path, False) for path in suite_files(Path(options.suites), recursive=options.recursive)]
     parts.append(_load_suites(wanted, options))
     suites = number_suites([suite for part in parts for suite in part.suites])
+    of_command_line = bool(tests) or any(not suite.file for suite in suites)
+    for name, given in (("param", options.param), ("environment", options.environment), ("type", options.type)):
+        if given and not (tests if name == "type" else of_command_line):
+            raise UsageError(f"--{name} is for tests that the command line names, and there is none; edit the suite")
     return Loaded(suites, tuple(said for part in parts for said in part.diagnostics))
 
 

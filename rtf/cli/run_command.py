@@ -38,7 +38,7 @@ def run(words: Sequence[str]) -> int:
         print("testrunner: isolation 'none': a test that hangs or crashes takes the run with it", file=sys.stderr)
     give_permission(given=options.allow_motion, wait=options.wait)
     if options.resume:
-        return _resume(options)
+        return _resume(options, words)
     if not (options.targets or options.test or options.tests or options.suite or options.suites):
         if options.list:
             build_parser().error(f"--list of what? Name suites or tests; {_WHICH_TESTS}")
@@ -69,14 +69,32 @@ def _execute(options: argparse.Namespace, words: Sequence[str]) -> int:
 
 #: What a resumed run takes from the new command line, where it is given there.
 _OF_REPORTING = (
-    *("junit", "json", "ctrf", "html", "report", "quiet", "verbose"),
+    *("junit", "junit_family", "json", "ctrf", "html", "report", "quiet", "verbose", "detail", "no_summary"),
     *("style", "color", "output", "output_type", "no_output", "compare", "history"),
     *("web_reporter", "web_port", "web_host", "web_keep", "answer"),
 )
 
 
-def _resume(options: argparse.Namespace) -> int:
+#: What else may be given with ``--resume``; values of ``--set`` are those of secret parameters.
+_OF_RESUMING = ("resume", "overrides", "allow_motion", "wait", "no_config")
+
+
+def _refuse_others(words: Sequence[str]) -> None:
+    """Refuse what a resumed run would not heed. Raises UsageError."""
+    from rtf.cli.arguments import blank_options, build_parser
+    from rtf.cli.parser import UsageError
+
+    given = vars(blank_options(words))
+    names = {action.dest: action.option_strings for action in build_parser()._actions}  # noqa: SLF001 - no public way
+    for name, value in given.items():
+        if value not in (None, []) and name not in (*_OF_REPORTING, *_OF_RESUMING):
+            shown = names[name][-1] if names[name] else " ".join(value)
+            raise UsageError(f"{shown}: a run that is resumed consists of what it was begun with; start a new run")
+
+
+def _resume(options: argparse.Namespace, words: Sequence[str]) -> int:
     """Go on with a run: its own command line decides what it consists of; reporting follows the new one."""
+    _refuse_others(words)
     from dataclasses import replace
 
     from rtf.cli import running
