@@ -10,9 +10,10 @@ from rtf.cli.arguments import add_lenient_option
 from rtf.cli.parser import Parser, key_value
 from rtf.cli.planning import Plan
 from rtf.testing.events import Diagnosed
-from rtf.testing.inspection import Use, inspect_plugins
+from rtf.testing.inspection import Use, try_uses
 from rtf.testing.plan import Loaded, Planner, load_files, suite_files
 from rtf.testing.plugins import shipped_folder
+from rtf.testing.suite.diagnostics import diagnosed
 from rtf.testing.suite.model import TestEntry, number_suites
 from rtf.testing.verdict import ExitCode, Severity
 
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Collection, Iterable, Iterator, Sequence
 
-    from rtf.testing.inspection import Trial
-    from rtf.testing.plan import PlannedSuite
     from rtf.testing.plugins import PluginRef
     from rtf.testing.suite.model import FixtureEntry, TestSuite
 
@@ -63,11 +62,8 @@ def refuse(plan: Plan) -> ExitCode:
 
 def show_diagnostics(diagnostics: Iterable[Diagnosed]) -> None:
     """Print what is wrong with files, and with the command line, to stderr, the way compilers do."""
-    for diagnosed in diagnostics:
-        place = ":".join(str(part) for part in (diagnosed.file, diagnosed.line, diagnosed.column) if part)
-        place = place or "command line"
-        hint = f" ({diagnosed.hint})" if diagnosed.hint else ""
-        print(f"{place}: {diagnosed.severity}: {diagnosed.text}{hint}", file=sys.stderr)
+    for one in diagnostics:
+        print(one, file=sys.stderr)
 
 
 def dry_run(plan: Plan, options: argparse.Namespace) -> ExitCode:
@@ -147,44 +143,45 @@ def _counted(number: int, noun: str) -> str:
 class _Planned(NamedTuple):
     """An entry of a suite, its plug-in or why there is none, and what that would be given."""
 
-    planned: PlannedSuite
+    suite: TestSuite
     what: str
     entry: TestEntry | FixtureEntry
     plugin: PluginRef | str
     use: Use
 
+    def diagnosed(self, severity: Severity, text: str) -> Diagnosed:
+        """What is wrong with it, at its place."""
+        return diagnosed(severity, text, self.entry.location, suite=self.suite.id)
+
 
 def problems_of(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[Diagnosed]:
     """What is wrong with the plug-ins of a plan and with the values they would be given, in order."""
-    uses = [*_uses(plan, tuple(overrides))]
-    found = _inspected(uses)
+    planned = [*_uses(plan, overrides)]
+    trials = try_uses((one.plugin, one.use) for one in planned if not isinstance(one.plugin, str))
     simulated: dict[tuple[str, str], dict[str, str]] = {}  # by suite and name of the fixture, which come before tests
-    for use in uses:
-        if isinstance(use.plugin, str):
-            yield _diagnosed(use.planned, use.entry, Severity.ERROR, use.plugin)
+    for one in planned:
+        if isinstance(one.plugin, str):
+            yield one.diagnosed(Severity.ERROR, one.plugin)
             continue
-        trial, problems = found[use.plugin, use.use]
+        trial = trials[one.plugin, one.use]
         values = {row["name"]: row["value"].strip('"') for row in trial.values}
-        for problem in (*problems, *trial.problems):
-            yield _diagnosed(use.planned, use.entry, Severity.ERROR, f"{use.what}: {problem}")
-        for warning in trial.warnings:
-            yield _diagnosed(use.planned, use.entry, Severity.WARNING, f"{use.what}: {warning}")
-        if values and Path(use.plugin.path) == shipped_folder("fixture") / "simulator.py":
-            simulated[use.planned.suite.id, use.entry.name] = values
-        absent = _absent_part(use.planned, use.entry, values, simulated)
-        if absent:
-            yield _diagnosed(use.planned, use.entry, Severity.WARNING, f"{use.what}: {absent}")
+        yield from (one.diagnosed(Severity.ERROR, f"{one.what}: {problem}") for problem in trial.problems)
+        yield from (one.diagnosed(Severity.WARNING, f"{one.what}: {warning}") for warning in trial.warnings)
+        if values and Path(one.plugin.path) == shipped_folder("fixture") / "simulator.py":
+            simulated[one.suite.id, one.entry.name] = values
+        if absent := _absent_part(one.suite, one.entry, values, simulated):
+            yield one.diagnosed(Severity.WARNING, f"{one.what}: {absent}")
 
 
 def missing_of(plan: Plan) -> Iterator[Diagnosed]:
     """Why plug-ins of a plan are not found, a sentence each, without the places that were tried."""
-    for use in _uses(plan, ()):
-        if isinstance(use.plugin, str):
-            yield _diagnosed(use.planned, use.entry, Severity.ERROR, use.plugin.partition("\n")[0])
+    for one in _uses(plan, ()):
+        if isinstance(one.plugin, str):
+            yield one.diagnosed(Severity.ERROR, one.plugin.partition("\n")[0])
 
 
 def _absent_part(
-    planned: PlannedSuite,
+    suite: TestSuite,
     entry: TestEntry | FixtureEntry,
     values: dict[str, str],
     simulated: dict[tuple[str, str], dict[str, str]],
@@ -193,8 +190,8 @@ def _absent_part(
     part = values.get("part", "")
     if not part or not isinstance(entry, TestEntry):
         return ""
-    names = [fixture.name for fixture in planned.suite.fixtures] if entry.fixtures is None else entry.fixtures
-    robots = [simulated[planned.suite.id, name] for name in names if (planned.suite.id, name) in simulated]
+    names = [fixture.name for fixture in suite.fixtures] if entry.fixtures is None else entry.fixtures
+    robots = [simulated[suite.id, name] for name in names if (suite.id, name) in simulated]
     if len(robots) != 1 or values.get("robot", "").strip("/") not in ("", robots[0]["robot"].strip("/")):
         return ""
     known = _parts_of(robots[0])
@@ -209,47 +206,11 @@ def _parts_of(robot: dict[str, str]) -> Collection[str]:
     return PARTS
 
 
-def _uses(plan: Plan, overrides: tuple[tuple[str, str], ...]) -> Iterator[_Planned]:
+def _uses(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[_Planned]:
     for planned in plan.suites:
         for fixture, plugin in planned.fixtures:
-            yield _Planned(planned, f"fixture {fixture.name}", fixture, plugin, _use(fixture, ()))
+            yield _Planned(planned.suite, f"fixture {fixture.name}", fixture, plugin, Use.of(fixture))
         for test in planned.tests:
-            behind = test.plugin if test.plugin is not None else test.problem
-            yield _Planned(planned, f"test {test.entry.name}", test.entry, behind, _use(test.entry, overrides))
-
-
-def _use(entry: TestEntry | FixtureEntry, overrides: tuple[tuple[str, str], ...]) -> Use:
-    return Use(
-        param=entry.param,
-        parameters=entry.parameters,
-        overrides=overrides,
-        environment=entry.environment,
-        place=str(entry.location) if entry.location.file else "",
-        folder=str(Path(entry.location.file).parent) if entry.location.file else "",
-    )
-
-
-def _inspected(planned: Sequence[_Planned]) -> dict[tuple[PluginRef, Use], tuple[Trial, tuple[str, ...]]]:
-    """The trial of each use of each plug-in, and why that could not be loaded."""
-    wanted: dict[PluginRef, dict[Use, None]] = {}
-    for one in planned:
-        if not isinstance(one.plugin, str):
-            wanted.setdefault(one.plugin, {})[one.use] = None
-    found = inspect_plugins({plugin: [*uses] for plugin, uses in wanted.items()})
-    return {
-        (plugin, use): (trial, found[plugin].problems)
-        for plugin, uses in wanted.items()
-        for use, trial in zip(uses, found[plugin].trials, strict=True)
-    }
-
-
-def _diagnosed(planned: PlannedSuite, entry: TestEntry | FixtureEntry, severity: Severity, text: str) -> Diagnosed:
-    location = entry.location
-    return Diagnosed(
-        severity=severity,
-        text=text,
-        file=location.file,
-        line=location.line,
-        column=location.column,
-        suite=planned.suite.id,
-    )
+            found = test.plugin if test.plugin is not None else test.problem
+            use = Use.of(test.entry, overrides)
+            yield _Planned(planned.suite, f"test {test.entry.name}", test.entry, found, use)

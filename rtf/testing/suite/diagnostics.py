@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from rtf.errors import Location
+from rtf.testing.events import Diagnosed
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
@@ -28,24 +28,6 @@ _OVER = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Diagnostic:
-    """One problem: what it is, where it is, and what would fix it (``hint`` may be empty).
-
-    With an error the suite is not what its author meant, and is not run; a warning leaves it as it is.
-    """
-
-    severity: Severity
-    message: str
-    location: Location
-    hint: str = ""
-
-    def __str__(self) -> str:
-        """Write the problem the way compilers do, such as ``suite.xml:12:5: error: … (hint)``."""
-        hint = f" ({self.hint})" if self.hint else ""
-        return f"{self.location}: {self.severity}: {self.message}{hint}"
-
-
 class DiagnosticLog:
     """Collects problems; a problem met again, as in every round of a loop, is kept once.
 
@@ -54,21 +36,21 @@ class DiagnosticLog:
 
     def __init__(self, *, lenient: bool = False) -> None:
         self._unknown = Severity.WARNING if lenient else Severity.ERROR
-        self._kept: dict[Diagnostic, None] = {}
+        self._kept: dict[tuple[Severity, str, Location], Diagnosed] = {}
         self._left_out = {Severity.ERROR: 0, Severity.WARNING: 0}
         self._suggestions = _MAX_SUGGESTIONS
 
     def error(self, message: str, location: Location, hint: str = "") -> None:
         """Note something that cannot be used as it is written."""
-        self._add(Diagnostic(Severity.ERROR, message, location, hint))
+        self._add(Severity.ERROR, message, location, hint)
 
     def warning(self, message: str, location: Location, hint: str = "") -> None:
         """Note something that probably is not what the author meant."""
-        self._add(Diagnostic(Severity.WARNING, message, location, hint))
+        self._add(Severity.WARNING, message, location, hint)
 
     def unknown(self, message: str, location: Location, hint: str = "") -> None:
         """Note a name that is not in the vocabulary: what it says is lost."""
-        self._add(Diagnostic(self._unknown, message, location, hint))
+        self._add(self._unknown, message, location, hint)
 
     def did_you_mean(self, name: str, candidates: Collection[str]) -> str:
         """A hint for a name that is not known; empty when nothing resembles it or there is too much to compare."""
@@ -79,24 +61,31 @@ class DiagnosticLog:
         close = get_close_matches(name.casefold(), folded, n=1)
         return f"did you mean {folded[close[0]]!r}?" if close else ""
 
-    def _add(self, diagnostic: Diagnostic) -> None:
-        if diagnostic in self._kept:
+    def _add(self, severity: Severity, message: str, location: Location, hint: str) -> None:
+        key = (severity, message, location)
+        if key in self._kept:
             return
         if len(self._kept) < MAX_DIAGNOSTICS:
-            self._kept[diagnostic] = None
+            self._kept[key] = diagnosed(severity, message, location, hint)
         else:
-            self._left_out[diagnostic.severity] += 1
+            self._left_out[severity] += 1
 
-    def __iter__(self) -> Iterator[Diagnostic]:
+    def __iter__(self) -> Iterator[Diagnosed]:
         """All problems in file order, the files in the order in which they were met."""
         files: dict[str, int] = {}
-        for diagnostic in self._kept:
-            files.setdefault(diagnostic.location.file, len(files))
-        yield from sorted(self._kept, key=lambda d: (files[d.location.file], d.location.line, d.location.column))
+        for one in self._kept.values():
+            files.setdefault(one.file, len(files))
+        yield from sorted(self._kept.values(), key=lambda one: (files[one.file], one.line, one.column))
         for severity, count in self._left_out.items():
             if count:
                 message = f"{count} more problems of this kind are not listed"
-                yield Diagnostic(severity, message, Location(next(iter(files), "")))
+                yield diagnosed(severity, message, Location(next(iter(files), "")))
+
+
+def diagnosed(severity: Severity, message: str, location: Location, hint: str = "", suite: str = "") -> Diagnosed:
+    """The event that tells of a problem at a place. With an error nothing is run; a warning leaves what was meant."""
+    file, line, column = location.file, location.line, location.column
+    return Diagnosed(severity=severity, text=message, file=file, line=line, column=column, hint=hint, suite=suite)
 
 
 class OverBudgetError(Exception):

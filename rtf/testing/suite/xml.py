@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.errors import Location
-from rtf.testing.suite.diagnostics import Budget, Diagnostic, DiagnosticLog, OverBudgetError
+from rtf.testing.suite.diagnostics import Budget, DiagnosticLog, OverBudgetError, diagnosed
 from rtf.testing.suite.elements import KINDS, Given, check
 from rtf.testing.suite.entries import Surroundings, read_fixture, read_test, read_timeouts
 from rtf.testing.suite.ids import NameBook, TestIds
@@ -32,6 +32,8 @@ from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from rtf.testing.events import Diagnosed
 
 SCHEMA = Path(__file__).with_name("suite.xsd")
 """The schema for editors and for ``xmllint``; the loader does not need it."""
@@ -53,16 +55,16 @@ class LoadedSuite:
     """
 
     suite: TestSuite | None
-    diagnostics: tuple[Diagnostic, ...] = ()
+    diagnostics: tuple[Diagnosed, ...] = ()
     foreign: bool = False
 
     @property
-    def errors(self) -> tuple[Diagnostic, ...]:
+    def errors(self) -> tuple[Diagnosed, ...]:
         """The problems for which the suite must not be run."""
         return tuple(diagnostic for diagnostic in self.diagnostics if diagnostic.severity is Severity.ERROR)
 
     @property
-    def warnings(self) -> tuple[Diagnostic, ...]:
+    def warnings(self) -> tuple[Diagnosed, ...]:
         """The problems that leave the suite as it was meant."""
         return tuple(diagnostic for diagnostic in self.diagnostics if diagnostic.severity is Severity.WARNING)
 
@@ -75,7 +77,7 @@ def load_suite(path: str | Path, *, variables: Mapping[str, str] | None = None, 
     try:
         data = _read(Path(path))
     except SuiteError as error:
-        return LoadedSuite(None, (Diagnostic(Severity.ERROR, str(error), Location(str(path))),))
+        return LoadedSuite(None, (diagnosed(Severity.ERROR, str(error), Location(str(path))),))
     return load_suite_bytes(data, str(path), variables=variables, lenient=lenient)
 
 
