@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.cli.parser import UsageError
+from rtf.errors import did_you_mean
 from rtf.testing import run_folder
 from rtf.testing.events import Diagnosed
 from rtf.testing.plan import (
@@ -124,9 +124,8 @@ def _nothing_like(path: Path) -> str:
     from rtf.cli.command_tree import TESTRUNNER
 
     siblings = [one.name for one in path.parent.iterdir()] if path.parent.is_dir() else []
-    near = difflib.get_close_matches(path.name, [*siblings, *(command.name for command in TESTRUNNER.commands)], n=1)
-    hint = f"did you mean {near[0]}?" if near else "a test is named by --test, or by its file"
-    return f"there is no file or folder {str(path)!r}; {hint}"
+    hint = did_you_mean(path.name, [*siblings, *(command.name for command in TESTRUNNER.commands)])
+    return f"there is no file or folder {str(path)!r}{hint or '; a test is named by --test, or by its file'}"
 
 
 def _load_suites(wanted: Sequence[tuple[Path, bool]], options: argparse.Namespace) -> Loaded:

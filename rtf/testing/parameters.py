@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar, get_args, get_origin, overload
 
 from rtf.bottle import Bottle, Value, as_bool, as_string, is_bool, to_string, to_text
+from rtf.errors import nearest
 from rtf.resources import DiagnosticKind, find_parameters
 from rtf.resources.arguments import loose_words, parse_arguments
 from rtf.testing.measurement import limits_text, number, require_limits, unit
@@ -187,7 +188,7 @@ class Parameter(Generic[T]):
             if math.isnan(made) or (low is not None and made < low) or (high is not None and made > high):
                 raise ValueError(f"{where}{number(made)} is not {limits_text(low, high, self.unit)}")
         if self.choices and made not in self.choices:
-            near = _nearest(str(made), map(str, self.choices))
+            near = nearest(str(made), map(str, self.choices))
             hint = f"; did you mean {near!r}?" if near else ""
             raise ValueError(f"{where}{made!r} is none of {', '.join(map(repr, self.choices))}{hint}")
         return made
@@ -199,15 +200,6 @@ def _is_quoted(text: str, values: list[Value]) -> bool:
 
 def _symbol(symbol: str) -> str:
     return str(unit(symbol))
-
-
-def _nearest(word: str, known: Iterable[str]) -> str:
-    """The known word that this one may have been meant to be; empty without one."""
-    import difflib
-
-    lower = {one.lower(): one for one in known}
-    near = difflib.get_close_matches(word.lower(), lower, n=1)
-    return lower[near[0]] if near else ""
 
 
 class _Element(NamedTuple):
@@ -408,7 +400,7 @@ class _Filling:
     def _name_of(self, given: Given) -> str:
         name = self._by_key.get(given.key, "")
         if not name and given.key not in self._target.ignored_keys:
-            near = _nearest(given.key, sorted(self._by_key))
+            near = nearest(given.key, self._by_key)
             hint = f"did you mean {near!r}?" if near else f"known are {', '.join(sorted(self._by_key))}"
             self._problems.append(f"unknown parameter {given.key!r} ({given.source}); {hint}")
         return name

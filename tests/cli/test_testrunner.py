@@ -93,7 +93,8 @@ def test_a_list_of_nothing_says_what_lists_all(folder: Path):
     [
         (["--siute", "x.xml"], "did you mean --suite"),
         (["both.xnl"], "there is no file or folder 'both.xnl'; did you mean both.xml?"),
-        (["fine.xml", "Fine"], "a test is named by --test, or by its file"),
+        (["fine.xml", "Elbow"], "a test is named by --test, or by its file"),
+        (["fine.xml", "Fine.py"], "did you mean fine.py?"),
         (["fine.xml", "-q", "descrbe"], "did you mean describe?"),
         (["fine.xml", "lost.py::Class"], "there is no file or folder"),
         (["empty"], "the folder empty has neither suites nor tests in it"),

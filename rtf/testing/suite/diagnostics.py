@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from rtf.errors import Location
+from rtf.errors import Location, nearest
 from rtf.testing.events import Diagnosed
 from rtf.testing.verdict import Severity
 
@@ -57,9 +56,8 @@ class DiagnosticLog:
         if not 0 < len(candidates) <= _MAX_CANDIDATES or len(name) > _MAX_COMPARED or not self._suggestions:
             return ""
         self._suggestions -= 1
-        folded = {candidate.casefold(): candidate for candidate in sorted(candidates)}
-        close = get_close_matches(name.casefold(), folded, n=1)
-        return f"did you mean {folded[close[0]]!r}?" if close else ""
+        near = nearest(name, candidates)
+        return f"did you mean {near!r}?" if near else ""
 
     def _add(self, severity: Severity, message: str, location: Location, hint: str) -> None:
         key = (severity, message, location)
