@@ -298,11 +298,15 @@ def load_module(ref: PluginRef) -> ModuleType:
     if ref.kind in ("test", "fixture"):  # reporters and faults live in processes that are not theirs
         _make_importable(ref.kind, folder)
     sys.modules[name] = module
+    own = os.getpid()
     try:
         loader.exec_module(module)
     except BaseException:
         del sys.modules[name]
         raise
+    finally:
+        if os.getpid() != own:  # a copy of this process that the file has forked: it is no second test
+            os._exit(0)
     return module
 
 
