@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import rtf
-from rtf.testing.plugin_spec import ABSENT, UNCERTAIN, Matrix, PluginSpec, as_strings, make_spec
+from rtf.testing.plugin_spec import ABSENT, UNCERTAIN, Matrix, Names, PluginSpec, as_strings, make_spec, names_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from rtf.testing.plugins import PluginRef
 
@@ -67,13 +67,13 @@ class ClassText:
 
     def spec(self) -> PluginSpec:
         """The description of the plug-in."""
-        return make_spec(self.name, ast.get_docstring(self._node) or "", self.value, secrets=self.secrets)
+        return make_spec(self.name, ast.get_docstring(self._node) or "", self.value, self.parameters)
 
     @cached_property
-    def secrets(self) -> frozenset[str]:
-        """The names of the parameters that are declared with ``secret=True``, their keys and aliases."""
-        own = {name for statement in self._node.body for name in _secret_names(statement)}
-        return frozenset(own).union(*(base.secrets for base in self._bases))
+    def parameters(self) -> tuple[Names, ...]:
+        """The names of the parameters that the class and those it derives from declare."""
+        own = [names for statement in self._node.body for names in _declared_by(statement)]
+        return (*(names for base in self._bases for names in base.parameters), *own)
 
     @cached_property
     def _bases(self) -> list[ClassText]:
@@ -107,7 +107,7 @@ class _Elsewhere(ClassText):
 
     def __init__(self, *, is_plugin: bool | None, value: object) -> None:
         self.is_plugin = is_plugin
-        self.secrets = frozenset[str]()
+        self.parameters: tuple[Names, ...] = ()
         self._value = value
 
     def value(self, name: str) -> object:  # noqa: ARG002 - it is the same for all
@@ -152,8 +152,6 @@ class Source:
 
     def _look_up(self, base: ast.expr) -> ClassText | str:
         """The class of this file that a base is, or its name with its module; empty if that is unclear."""
-        if isinstance(base, ast.Subscript):
-            base = base.value
         first, _, rest = _dotted(base).partition(".")
         before = [] if rest else [one for one in self.classes if one.name == first]
         if before:
@@ -212,6 +210,8 @@ def spec_of(ref: PluginRef, bare_name: str = "") -> PluginSpec:
 def _dotted(node: ast.expr) -> str:
     if isinstance(node, ast.Name):
         return node.id
+    if isinstance(node, ast.Subscript):
+        return _dotted(node.value)
     return f"{_dotted(node.value)}.{node.attr}" if isinstance(node, ast.Attribute) else ""
 
 
@@ -233,16 +233,15 @@ def _literal(node: ast.expr) -> object:
         return node.attr if isinstance(node, ast.Attribute) and node.attr.isupper() else UNCERTAIN
 
 
-def _secret_names(statement: ast.stmt) -> tuple[str, ...]:
-    """The names of the parameter that a statement declares, if it declares it as secret."""
-    if not (isinstance(statement, ast.Assign | ast.AnnAssign) and isinstance(statement.value, ast.Call)):
-        return ()
-    words = {word.arg: _literal(word.value) for word in statement.value.keywords}
-    if words.get("secret") in (None, False):
-        return ()
-    targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
-    names = [target.id for target in targets if isinstance(target, ast.Name)]
-    return (*names, *as_strings(words.get("key")), *as_strings(words.get("aliases")))
+def _declared_by(statement: ast.stmt) -> Iterator[Names]:
+    """The names of the parameter that a statement declares, if it declares one."""
+    if isinstance(statement, ast.Assign | ast.AnnAssign) and isinstance(statement.value, ast.Call):
+        words = {word.arg: _literal(word.value) for word in statement.value.keywords}
+        target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
+        if isinstance(target, ast.Name) and _dotted(statement.value.func).rpartition(".")[2] == "Parameter":
+            (key,) = as_strings(words.get("key")) or ("",)
+            names = names_of(target.id, key, as_strings(words.get("aliases")))
+            yield Names(names, words.get("secret") not in (None, False))
 
 
 def _comes_with_python(name: str) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
@@ -23,11 +23,15 @@ _HARMLESS = ("", "still")
 
 
 class Axis(msgspec.Struct, frozen=True):
-    """A parameter that a matrix varies: of each value the label, which names and ids show, and the text."""
+    """A parameter that a matrix varies: of each value the label, which names and ids show, and the text.
+
+    ``names`` are all names of the parameter, where more than its key are known.
+    """
 
     name: str
     labels: tuple[str, ...]
     texts: tuple[str, ...]
+    names: tuple[str, ...] = ()
 
 
 class Matrix:
@@ -41,7 +45,8 @@ class Matrix:
             matrix = Matrix(speed=(10, 20), part=("head", "torso"))
 
     The tests are ``Nod[10-head]``, ``Nod[10-torso]``, ``Nod[20-head]`` and ``Nod[20-torso]``, with the labels that
-    pytest gives to such values. Where a suite or the command line sets a parameter, that is not varied.
+    pytest gives to such values. Where a suite or the command line sets a parameter, that is not varied; a parameter
+    file counts less than the matrix.
     """
 
     def __init__(self, **values: Iterable[object]) -> None:
@@ -77,7 +82,7 @@ def _text(value: object) -> str:
 
 def combinations(axes: Iterable[Axis], given: Collection[str]) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
     """Each combination of the values of the parameters that are not ``given``: its label and its parameters."""
-    varied = [axis for axis in axes if axis.name not in given]
+    varied = [axis for axis in axes if not {axis.name, *axis.names}.intersection(given)]
     for chosen in product(*(zip(axis.labels, axis.texts, strict=True) for axis in varied)):
         parameters = tuple((axis.name, text) for axis, (_, text) in zip(varied, chosen, strict=True))
         yield "-".join(label for label, _ in chosen), parameters
@@ -138,6 +143,18 @@ def may_move(safety: object) -> bool:
     return _word_of(safety) not in _HARMLESS
 
 
+class Names(NamedTuple):
+    """The names of a declared parameter, and whether it is declared secret."""
+
+    names: tuple[str, ...]
+    secret: bool
+
+
+def names_of(attribute: str, key: str, aliases: Iterable[str]) -> tuple[str, ...]:
+    """All names by which a parameter is set, sorted."""
+    return tuple(sorted({attribute, key or attribute, *aliases}))
+
+
 #: What nobody sets, and what has to be computed.
 ABSENT, UNCERTAIN = object(), object()
 
@@ -146,11 +163,11 @@ def make_spec(
     class_name: str,
     description: str,
     get: Callable[[str], object],
-    *,
-    secrets: Iterable[str],
+    declared: Collection[Names],
     parameters: Iterable[ParameterSpec] = (),
 ) -> PluginSpec:
     """The description of a class; ``get`` tells the value of an attribute, or ABSENT, or UNCERTAIN."""
+    names = {name: one.names for one in declared for name in one.names}
     safety, matrix, occupies, timeout = get("safety"), get("matrix"), get("occupies"), get("timeout")
     tags, requires = get("tags"), get("requires")
     return PluginSpec(
@@ -163,9 +180,12 @@ def make_spec(
         timeout=float(timeout) if isinstance(timeout, int | float) and not math.isnan(timeout) else None,
         occupies=None if occupies is UNCERTAIN else occupies if isinstance(occupies, str) else "",
         safety=None if safety is UNCERTAIN else "" if safety is ABSENT else _word_of(safety),
-        matrix=matrix.axes if isinstance(matrix, Matrix) else (),
+        matrix=tuple(
+            msgspec.structs.replace(axis, names=names.get(axis.name, ()))
+            for axis in (matrix.axes if isinstance(matrix, Matrix) else ())
+        ),
         complete=all(value is not UNCERTAIN for value in (tags, requires, timeout, occupies, matrix)),
-        secrets=tuple(sorted(secrets)),
+        secrets=tuple(sorted({name for one in declared if one.secret for name in one.names})),
         parameters=tuple(parameters),
     )
 
@@ -177,8 +197,8 @@ def spec_of_class(cls: type[Declared]) -> PluginSpec:
         cls.__name__,
         (cls.__doc__ or "").strip(),
         lambda name: getattr(cls, name, ABSENT),
-        secrets=(key for name, one in declared.items() if one.secret for key in {name, one.key, *one.aliases}),
-        parameters=(
+        [Names(names_of(name, one.key, one.aliases), one.secret) for name, one in declared.items()],
+        (
             ParameterSpec(
                 name=parameter.key,
                 aliases=", ".join(parameter.aliases),

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 NOD = """
 from rtf.testing import Matrix, Parameter, TestCase
 class Nod(TestCase):
-    speed = Parameter(float, "speed", unit="deg/s", default=1.0)
+    speed = Parameter(float, "speed", unit="deg/s", default=1.0, aliases=("pace",))
     part = Parameter(str, "part", default="")
     gains = Parameter(list[float], "gains", default=[])
     matrix = Matrix(speed=(10, 20.5), part=("head", "left arm"))
@@ -77,7 +77,9 @@ def test_a_matrix_makes_a_test_of_each_combination(folder: Path):
     [
         ('<test>nod.py<parameter name="speed">5</parameter></test>', {}),
         ('<test param="--speed 5">nod.py</test>', {}),
+        ('<test>nod.py<parameter name="pace">5</parameter></test>', {}),
         ("<test>nod.py</test>", {"speed": "5"}),
+        ("<test>nod.py</test>", {"pace": "5"}),
     ],
 )
 def test_what_a_suite_or_the_command_line_sets_is_not_varied(folder: Path, body: str, overrides: dict[str, str]):
