@@ -1,8 +1,12 @@
-"""The base class of RTF's errors, and the file location that an error names."""
+"""The base class of RTF's errors, the file location that an error names, and the word that was meant."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 
 class RtfError(Exception):
@@ -25,3 +29,18 @@ class Location:
             if self.column:
                 parts.append(str(self.column))
         return ":".join(parts)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return the known word that this one was probably meant to be, whatever its case; empty if there is none."""
+    from difflib import get_close_matches
+
+    folded = {candidate.casefold(): candidate for candidate in sorted(known)}
+    found = get_close_matches(word.casefold(), folded, n=1)
+    return folded[found[0]] if found else ""
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return the end of a message about a word that is not known, such as ``; did you mean left_arm?``, or nothing."""
+    near = nearest(word, known)
+    return f"; did you mean {near}?" if near else ""

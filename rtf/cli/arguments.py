@@ -10,6 +10,7 @@ import rtf
 from rtf.cli.command_tree import EXIT_CODES, TESTRUNNER
 from rtf.cli.device import add_device_options
 from rtf.cli.parser import Parser, count, key_value, port, seconds
+from rtf.errors import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,11 +54,8 @@ def parse_run(words: Sequence[str]) -> argparse.Namespace:
     parser = build_parser()
     options, unknown = parser.parse_known_intermixed_args(words)
     if unknown:
-        import difflib
-
         known = [name for action in parser._actions for name in action.option_strings]  # noqa: SLF001 - no public way
-        near = difflib.get_close_matches(unknown[0].partition("=")[0], known, n=1)
-        parser.error(f"unknown option {unknown[0]}{f'; did you mean {near[0]}?' if near else ''}")
+        parser.error(f"unknown option {unknown[0]}{did_you_mean(unknown[0].partition('=')[0], known)}")
     return options
 
 

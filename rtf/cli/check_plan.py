@@ -1,69 +1,187 @@
-"""Everything that can be known to be wrong before a test is run: plug-ins that do not load, values that do not fit."""
+"""What a plan is and what is wrong with it, before a test is run: listing, dry run, validation."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from rtf.cli.running import Plan, show_diagnostics, show_plan
+from rtf.cli.arguments import add_lenient_option
+from rtf.cli.parser import Parser, key_value
+from rtf.cli.planning import Plan
 from rtf.testing.events import Diagnosed
-from rtf.testing.inspection import Use, inspect_plugins
+from rtf.testing.inspection import Use, try_uses
+from rtf.testing.plan import Loaded, Planner, load_files, suite_files
 from rtf.testing.plugins import shipped_folder
-from rtf.testing.suite.model import TestEntry
+from rtf.testing.suite.diagnostics import diagnosed
+from rtf.testing.suite.model import TestEntry, number_suites
 from rtf.testing.verdict import ExitCode, Severity
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
-    from rtf.cli.running import Plan
-    from rtf.testing.inspection import Trial
-    from rtf.testing.plan import PlannedSuite
     from rtf.testing.plugins import PluginRef
-    from rtf.testing.suite.model import FixtureEntry
+    from rtf.testing.suite.model import FixtureEntry, TestSuite
+
+
+def list_plan(plan: Plan) -> ExitCode:
+    """Print a plan, and below it why something of it is not found: where that was looked for ``--dry-run`` tells."""
+    show_plan(plan)
+    missing = tuple(missing_of(plan))
+    show_diagnostics(missing)
+    return ExitCode.USAGE if plan.refused or missing else ExitCode.PASSED
+
+
+def show_plan(plan: Plan) -> None:
+    """Print the tests of a plan, a line each: id, plug-in, tags, what it does to the robot, whether it is missing."""
+    show_diagnostics(plan.diagnostics)
+    for planned in plan.suites:
+        print(f"{planned.suite.name}  ({planned.suite.file or 'command line'})")
+        for entry, found in planned.fixtures:
+            missing = "  NOT FOUND" if isinstance(found, str) else ""
+            needs = f"  needs {', '.join(entry.depends)}" if entry.depends else ""
+            print(f"  fixture {entry.name}{needs}{missing}")
+        for test in planned.tests:
+            tags = f"  [{' '.join(test.entry.tags)}]" if test.entry.tags else ""
+            missing = "  NOT FOUND" if test.plugin is None else ""
+            safety = f"  safety: {test.spec.safety}" if test.spec.safety else ""
+            print(f"  {test.entry.id}  {test.entry.name}{tags}{safety}{missing}")
+    print(_counted(sum(len(planned.tests) for planned in plan.suites), "test"))
+
+
+def refuse(plan: Plan) -> ExitCode:
+    """Say why nothing is run: a suite that cannot be read whole is not the suite that was meant."""
+    show_diagnostics(plan.diagnostics)
+    print(
+        f"testrunner: nothing was run: {_counted(_errors(plan.diagnostics), 'error')} in the suite files",
+        file=sys.stderr,
+    )
+    return ExitCode.USAGE
+
+
+def show_diagnostics(diagnostics: Iterable[Diagnosed]) -> None:
+    """Print what is wrong with files, and with the command line, to stderr, the way compilers do."""
+    for one in diagnostics:
+        print(one, file=sys.stderr)
+
+
+def dry_run(plan: Plan, options: argparse.Namespace) -> ExitCode:
+    """Print the plan and every problem. Exit code 0 when a run could begin."""
+    show_plan(plan)
+    problems = [*problems_of(plan, options.overrides)]
+    show_diagnostics(problems)
+    print(f"dry run: nothing was run, {_counted(_errors(problems), 'error')} found")
+    return ExitCode.USAGE if _errors(problems) else ExitCode.PASSED
+
+
+def validate(words: Sequence[str]) -> ExitCode:
+    """Say everything that is wrong in suite files, their plug-ins and their parameters; run nothing."""
+    from rtf.cli.project import project_value
+
+    parser = Parser(
+        prog="testrunner validate", description="Everything that is wrong in suite files, before anything moves."
+    )
+    parser.add_argument(
+        "suites", nargs="*", metavar="SUITE", help="suite files, or folders of them (default: those of rtf.toml)"
+    )
+    parser.add_argument(
+        "--define", metavar="NAME=VALUE", type=key_value, action="append", default=[], help="replace ${NAME}"
+    )
+    parser.add_argument(
+        "--set",
+        metavar="KEY=VALUE",
+        type=key_value,
+        action="append",
+        default=[],
+        dest="overrides",
+        help="as for running",
+    )
+    parser.add_argument("--strict", action="store_true", help="warnings count as errors")
+    add_lenient_option(parser)
+    options = parser.parse_args(words)
+    suites: list[TestSuite] = []
+    found: list[Diagnosed] = []
+    names = options.suites or project_value("suites")
+    if not names:
+        parser.error("which suites? Name files or folders, here or in rtf.toml")
+    for name in names:
+        loaded = _loaded(Path(name), dict(options.define), lenient=options.lenient)
+        suites += loaded.suites
+        found += loaded.diagnostics
+    planner = Planner(options.overrides)
+    plan = Plan(planner.plan(planner.complete(number_suites(suites))), ())
+    found += problems_of(plan, options.overrides)
+    show_diagnostics(found)
+    errors = _errors(found)
+    warnings = len(found) - errors
+    tests = sum(len(planned.tests) for planned in plan.suites)
+    size = f"{_counted(len(plan.suites), 'suite')}, {_counted(tests, 'test')}"
+    print(f"{size}: {_counted(errors, 'error')}, {_counted(warnings, 'warning')}")
+    return ExitCode.USAGE if errors or (options.strict and warnings) else ExitCode.PASSED
+
+
+def _loaded(path: Path, variables: dict[str, str], *, lenient: bool) -> Loaded:
+    """The suite of a file, or all suites of a folder, where there has to be one."""
+    if not path.is_dir():
+        return load_files([(path, True)], variables, lenient=lenient)
+    loaded = load_files([(file, False) for file in suite_files(path, recursive=True)], variables, lenient=lenient)
+    if loaded.suites or loaded.diagnostics:
+        return loaded
+    text = "there is no suite in this folder"
+    return Loaded((), (Diagnosed(severity=Severity.ERROR, text=text, file=str(path)),))
+
+
+def _errors(diagnostics: Iterable[Diagnosed]) -> int:
+    return sum(diagnosed.severity is Severity.ERROR for diagnosed in diagnostics)
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' if number != 1 else ''}"
 
 
 class _Planned(NamedTuple):
     """An entry of a suite, its plug-in or why there is none, and what that would be given."""
 
-    planned: PlannedSuite
+    suite: TestSuite
     what: str
     entry: TestEntry | FixtureEntry
     plugin: PluginRef | str
     use: Use
 
+    def diagnosed(self, severity: Severity, text: str) -> Diagnosed:
+        """What is wrong with it, at its place."""
+        return diagnosed(severity, text, self.entry.location, suite=self.suite.id)
+
 
 def problems_of(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[Diagnosed]:
     """What is wrong with the plug-ins of a plan and with the values they would be given, in order."""
-    uses = [*_uses(plan, tuple(overrides))]
-    found = _inspected(uses)
+    planned = [*_uses(plan, overrides)]
+    trials = try_uses((one.plugin, one.use) for one in planned if not isinstance(one.plugin, str))
     simulated: dict[tuple[str, str], dict[str, str]] = {}  # by suite and name of the fixture, which come before tests
-    for use in uses:
-        if isinstance(use.plugin, str):
-            yield _diagnosed(use.planned, use.entry, Severity.ERROR, use.plugin)
+    for one in planned:
+        if isinstance(one.plugin, str):
+            yield one.diagnosed(Severity.ERROR, one.plugin)
             continue
-        trial, problems = found[use.plugin, use.use]
+        trial = trials[one.plugin, one.use]
         values = {row["name"]: row["value"].strip('"') for row in trial.values}
-        for problem in (*problems, *trial.problems):
-            yield _diagnosed(use.planned, use.entry, Severity.ERROR, f"{use.what}: {problem}")
-        for warning in trial.warnings:
-            yield _diagnosed(use.planned, use.entry, Severity.WARNING, f"{use.what}: {warning}")
-        if values and Path(use.plugin.path) == shipped_folder("fixture") / "simulator.py":
-            simulated[use.planned.suite.id, use.entry.name] = values
-        absent = _absent_part(use.planned, use.entry, values, simulated)
-        if absent:
-            yield _diagnosed(use.planned, use.entry, Severity.WARNING, f"{use.what}: {absent}")
+        yield from (one.diagnosed(Severity.ERROR, f"{one.what}: {problem}") for problem in trial.problems)
+        yield from (one.diagnosed(Severity.WARNING, f"{one.what}: {warning}") for warning in trial.warnings)
+        if values and Path(one.plugin.path) == shipped_folder("fixture") / "simulator.py":
+            simulated[one.suite.id, one.entry.name] = values
+        if absent := _absent_part(one.suite, one.entry, values, simulated):
+            yield one.diagnosed(Severity.WARNING, f"{one.what}: {absent}")
 
 
 def missing_of(plan: Plan) -> Iterator[Diagnosed]:
     """Why plug-ins of a plan are not found, a sentence each, without the places that were tried."""
-    for use in _uses(plan, ()):
-        if isinstance(use.plugin, str):
-            yield _diagnosed(use.planned, use.entry, Severity.ERROR, use.plugin.partition("\n")[0])
+    for one in _uses(plan, ()):
+        if isinstance(one.plugin, str):
+            yield one.diagnosed(Severity.ERROR, one.plugin.partition("\n")[0])
 
 
 def _absent_part(
-    planned: PlannedSuite,
+    suite: TestSuite,
     entry: TestEntry | FixtureEntry,
     values: dict[str, str],
     simulated: dict[tuple[str, str], dict[str, str]],
@@ -72,8 +190,8 @@ def _absent_part(
     part = values.get("part", "")
     if not part or not isinstance(entry, TestEntry):
         return ""
-    names = [fixture.name for fixture in planned.suite.fixtures] if entry.fixtures is None else entry.fixtures
-    robots = [simulated[planned.suite.id, name] for name in names if (planned.suite.id, name) in simulated]
+    names = [fixture.name for fixture in suite.fixtures] if entry.fixtures is None else entry.fixtures
+    robots = [simulated[suite.id, name] for name in names if (suite.id, name) in simulated]
     if len(robots) != 1 or values.get("robot", "").strip("/") not in ("", robots[0]["robot"].strip("/")):
         return ""
     known = _parts_of(robots[0])
@@ -88,57 +206,11 @@ def _parts_of(robot: dict[str, str]) -> Collection[str]:
     return PARTS
 
 
-def _uses(plan: Plan, overrides: tuple[tuple[str, str], ...]) -> Iterator[_Planned]:
+def _uses(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[_Planned]:
     for planned in plan.suites:
         for fixture, plugin in planned.fixtures:
-            yield _Planned(planned, f"fixture {fixture.name}", fixture, plugin, _use(fixture, ()))
+            yield _Planned(planned.suite, f"fixture {fixture.name}", fixture, plugin, Use.of(fixture))
         for test in planned.tests:
-            behind = test.plugin if test.plugin is not None else test.problem
-            yield _Planned(planned, f"test {test.entry.name}", test.entry, behind, _use(test.entry, overrides))
-
-
-def _use(entry: TestEntry | FixtureEntry, overrides: tuple[tuple[str, str], ...]) -> Use:
-    return Use(
-        param=entry.param,
-        parameters=entry.parameters,
-        overrides=overrides,
-        environment=entry.environment,
-        place=str(entry.location) if entry.location.file else "",
-        folder=str(Path(entry.location.file).parent) if entry.location.file else "",
-    )
-
-
-def _inspected(planned: Sequence[_Planned]) -> dict[tuple[PluginRef, Use], tuple[Trial, tuple[str, ...]]]:
-    """The trial of each use of each plug-in, and why that could not be loaded."""
-    wanted: dict[PluginRef, dict[Use, None]] = {}
-    for one in planned:
-        if not isinstance(one.plugin, str):
-            wanted.setdefault(one.plugin, {})[one.use] = None
-    found = inspect_plugins({plugin: [*uses] for plugin, uses in wanted.items()})
-    return {
-        (plugin, use): (trial, found[plugin].problems)
-        for plugin, uses in wanted.items()
-        for use, trial in zip(uses, found[plugin].trials, strict=True)
-    }
-
-
-def _diagnosed(planned: PlannedSuite, entry: TestEntry | FixtureEntry, severity: Severity, text: str) -> Diagnosed:
-    location = entry.location
-    return Diagnosed(
-        severity=severity,
-        text=text,
-        file=location.file,
-        line=location.line,
-        column=location.column,
-        suite=planned.suite.id,
-    )
-
-
-def dry_run(plan: Plan, options: argparse.Namespace) -> ExitCode:
-    """Print the plan and every problem. Exit code 0 when a run could begin."""
-    show_plan(plan)
-    problems = tuple(problems_of(plan, options.overrides))
-    show_diagnostics(problems)
-    errors = sum(problem.severity is Severity.ERROR for problem in problems)
-    print(f"dry run: nothing was run, {errors} error{'s' if errors != 1 else ''} found")
-    return ExitCode.USAGE if errors else ExitCode.PASSED
+            found = test.plugin if test.plugin is not None else test.problem
+            use = Use.of(test.entry, overrides)
+            yield _Planned(planned.suite, f"test {test.entry.name}", test.entry, found, use)

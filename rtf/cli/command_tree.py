@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 import rtf
-from rtf.errors import RtfError
+from rtf.errors import RtfError, did_you_mean
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class Command:
 _TESTS = "tests (the first six are commands of testrunner, too)"
 _BESIDE_RUNNING = (
     Command("describe", "[NAME]", "what tests and fixtures there are, and are for", "rtf.cli.describe:describe"),
-    Command("validate", "[SUITE ...]", "what is wrong in suite files; nothing moves", "rtf.cli.commands:validate"),
+    Command("validate", "[SUITE ...]", "what is wrong in suite files; nothing moves", "rtf.cli.check_plan:validate"),
     Command("report", "RUN ...", "write reports of a run that is over", "rtf.cli.commands:report"),
     Command("page", "RUN", "serve the page of a run that is over, or still going on", "rtf.cli.page:page"),
     Command("history", "[NAME ...]", "trends of tests and measurements over the runs", "rtf.cli.history:history"),
@@ -196,11 +196,8 @@ def _run(command: Command, program: str, words: Sequence[str]) -> int:
         print(f"{program} version {rtf.__version__}")
         return int(ExitCode.PASSED)
     if words:
-        import difflib
-
-        names = [one.name for one in command.commands]
-        near = difflib.get_close_matches(words[0], names, n=1)
-        print(f"{program}: there is no {words[0]!r}{f'; did you mean {near[0]}?' if near else ''}", file=sys.stderr)
+        hint = did_you_mean(words[0], [one.name for one in command.commands])
+        print(f"{program}: there is no {words[0]!r}{hint}", file=sys.stderr)
     else:
         print(f"usage: {program} {command.usage}\n\n{command.listing()}", file=sys.stderr)
     print(f"Try '{program} --help'.", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""The commands beside running: validate, report, where."""
+"""The commands beside running: report, where, version."""
 
 from __future__ import annotations
 
@@ -7,84 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import rtf
-from rtf.cli.arguments import add_lenient_option
-from rtf.cli.parser import Parser, key_value
-from rtf.testing.verdict import ExitCode, Severity
+from rtf.cli.parser import Parser
+from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from rtf.testing.events import Diagnosed
-    from rtf.testing.plan import Loaded
-    from rtf.testing.suite.model import TestSuite
-
-
-def validate(words: Sequence[str]) -> ExitCode:
-    """Say everything that is wrong in suite files, their plug-ins and their parameters; run nothing."""
-    from rtf.cli.check_plan import problems_of
-    from rtf.cli.project import project_value
-    from rtf.cli.running import Plan, show_diagnostics
-    from rtf.testing.plan import Planner
-    from rtf.testing.suite.model import number_suites
-
-    parser = Parser(
-        prog="testrunner validate", description="Everything that is wrong in suite files, before anything moves."
-    )
-    parser.add_argument(
-        "suites", nargs="*", metavar="SUITE", help="suite files, or folders of them (default: those of rtf.toml)"
-    )
-    parser.add_argument(
-        "--define", metavar="NAME=VALUE", type=key_value, action="append", default=[], help="replace ${NAME}"
-    )
-    parser.add_argument(
-        "--set",
-        metavar="KEY=VALUE",
-        type=key_value,
-        action="append",
-        default=[],
-        dest="overrides",
-        help="as for running",
-    )
-    parser.add_argument("--strict", action="store_true", help="warnings count as errors")
-    add_lenient_option(parser)
-    options = parser.parse_args(words)
-    suites: list[TestSuite] = []
-    found: list[Diagnosed] = []
-    names = options.suites or project_value("suites")
-    if not names:
-        parser.error("which suites? Name files or folders, here or in rtf.toml")
-    for name in names:
-        loaded = _loaded(Path(name), dict(options.define), lenient=options.lenient)
-        suites += loaded.suites
-        found += loaded.diagnostics
-    planner = Planner(options.overrides)
-    plan = Plan(planner.plan(planner.complete(number_suites(suites))), (), refused=False)
-    found += problems_of(plan, options.overrides)
-    show_diagnostics(tuple(found))
-    errors = sum(item.severity is Severity.ERROR for item in found)
-    warnings = len(found) - errors
-    tests = sum(len(planned.tests) for planned in plan.suites)
-    size = f"{_counted(len(plan.suites), 'suite')}, {_counted(tests, 'test')}"
-    print(f"{size}: {_counted(errors, 'error')}, {_counted(warnings, 'warning')}")
-    return ExitCode.USAGE if errors or (options.strict and warnings) else ExitCode.PASSED
-
-
-def _loaded(path: Path, variables: dict[str, str], *, lenient: bool) -> Loaded:
-    """The suite of a file, or all suites of a folder, where there has to be one."""
-    from rtf.testing.events import Diagnosed
-    from rtf.testing.plan import Loaded, load_files, suite_files
-
-    if not path.is_dir():
-        return load_files([(path, True)], variables, lenient=lenient)
-    loaded = load_files([(file, False) for file in suite_files(path, recursive=True)], variables, lenient=lenient)
-    if loaded.suites or loaded.diagnostics:
-        return loaded
-    text = "there is no suite in this folder"
-    return Loaded((), (Diagnosed(severity=Severity.ERROR, text=text, file=str(path)),))
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' if number != 1 else ''}"
 
 
 def report(words: Sequence[str]) -> ExitCode:

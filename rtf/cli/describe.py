@@ -66,7 +66,7 @@ def _in_text(ref: PluginRef, spec: PluginSpec) -> list[str]:
             lines.append(f"  {label}: {', '.join(words)}")
     if spec.timeout:
         lines.append(f"  run() is given {spec.timeout:g} s")
-    lines += [f"  matrix: {axis.name} = {', '.join(axis.labels)}" for axis in spec.matrix or ()]
+    lines += [f"  matrix: {axis.name} = {', '.join(axis.labels)}" for axis in spec.matrix]
     return [*lines, "", *(_table(spec.parameters) if spec.parameters else ["  no declared parameters"])]
 
 

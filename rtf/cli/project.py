@@ -7,7 +7,6 @@ wins. A file cannot allow motion.
 from __future__ import annotations
 
 import argparse
-import difflib
 import os
 import re
 import tomllib
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from rtf.cli.arguments import blank_options, build_parser
 from rtf.cli.parser import UsageError
+from rtf.errors import did_you_mean
 from rtf.testing.secret_values import MASK, is_secret
 
 if TYPE_CHECKING:
@@ -108,8 +108,7 @@ def _settings(path: Path, text: str, table: tuple[str, ...], values: dict[str, A
     for key, value in _flat(values):
         place = f"{shown}:{_line_of(text, [*table, *key.split('.')])}"
         if key not in KEYS:
-            near = difflib.get_close_matches(key, KEYS, n=1)
-            raise UsageError(f"{place}: unknown setting {key!r}{f'; did you mean {near[0]}?' if near else ''}")
+            raise UsageError(f"{place}: unknown setting {key!r}{did_you_mean(key, KEYS)}")
         try:
             words = tuple(_words(key, value, path.parent))
             checking.parse_args(words)

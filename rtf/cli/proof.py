@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.cli.parser import count, make_parser
+from rtf.errors import did_you_mean
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -88,13 +89,10 @@ def _cases(options: argparse.Namespace) -> list[Case]:
 
 def _unknown(tests: Sequence[str]) -> str:
     """Says which of these tests claims nothing; empty when all of them do."""
-    import difflib
-
     known = sorted({case.test for case in _claimed(fast=False, others=False)}) if tests else []
     for test in tests:
         if test not in known:
-            near = difflib.get_close_matches(test, known, n=1)
-            return f"there is no claim of a test {test!r}{f'; did you mean {near[0]}?' if near else ''}"
+            return f"there is no claim of a test {test!r}{did_you_mean(test, known)}"
     return ""
 
 

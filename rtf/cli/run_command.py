@@ -38,7 +38,7 @@ def run(words: Sequence[str]) -> int:
         print("testrunner: isolation 'none': a test that hangs or crashes takes the run with it", file=sys.stderr)
     give_permission(given=options.allow_motion, wait=options.wait)
     if options.resume:
-        return _resume(options)
+        return _resume(options, words)
     if not (options.targets or options.test or options.tests or options.suite or options.suites):
         if options.list:
             build_parser().error(f"--list of what? Name suites or tests; {_WHICH_TESTS}")
@@ -54,34 +54,52 @@ def _execute(options: argparse.Namespace, words: Sequence[str]) -> int:
 
         launched = launch()  # first of all: it gets ready while the suites are read, and ends with us if nothing is run
     from rtf.cli import running
+    from rtf.cli.planning import make_plan
 
-    planned = running.make_plan(options)
-    if options.list:
-        return int(running.list_plan(planned))
-    if planned.refused:
-        return int(running.refuse(planned))
-    if options.dry_run:
-        from rtf.cli.check_plan import dry_run
+    planned = make_plan(options)
+    if options.list or options.dry_run or planned.refused:
+        from rtf.cli import check_plan
 
-        return int(dry_run(planned, options))
+        if options.list:
+            return int(check_plan.list_plan(planned))
+        return int(check_plan.refuse(planned) if planned.refused else check_plan.dry_run(planned, options))
     folder = running.make_run_folder(options, planned)
     return int(running.execute(planned, running.run_options(options, folder, words), options, launched))
 
 
 #: What a resumed run takes from the new command line, where it is given there.
 _OF_REPORTING = (
-    *("junit", "json", "ctrf", "html", "report", "quiet", "verbose"),
+    *("junit", "junit_family", "json", "ctrf", "html", "report", "quiet", "verbose", "detail", "no_summary"),
     *("style", "color", "output", "output_type", "no_output", "compare", "history"),
     *("web_reporter", "web_port", "web_host", "web_keep", "answer"),
 )
 
 
-def _resume(options: argparse.Namespace) -> int:
+#: What else may be given with ``--resume``; values of ``--set`` are those of secret parameters.
+_OF_RESUMING = ("resume", "overrides", "allow_motion", "wait", "no_config")
+
+
+def _refuse_others(words: Sequence[str]) -> None:
+    """Refuse what a resumed run would not heed. Raises UsageError."""
+    from rtf.cli.arguments import blank_options, build_parser
+    from rtf.cli.parser import UsageError
+
+    given = vars(blank_options(words))
+    names = {action.dest: action.option_strings for action in build_parser()._actions}  # noqa: SLF001 - no public way
+    for name, value in given.items():
+        if value not in (None, []) and name not in (*_OF_REPORTING, *_OF_RESUMING):
+            shown = names[name][-1] if names[name] else " ".join(value)
+            raise UsageError(f"{shown}: a run that is resumed consists of what it was begun with; start a new run")
+
+
+def _resume(options: argparse.Namespace, words: Sequence[str]) -> int:
     """Go on with a run: its own command line decides what it consists of; reporting follows the new one."""
+    _refuse_others(words)
     from dataclasses import replace
 
     from rtf.cli import running
     from rtf.cli.arguments import build_parser, parse_run
+    from rtf.cli.planning import fingerprints, make_plan, said_of_changes
     from rtf.robot_testing.ledger import MotionLedger
     from rtf.testing import journal, replay
 
@@ -104,14 +122,16 @@ def _resume(options: argparse.Namespace) -> int:
     here = Path.cwd()
     _absolute_targets(original, here, given=options)
     os.chdir(started.environment.get("folder", here))
-    planned = running.make_plan(original)
+    planned = make_plan(original)
     if planned.refused:
-        return int(running.refuse(planned))
+        from rtf.cli.check_plan import refuse
+
+        return int(refuse(planned))
     MotionLedger(folder).record_resume()
     run: RunOptions = running.run_options(original, folder, list(started.command))
-    changes = before.changes([one.suite.id for one in planned.suites], running.fingerprints(planned))
+    changes = before.changes([one.suite.id for one in planned.suites], fingerprints(planned))
     if changes is not None:
-        planned = replace(planned, diagnostics=(*planned.diagnostics, running.said_of_changes(changes)))
+        planned = replace(planned, diagnostics=(*planned.diagnostics, said_of_changes(changes)))
         before.finished.difference_update(changes.removed, changes.changed)
     run = replace(run, done=frozenset(before.finished), changes=changes, resumed=True, seed=started.seed)
     return int(running.execute(planned, run, original))

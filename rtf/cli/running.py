@@ -1,39 +1,25 @@
-"""From parsed options to a run: the plan, the run's folder, the reporters, and the run itself."""
+"""From a plan to a run: the run's folder, its options, the reporters, and the run itself."""
 
 from __future__ import annotations
 
-import difflib
 import os
 import resource
 import signal
 import sys
 import threading
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.cli.device import device_record
-from rtf.cli.parser import UsageError
 from rtf.testing import run_folder
-from rtf.testing.events import Diagnosed
-from rtf.testing.plan import (
-    Loaded,
-    PlannedSuite,
-    Planner,
-    fingerprint,
-    load_files,
-    plugin_files,
-    suite_files,
-    suite_of_plugins,
-)
-from rtf.testing.suite.model import Isolation, SuiteError, TestSuite, Timeouts, number_suites
-from rtf.testing.verdict import ExitCode, Severity
+from rtf.testing.suite.model import Isolation, SuiteError, Timeouts
+from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator, Sequence
 
-    from rtf.testing.events import PlanChanged
+    from rtf.cli.planning import Plan
     from rtf.testing.isolation.launch import Launched
     from rtf.testing.reporting import Reporter
     from rtf.testing.run_control import Control
@@ -42,220 +28,6 @@ if TYPE_CHECKING:
 #: Open files that a run needs: the runner with its reports, and each suite worker with its fork server.
 _FILES, _FILES_OF_WORKER = 48, 16
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """What will run, and what is to be said about the files it came from."""
-
-    suites: tuple[PlannedSuite, ...]
-    diagnostics: tuple[Diagnosed, ...]
-    refused: bool
-
-
-def make_plan(options: argparse.Namespace) -> Plan:
-    """Load, complete, select and order. Raises SuiteError for what the command line gets wrong."""
-    loaded = _load(options)
-    planner = Planner(options.overrides)
-    suites = planner.plan(_select(planner.complete(loaded.suites), options))
-    if options.list or options.dry_run:
-        return Plan(suites, loaded.diagnostics, loaded.has_errors)
-    suites, diagnostics = _with_fixtures(suites, planner, options)
-    return Plan(suites, (*loaded.diagnostics, *diagnostics), loaded.has_errors)
-
-
-def _with_fixtures(
-    suites: tuple[PlannedSuite, ...], planner: Planner, options: argparse.Namespace
-) -> tuple[tuple[PlannedSuite, ...], tuple[Diagnosed, ...]]:
-    """The plan with the fixtures that its tests ask for, in each suite that names none."""
-    if all(planned.suite.fixtures for planned in suites):
-        return suites, ()
-    from rtf.testing.implied_fixtures import with_fixtures
-
-    made: list[PlannedSuite] = []
-    diagnostics: list[Diagnosed] = []
-    for planned in suites:
-        if planned.suite.fixtures:
-            made.append(planned)
-            continue
-        suite, said = with_fixtures(planned, options.overrides)
-        made += [planned] if suite is planned.suite else planner.plan([suite])
-        diagnostics += said
-    return tuple(made), tuple(diagnostics)
-
-
-def _load(options: argparse.Namespace) -> Loaded:
-    """All suites that the command line names: single tests as one suite, then what its words name, then options."""
-    tests = [(options.test, options.type)] if options.test else []
-    tests += [(word, options.type) for word in options.targets if _is_test(word)]
-    parts = [Loaded((_suite_for(options, "test", tests),), ())] if tests else []
-    if options.tests:
-        parts.append(_tests_of(Path(options.tests), options))
-    parts += [_load_target(Path(word), options) for word in options.targets if not _is_test(word)]
-    wanted = [(Path(name), True) for name in options.suite]
-    if options.suites:
-        wanted += [(path, False) for path in suite_files(Path(options.suites), recursive=options.recursive)]
-    parts.append(_load_suites(wanted, options))
-    suites = number_suites([suite for part in parts for suite in part.suites])
-    return Loaded(suites, tuple(said for part in parts for said in part.diagnostics))
-
-
-def _is_test(word: str) -> bool:
-    """Whether a word names a test plug-in: a file that is no suite file, or a class of a file."""
-    file = Path(word.partition("::")[0])
-    return file.is_file() and file.suffix != ".xml"
-
-
-def _load_target(path: Path, options: argparse.Namespace) -> Loaded:
-    """The suite of a file; all suites of a folder, or else all its tests. Raises UsageError when nothing is there."""
-    if path.is_file():
-        return _load_suites([(path, True)], options)
-    if not path.is_dir():
-        raise UsageError(_nothing_like(path))
-    files = suite_files(path, recursive=options.recursive)
-    loaded = _load_suites([(file, False) for file in files], options)
-    if not (loaded.suites or loaded.diagnostics):
-        loaded = _tests_of(path, options)
-        if not any(suite.tests for suite in loaded.suites):
-            deeper = "" if options.recursive else "; -r looks into its folders, too"
-            raise UsageError(f"the folder {path} has neither suites nor tests in it{deeper}")
-    return loaded
-
-
-def _nothing_like(path: Path) -> str:
-    """Say that there is no such file or folder, and which name is near."""
-    from rtf.cli.command_tree import TESTRUNNER
-
-    siblings = [one.name for one in path.parent.iterdir()] if path.parent.is_dir() else []
-    near = difflib.get_close_matches(path.name, [*siblings, *(command.name for command in TESTRUNNER.commands)], n=1)
-    hint = f"did you mean {near[0]}?" if near else "a test is named by --test, or by its file"
-    return f"there is no file or folder {str(path)!r}; {hint}"
-
-
-def _load_suites(wanted: Sequence[tuple[Path, bool]], options: argparse.Namespace) -> Loaded:
-    return load_files(wanted, dict(options.define), lenient=options.lenient) if wanted else Loaded((), ())
-
-
-def _tests_of(folder: Path, options: argparse.Namespace) -> Loaded:
-    files = plugin_files(folder, recursive=options.recursive)
-    plugins: list[tuple[str, str | None]] = [(str(path.resolve()), None) for path in files]
-    return Loaded((_suite_for(options, folder.resolve().name or "tests", plugins),), ())
-
-
-def _suite_for(options: argparse.Namespace, name: str, plugins: list[tuple[str, str | None]]) -> TestSuite:
-    return suite_of_plugins(name, plugins, param=options.param, environment=options.environment)
-
-
-def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple[TestSuite, ...]:
-    from rtf.testing import selection
-
-    filters = {}
-    if options.names:
-        filters[f"-k {options.names!r}"] = selection.name_filter(options.names)
-    if options.tags:
-        filters[f"--tags {options.tags!r}"] = selection.tag_filter(options.tags)
-    planned = getattr(options, "planned", None)
-    if planned is not None and (options.last_failed or options.stepwise):
-        filters["--resume"] = selection.id_filter(planned)  # what has failed last is something else by now
-    else:
-        last = Path(options.runs) / run_folder.LATEST
-        if options.last_failed:
-            failed = selection.id_filter(_failed_in(last, "--last-failed"))
-            filters[f"--last-failed (what did not pass in {last.resolve()})"] = failed
-        if options.stepwise and last.exists():
-            filters["--stepwise"] = selection.id_filter(_from_first(suites, _failed_in(last, "--stepwise")))
-    if filters:
-        selected = selection.select(suites, [*filters.values()], with_required=True)
-        if not selected:
-            total = sum(len(suite.tests) for suite in suites)
-            tests = f"none of {total} test{'s' if total != 1 else ''}"
-            print(f"testrunner: {tests} is selected by {' and '.join(filters)}", file=sys.stderr)
-        suites = selected
-    if options.shuffle is not None:
-        suites = selection.shuffle(suites, options.shuffle)
-    return suites
-
-
-def _from_first(suites: tuple[TestSuite, ...], failed: frozenset[str]) -> list[str]:
-    """The tests from the first one on that did not pass; all of them, if none of those is in the plan."""
-    ids = [test.id for suite in suites for test in suite.tests]
-    first = next((index for index, test in enumerate(ids) if test in failed), 0)
-    return ids[first:]
-
-
-def _failed_in(folder: Path, option: str) -> frozenset[str]:
-    from rtf.testing import replay
-    from rtf.testing.results import RunResult
-
-    if not folder.exists():
-        raise SuiteError(f"{option}: there is no earlier run in {folder.parent}")
-    results = RunResult()
-    for event in replay.as_one_run(folder):
-        results.apply(event)
-    return frozenset(test.id for test in results.tests.values() if test.verdict is None or not test.verdict.good)
-
-
-def fingerprints(plan: Plan) -> dict[str, str]:
-    """Return what each test of a plan is, by its id."""
-    return {test.entry.id: fingerprint(planned.suite, test.entry) for planned in plan.suites for test in planned.tests}
-
-
-def said_of_changes(changes: PlanChanged) -> Diagnosed:
-    """Return the message that the suites of a run that is resumed were edited."""
-    kinds = (("added", changes.added), ("removed", changes.removed), ("changed", changes.changed))
-    told = "; ".join(f"{word}: {', '.join(tests)}" for word, tests in kinds if tests)
-    text = f"the suites were edited since the run was begun: {told}"
-    return Diagnosed(
-        severity=Severity.WARNING, text=text, hint="what is new or changed is run, what is gone is left out"
-    )
-
-
-def list_plan(plan: Plan) -> ExitCode:
-    """Print a plan, and below it why something of it is not found: where that was looked for ``--dry-run`` tells."""
-    from rtf.cli.check_plan import missing_of
-
-    show_plan(plan)
-    missing = tuple(missing_of(plan))
-    show_diagnostics(missing)
-    return ExitCode.USAGE if plan.refused or missing else ExitCode.PASSED
-
-
-def show_plan(plan: Plan) -> None:
-    """Print the tests of a plan, a line each: id, plug-in, tags, what it does to the robot, whether it is missing."""
-    show_diagnostics(plan.diagnostics)
-    total = 0
-    for planned in plan.suites:
-        print(f"{planned.suite.name}  ({planned.suite.file or 'command line'})")
-        for entry, found in planned.fixtures:
-            missing = "  NOT FOUND" if isinstance(found, str) else ""
-            needs = f"  needs {', '.join(entry.depends)}" if entry.depends else ""
-            print(f"  fixture {entry.name}{needs}{missing}")
-        for test in planned.tests:
-            total += 1
-            tags = f"  [{' '.join(test.entry.tags)}]" if test.entry.tags else ""
-            missing = "  NOT FOUND" if test.plugin is None else ""
-            safety = f"  safety: {test.spec.safety}" if test.spec.safety else ""
-            print(f"  {test.entry.id}  {test.entry.name}{tags}{safety}{missing}")
-    print(f"{total} test{'s' if total != 1 else ''}")
-
-
-def refuse(plan: Plan) -> ExitCode:
-    """Say why nothing is run: a suite that cannot be read whole is not the suite that was meant."""
-    show_diagnostics(plan.diagnostics)
-    errors = sum(diagnosed.severity is Severity.ERROR for diagnosed in plan.diagnostics)
-    print(
-        f"testrunner: nothing was run: {errors} error{'s' if errors != 1 else ''} in the suite files", file=sys.stderr
-    )
-    return ExitCode.USAGE
-
-
-def show_diagnostics(diagnostics: tuple[Diagnosed, ...]) -> None:
-    """Print what is wrong with files, and with the command line, to stderr, the way compilers do."""
-    for diagnosed in diagnostics:
-        place = ":".join(str(part) for part in (diagnosed.file, diagnosed.line, diagnosed.column) if part)
-        place = place or "command line"
-        hint = f" ({diagnosed.hint})" if diagnosed.hint else ""
-        print(f"{place}: {diagnosed.severity}: {diagnosed.text}{hint}", file=sys.stderr)
 
 
 def make_run_folder(options: argparse.Namespace, plan: Plan) -> Path:

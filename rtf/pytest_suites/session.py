@@ -23,8 +23,8 @@ from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, bounded, l
 from rtf.testing.run_control import Control
 from rtf.testing.run_folder import LatestRun, make_run_folder
 from rtf.testing.runner import RunOptions, most_memory
-from rtf.testing.suite.ids import SuiteIds
-from rtf.testing.suite.model import Timeouts
+from rtf.testing.suite.ids import NameBook
+from rtf.testing.suite.model import Timeouts, number_suites
 
 if TYPE_CHECKING:
     from rtf.testing.events import Diagnosed
@@ -39,7 +39,7 @@ class SuiteSession:
         self._config = config
         self._settings = Settings.of(config)
         self._planner = Planner(self._settings.overrides)
-        self._ids = SuiteIds()
+        self._suite_ids = NameBook("+")
         self._diagnostics: list[Diagnosed] = []
         self._reporters: list[Reporter] = []
         self._conductor: Conductor | None = None
@@ -72,9 +72,7 @@ class SuiteSession:
         if loaded.has_errors or not loaded.suites:
             return None, loaded
         self._diagnostics += loaded.diagnostics
-        suite = loaded.suites[0]
-        suite = suite.with_id(self._ids.unique(suite.name, suite.file))
-        (planned,) = self._planner.plan(self._planner.complete([suite]))
+        (planned,) = self._planner.plan(self._planner.complete(number_suites(loaded.suites, self._suite_ids)))
         return planned, loaded
 
     # Running -----------------------------------------------------------------------------------------------------

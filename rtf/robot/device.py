@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from importlib import import_module, metadata
 from typing import TYPE_CHECKING, TypeVar
 
 from rtf.bottle import Property
 from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError
+from rtf.testing.plugins import PluginRef, installed, load_class
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -15,10 +15,7 @@ if TYPE_CHECKING:
     from rtf.middleware.network import Network
 
 T = TypeVar("T")
-#: The entry point group of devices from other packages: the name is the device type in configurations.
-ENTRY_POINTS = "rtf.devices"
-
-#: The devices of this package: type -> module and class, imported on use.
+#: The devices of this package, as entry points have them: type -> module and class, imported on use.
 SHIPPED: Mapping[str, str] = {
     "fakeMotionControl": "rtf.robot.devices.fake_board:FakeBoard",
     "fakeIMU": "rtf.robot.devices.fake_sensors:FakeImu",
@@ -121,17 +118,13 @@ def find_device(kind: str) -> type[Device]:
 
     Raises ConfigurationError for an unknown type, and DeviceError if its code cannot be imported.
     """
-    offered = {entry.name: entry for entry in metadata.entry_points(group=ENTRY_POINTS)}
-    if kind not in offered and kind not in SHIPPED:
-        known = ", ".join(sorted({*offered, *SHIPPED}))
-        raise ConfigurationError(f"there is no device type {kind!r}; the known types are {known}")
+    places = {**SHIPPED, **{name: point.value for name, point in installed("device").items()}}
+    if kind not in places:
+        raise ConfigurationError(f"there is no device type {kind!r}; the known types are {', '.join(sorted(places))}")
     try:
-        found = offered[kind].load() if kind in offered else _load(SHIPPED[kind])
+        return load_class(PluginRef("device", kind, places[kind], "entry point"), Device)  # type: ignore[type-abstract]
     except Exception as error:
         raise DeviceError(f"the device {kind!r} cannot be loaded: {type(error).__name__}: {error}") from error
-    if not (isinstance(found, type) and issubclass(found, Device)):
-        raise DeviceError(f"the entry point {kind!r} is not a Device but {found!r}")
-    return found
 
 
 def make_device(
@@ -141,8 +134,3 @@ def make_device(
     device = find_device(kind)(name or kind, network=network)
     device.open(configuration or Property())
     return device
-
-
-def _load(place: str) -> object:
-    module, _, attribute = place.partition(":")
-    return getattr(import_module(module), attribute)

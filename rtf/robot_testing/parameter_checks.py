@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rtf.errors import nearest
 from rtf.testing.parameters import ParameterError
 
 if TYPE_CHECKING:
@@ -87,8 +88,6 @@ def wrong_fault(test: Declared) -> list[str]:
     if not text:
         return []
     # Imported here: the faults load the whole simulator, which few tests need.
-    import difflib
-
     from rtf.robot.errors import RefusedError
     from rtf.robot_testing.robot_test import parse_injection
     from rtf.simulator.axes import INDEX
@@ -104,8 +103,8 @@ def wrong_fault(test: Declared) -> list[str]:
         return [f"inject: {said} ({source})"]
     problems = []
     if kind.target_kind is Target.AXIS and target not in INDEX:
-        near = difflib.get_close_matches(target, INDEX, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"its joints are {', '.join(INDEX)}"
+        near = nearest(target, INDEX)
+        hint = f"did you mean {near!r}?" if near else f"its joints are {', '.join(INDEX)}"
         problems.append(f"the robot has no joint {target!r}; {hint}")
     known = {parameter.name: parameter for parameter in kind.parameters}
     for name, value in values.items():

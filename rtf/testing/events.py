@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, Self, Union
 import msgspec
 
 from rtf import clock
-from rtf.errors import RtfError
+from rtf.errors import Location, RtfError
 from rtf.testing.verdict import FixtureState, MeasurementVerdict, Phase, Severity, Verdict
 
 #: Version of the vocabulary. It grows when an event or member changes meaning, not when one is added.
@@ -85,6 +85,12 @@ class Diagnosed(Event, tag="diagnosed", frozen=True, kw_only=True):
     column: Count = 0
     hint: str = ""
     suite: str = ""
+
+    def __str__(self) -> str:
+        """Write the problem the way compilers do, such as ``suite.xml:12:5: error: … (hint)``."""
+        place = str(Location(self.file, self.line, self.column)) if self.file else "command line"
+        hint = f" ({self.hint})" if self.hint else ""
+        return f"{place}: {self.severity}: {self.text}{hint}"
 
 
 class SuitePlanned(Event, tag="suite_planned", frozen=True, kw_only=True):

@@ -8,7 +8,6 @@ each test whose description does not exclude that it moves is loaded in an isola
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.testing.events import Diagnosed
@@ -19,9 +18,8 @@ from rtf.testing.verdict import Severity
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.testing.inspection import Trial, Use
+    from rtf.testing.inspection import Trial
     from rtf.testing.plan import PlannedSuite, PlannedTest
-    from rtf.testing.plugins import PluginRef
     from rtf.testing.suite.model import TestSuite
 
 #: A fixture that is asked for: its plug-in, and its parameters in order.
@@ -72,21 +70,8 @@ def _entry(wanted: _Wanted, entries: dict[_Wanted, FixtureEntry]) -> FixtureEntr
 
 def _trials(tests: Sequence[PlannedTest], overrides: Sequence[tuple[str, str]]) -> dict[str, Trial]:
     """What each test asks for, by its id. One that cannot be loaded or filled asks for nothing; its run says why."""
-    from rtf.testing.inspection import Use, inspect_plugins  # with all about parameters, which few runs need here
+    from rtf.testing.inspection import Use, try_uses  # with all about parameters, which few runs need here
 
-    wanted: dict[PluginRef, dict[str, Use]] = {}
-    for test in tests:
-        entry = test.entry
-        use = Use(
-            param=entry.param,
-            parameters=entry.parameters,
-            overrides=tuple(overrides),
-            environment=entry.environment,
-            folder=str(Path(entry.location.file).parent) if entry.location.file else "",
-        )
-        assert test.plugin is not None
-        wanted.setdefault(test.plugin, {})[entry.id] = use
-    found = inspect_plugins({ref: [*uses.values()] for ref, uses in wanted.items()}, ask=True)
-    return {
-        test_id: trial for ref, uses in wanted.items() for test_id, trial in zip(uses, found[ref].trials, strict=True)
-    }
+    uses = {test.entry.id: (test.plugin, Use.of(test.entry, overrides)) for test in tests if test.plugin is not None}
+    found = try_uses(uses.values(), ask=True)
+    return {test_id: found[use] for test_id, use in uses.items()}

@@ -6,6 +6,7 @@ loaded is a finding.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -18,9 +19,10 @@ from rtf.testing.plugin_spec import UNKNOWN, PluginSpec, spec_of_class
 from rtf.testing.session import text_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from rtf.testing.plugins import PluginRef
+    from rtf.testing.suite.model import FixtureEntry, TestEntry
 
 #: Seconds in which plug-ins must have been loaded.
 LOAD_LIMIT = 30.0
@@ -35,6 +37,19 @@ class Use(msgspec.Struct, frozen=True, kw_only=True):
     environment: str = ""
     place: str = ""
     folder: str = ""
+
+    @classmethod
+    def of(cls, entry: TestEntry | FixtureEntry, overrides: Iterable[tuple[str, str]] = ()) -> Use:
+        """What an entry of a suite gives to its plug-in."""
+        file = entry.location.file
+        return cls(
+            param=entry.param,
+            parameters=entry.parameters,
+            overrides=tuple(overrides),
+            environment=entry.environment,
+            place=str(entry.location) if file else "",
+            folder=str(Path(file).parent) if file else "",
+        )
 
 
 class Trial(msgspec.Struct, frozen=True, kw_only=True):
@@ -51,7 +66,10 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Inspection(msgspec.Struct, frozen=True, kw_only=True):
-    """What was found: the description, why there is none, and a trial of each use, in their order."""
+    """What was found: the description, why there is none, and a trial of each use, in their order.
+
+    Why a plug-in could not be loaded is also a problem of each of its trials.
+    """
 
     spec: PluginSpec = UNKNOWN
     problems: tuple[str, ...] = ()
@@ -86,20 +104,30 @@ def inspect_plugin(ref: PluginRef, uses: Sequence[Use] = ()) -> Inspection:
     return inspect_plugins({ref: uses})[ref]
 
 
+def try_uses(uses: Iterable[tuple[PluginRef, Use]], *, ask: bool = False) -> dict[tuple[PluginRef, Use], Trial]:
+    """Try what would be given to plug-ins; each is loaded once, and each use tried once."""
+    wanted: dict[PluginRef, list[Use]] = {}
+    for ref, use in dict.fromkeys(uses):
+        wanted.setdefault(ref, []).append(use)
+    found = inspect_plugins(wanted, ask=ask)
+    return {(ref, use): trial for ref in wanted for use, trial in zip(wanted[ref], found[ref].trials, strict=True)}
+
+
 def _look(ref: PluginRef, uses: Sequence[Use], ask: bool) -> object:
     """In the child: load a plug-in; every use has a fresh test or fixture."""
     maker: Callable[[PluginRef], Callable[[], Declared]]
     maker = plugins.fixture_maker if ref.kind == "fixture" else plugins.test_maker
-    empty = (Trial(),) * len(uses)
     try:
         make = maker(ref)
         spec = spec_of_class(type(make()))
         found = Inspection(spec=spec, trials=tuple(_try(make(), use, ask) for use in uses))
-    except plugins.SeveralClassesError as error:
-        several = PluginSpec(safety=None, classes=error.classes)
-        found = Inspection(spec=several, problems=(str(error),), trials=empty)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever keeps a plug-in from loading is the finding
-        found = Inspection(problems=(f"{type(error).__name__}: {text_of(error)}",), trials=empty)
+        spec = UNKNOWN
+        problem = f"{type(error).__name__}: {text_of(error)}"
+        if isinstance(error, plugins.SeveralClassesError):
+            spec, problem = PluginSpec(safety=None, classes=error.classes), str(error)
+        trial = Trial(problems=(problem,))
+        found = Inspection(spec=spec, problems=(problem,), trials=(trial,) * len(uses))
     return msgspec.to_builtins(found)
 
 

@@ -16,9 +16,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args, get_origin, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar, get_args, get_origin, overload
 
 from rtf.bottle import Bottle, Value, as_bool, as_string, is_bool, to_string, to_text
+from rtf.errors import nearest
 from rtf.resources import DiagnosticKind, find_parameters
 from rtf.resources.arguments import loose_words, parse_arguments
 from rtf.testing.measurement import limits_text, number, require_limits, unit
@@ -27,7 +28,7 @@ from rtf.testing.plugins import shipped_folder
 from rtf.testing.secret_values import MASK, is_secret, masked_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from rtf.bottle import Property
     from rtf.resources import Parameters
@@ -47,12 +48,8 @@ class ParameterError(TestingError, ValueError):
         super().__init__("\n".join([f"{head}:", *(f"  {problem}" for problem in problems)]))
 
 
-class _Required:
-    def __repr__(self) -> str:
-        return "required"
-
-
-REQUIRED = _Required()
+#: In place of a default: the parameter must be given.
+REQUIRED = object()
 
 
 class Parameter(Generic[T]):
@@ -84,7 +81,7 @@ class Parameter(Generic[T]):
         self.kind = kind
         self.description = description
         self.default = default
-        self.unit = _unit(unit)
+        self.unit = _symbol(unit)
         require_limits(low=low, high=high)
         self.low = low
         self.high = high
@@ -94,7 +91,7 @@ class Parameter(Generic[T]):
         self.key = key
         self.element: type[object] = get_args(kind)[0] if get_origin(kind) is list else kind
         self.is_list = get_origin(kind) is list
-        if self.element not in (bool, int, float, str, Bottle):
+        if self.element not in _ELEMENTS:
             raise TypeError(f"a parameter is a bool, int, float, str, a list of one of these, or a Bottle; not {kind}")
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -138,7 +135,7 @@ class Parameter(Generic[T]):
     @property
     def noun(self) -> str:
         """The type for people who need not know Python, such as ``list of numbers``."""
-        noun = _NOUNS[self.element]
+        noun = _ELEMENTS[self.element].noun
         return f"list of {noun}s" if self.is_list else noun
 
     def range_text(self) -> str:
@@ -181,19 +178,18 @@ class Parameter(Generic[T]):
 
     def _element(self, value: Value, index: int | None) -> object:
         where = "" if index is None else f"element {index}: "
-        made = _ELEMENTS[self.element](value)
+        kind = _ELEMENTS[self.element]
+        made = kind.convert(value)
         if made is None:
             hint = ": write true or false" if self.element is bool else ""
-            raise ValueError(f"{where}{to_text(value)} is no {_NOUNS[self.element]}{hint}")
+            raise ValueError(f"{where}{to_text(value)} is no {kind.noun}{hint}")
         if isinstance(made, int | float) and not isinstance(made, bool):
             low, high = self.low, self.high
             if math.isnan(made) or (low is not None and made < low) or (high is not None and made > high):
                 raise ValueError(f"{where}{number(made)} is not {limits_text(low, high, self.unit)}")
         if self.choices and made not in self.choices:
-            import difflib
-
-            near = difflib.get_close_matches(str(made), [str(choice) for choice in self.choices], n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
+            near = nearest(str(made), map(str, self.choices))
+            hint = f"; did you mean {near!r}?" if near else ""
             raise ValueError(f"{where}{made!r} is none of {', '.join(map(repr, self.choices))}{hint}")
         return made
 
@@ -202,42 +198,27 @@ def _is_quoted(text: str, values: list[Value]) -> bool:
     return len(values) == 1 and text.lstrip().startswith('"')
 
 
-def _unit(symbol: str) -> str:
+def _symbol(symbol: str) -> str:
     return str(unit(symbol))
+
+
+class _Element(NamedTuple):
+    """A type of values: its name for people, and how to make one of what was written; None where that is another."""
+
+    noun: str
+    convert: Callable[[Value], object | None]
 
 
 def _to_bool(value: Value) -> bool | None:
     return as_bool(value) if is_bool(value) or (isinstance(value, int) and value in (0, 1)) else None
 
 
-def _to_int(value: Value) -> int | None:
-    return int(value) if isinstance(value, int) else None
-
-
-def _to_float(value: Value) -> float | None:
-    return float(value) if isinstance(value, int | float) else None
-
-
-def _to_str(value: Value) -> str | None:
-    return None if isinstance(value, Bottle) else to_string(value)
-
-
-_ELEMENTS: dict[type[object], Callable[[Value], object | None]] = {
-    bool: _to_bool,
-    int: _to_int,
-    float: _to_float,
-    str: _to_str,
-    Bottle: lambda value: value,
-}
-
-
-#: The types of elements, for people.
-_NOUNS: dict[type[object], str] = {
-    bool: "truth value",
-    int: "whole number",
-    float: "number",
-    str: "text",
-    Bottle: "list",
+_ELEMENTS: dict[type[object], _Element] = {
+    bool: _Element("truth value", _to_bool),
+    int: _Element("whole number", lambda value: int(value) if isinstance(value, int) else None),
+    float: _Element("number", lambda value: float(value) if isinstance(value, int | float) else None),
+    str: _Element("text", lambda value: None if isinstance(value, Bottle) else to_string(value)),
+    Bottle: _Element("list", lambda value: value),
 }
 
 
@@ -272,16 +253,17 @@ class Declared:
     #: What reading the parameter file found doubtful, such as a variable that is not defined.
     parameter_warnings: tuple[str, ...] = ()
     _suite_values: Property | None = None
+    _declarations: ClassVar[dict[str, Parameter[Any]]]
 
     @classmethod
     def declarations(cls) -> dict[str, Parameter[Any]]:
-        """The declared parameters by attribute name, those of base classes first."""
-        return {
-            name: value
-            for base in reversed(cls.__mro__)
-            for name, value in vars(base).items()
-            if isinstance(value, Parameter)
-        }
+        """The declared parameters by attribute name, those of base classes first. They are looked up once."""
+        found: dict[str, Parameter[Any]] | None = cls.__dict__.get("_declarations")
+        if found is None:
+            attributes = (item for base in reversed(cls.__mro__) for item in vars(base).items())
+            found = {name: value for name, value in attributes if isinstance(value, Parameter)}
+            cls._declarations = found
+        return found
 
     def resolve_parameters(
         self,
@@ -298,7 +280,7 @@ class Declared:
         ``place`` names the suite's line, ``folder`` is the suite's. Raises ParameterError with every problem, and
         whatever reading the file of ``--from`` raises.
         """
-        declared = declarations_of(type(self))
+        declared = self.declarations()
         if not (param or parameters or overrides or len(declared) > _BUILT_IN):
             return []  # the common case of a test without parameters costs nothing
         found = find_parameters(param, environment, roots=_roots(folder))
@@ -332,11 +314,6 @@ class Declared:
         For authors: raise what says which parameter it is, and the hint. ``folder`` is the suite's.
         """
 
-    @classmethod
-    def parameter_table(cls) -> list[Parameter[Any]]:
-        """The declarations in the order of writing, for documentation."""
-        return [*cls.declarations().values()]
-
     def parameter_source(self, key: str) -> str:
         """Where a value came from, by the parameter's key: a place in a file, ``param`` of a place, or ``--set``."""
         sources: dict[str, str] = self.__dict__.get("_parameter_sources", {})
@@ -347,17 +324,6 @@ class Declared:
         return {
             name: getattr(self, name) for name, p in self.declarations().items() if not p.required or _has(self, name)
         }
-
-
-_declarations: dict[type[Declared], dict[str, Parameter[Any]]] = {}
-
-
-def declarations_of(cls: type[Declared]) -> dict[str, Parameter[Any]]:
-    """The declarations of a class, looked up once: a plug-in server does so before its tests are forked from it."""
-    found = _declarations.get(cls)
-    if found is None:
-        found = _declarations[cls] = cls.declarations()
-    return found
 
 
 #: ``name`` and ``description``, which every test has.
@@ -416,38 +382,28 @@ class _Filling:
             key: name for name, parameter in declared.items() for key in (parameter.key, *parameter.aliases)
         }
 
-    def fill(self, layers: list[Given]) -> list[dict[str, str]]:
-        chosen: dict[str, Given] = {}
-        for given in layers:
-            name = self._name_of(given)
-            if name:
-                chosen[name] = given  # a later layer wins
+    def fill(self, layers: Iterable[Given]) -> list[dict[str, str]]:
+        chosen = {self._name_of(given): given for given in layers}  # a later layer wins
         for name, given in chosen.items():
-            self._convert(name, given)
-        for name, parameter in self._declared.items():
+            if name:
+                self._convert(name, given)
+        for name, parameter in self._declared.items():  # lengths of defaults follow values that are given
             if name not in chosen:
                 self._default(name, parameter)
         for name, parameter in self._declared.items():
             self._check_length(name, parameter)
         if self._problems:
             raise ParameterError(type(self._target).__name__, self._problems)
-        sources = {key: self._sources[name] for key, name in self._by_key.items()}
-        self._target.__dict__["_parameter_sources"] = sources
+        self._target.__dict__["_parameter_sources"] = {key: self._sources[name] for key, name in self._by_key.items()}
         return self._rows()
 
     def _name_of(self, given: Given) -> str:
-        name = self._by_key.get(given.key)
-        if name is not None:
-            return name
-        if given.key not in self._target.ignored_keys:
-            import difflib
-
-            known = sorted(self._by_key)
-            lower = {key.lower(): key for key in known}
-            near = [lower[match] for match in difflib.get_close_matches(given.key.lower(), lower, n=1)]
-            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+        name = self._by_key.get(given.key, "")
+        if not name and given.key not in self._target.ignored_keys:
+            near = nearest(given.key, self._by_key)
+            hint = f"did you mean {near!r}?" if near else f"known are {', '.join(sorted(self._by_key))}"
             self._problems.append(f"unknown parameter {given.key!r} ({given.source}); {hint}")
-        return ""
+        return name
 
     def _convert(self, name: str, given: Given) -> None:
         parameter = self._declared[name]
@@ -465,10 +421,10 @@ class _Filling:
             self._problems.append(f"{parameter.key}: must be given ({parameter.noun}; {parameter.description})")
             return
         value = parameter.default
-        if parameter.is_list and not isinstance(value, list | tuple):
+        if parameter.is_list:
             count = self._wanted_length(parameter)
-            value = [value] * (1 if count is None else count)
-        parameter.__set__(self._target, list(value) if parameter.is_list else value)
+            value = [*value] if isinstance(value, list | tuple) else [value] * (1 if count is None else count)
+        parameter.__set__(self._target, value)
         self._sources[name] = "default"
 
     def _wanted_length(self, parameter: Parameter[Any]) -> int | None:
@@ -477,24 +433,20 @@ class _Filling:
         other = self._declared.get(parameter.length)
         if other is None:
             raise TypeError(f"{parameter.name}: its length refers to {parameter.length!r}, which is not declared")
-        if not _has(self._target, other.name):
-            if other.required or isinstance(other.default, _Required):
-                return None
-            value = other.default
-        else:
-            value = getattr(self._target, other.name)
+        if other.required and not _has(self._target, other.name):
+            return None
+        value = getattr(self._target, other.name)  # its default, if it is not filled yet
         return len(value) if isinstance(value, list | tuple) else int(value)
 
     def _check_length(self, name: str, parameter: Parameter[Any]) -> None:
-        if not parameter.is_list or parameter.length is None or not _has(self._target, name):
+        if not parameter.is_list or not _has(self._target, name):
             return
-        wanted = self._wanted_length(parameter)
-        have = len(getattr(self._target, name))
+        wanted, have = self._wanted_length(parameter), len(getattr(self._target, name))
         if wanted is not None and have != wanted:
             reason = f" (as many as {parameter.length})" if isinstance(parameter.length, str) else ""
-            source = self._sources[name]
             values = "value" if have == 1 else "values"
-            self._problems.append(f"{parameter.key}: has {have} {values}, must have {wanted}{reason} ({source})")
+            problem = f"has {have} {values}, must have {wanted}{reason} ({self._sources[name]})"
+            self._problems.append(f"{parameter.key}: {problem}")
 
     def _rows(self) -> list[dict[str, str]]:
         return [

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from rtf.errors import Location
 from rtf.testing.dispatch import numbered_copy
-from rtf.testing.events import Diagnosed
 from rtf.testing.plugin_spec import UNKNOWN, PluginSpec, combinations
 from rtf.testing.plugins import PluginError, PluginRef, find, spec_of
 from rtf.testing.suite.ids import TestIds, digest, label_of_plugin, name_of_plugin, varied
@@ -32,7 +31,7 @@ from rtf.testing.verdict import Severity
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from rtf.testing.suite.diagnostics import Diagnostic
+    from rtf.testing.events import Diagnosed
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,26 +86,12 @@ def load_files(files: Iterable[tuple[Path, bool]], variables: Mapping[str, str],
     diagnostics: list[Diagnosed] = []
     for path, required in files:
         loaded = load_suite(path, variables=variables, lenient=lenient)
-        problems = [diagnosed_from(diagnostic) for diagnostic in loaded.diagnostics]
         if loaded.foreign and not required:
             continue
-        diagnostics.extend(problems)
+        diagnostics += loaded.diagnostics
         if loaded.suite is not None:
             suites.append(loaded.suite)
     return Loaded(number_suites(suites), tuple(diagnostics))
-
-
-def diagnosed_from(diagnostic: Diagnostic) -> Diagnosed:
-    """The event that tells of a problem in a suite file."""
-    location = diagnostic.location
-    return Diagnosed(
-        severity=Severity(str(diagnostic.severity)),
-        text=diagnostic.message,
-        file=location.file,
-        line=location.line,
-        column=location.column,
-        hint=diagnostic.hint,
-    )
 
 
 def suite_files(folder: Path, *, recursive: bool) -> list[Path]:
@@ -197,7 +182,7 @@ class Planner:
         refs = {ref for ref in found if not isinstance(ref, str)}
         while refs := {ref for ref in refs if ref not in self._specs}:
             specs = {ref: spec_of(ref) for ref in sorted(refs)}
-            unknown = {ref: () for ref, spec in specs.items() if spec.matrix is None or spec.occupies is None}
+            unknown = {ref: () for ref, spec in specs.items() if not spec.complete}
             if unknown:
                 from rtf.testing.inspection import inspect_plugins
 

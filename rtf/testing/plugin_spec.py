@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
     from rtf.testing.parameters import Declared
 
@@ -23,11 +23,15 @@ _HARMLESS = ("", "still")
 
 
 class Axis(msgspec.Struct, frozen=True):
-    """A parameter that a matrix varies: of each value the label, which names and ids show, and the text."""
+    """A parameter that a matrix varies: of each value the label, which names and ids show, and the text.
+
+    ``names`` are all names of the parameter, where more than its key are known.
+    """
 
     name: str
     labels: tuple[str, ...]
     texts: tuple[str, ...]
+    names: tuple[str, ...] = ()
 
 
 class Matrix:
@@ -41,7 +45,8 @@ class Matrix:
             matrix = Matrix(speed=(10, 20), part=("head", "torso"))
 
     The tests are ``Nod[10-head]``, ``Nod[10-torso]``, ``Nod[20-head]`` and ``Nod[20-torso]``, with the labels that
-    pytest gives to such values. Where a suite or the command line sets a parameter, that is not varied.
+    pytest gives to such values. Where a suite or the command line sets a parameter, that is not varied; a parameter
+    file counts less than the matrix.
     """
 
     def __init__(self, **values: Iterable[object]) -> None:
@@ -77,7 +82,7 @@ def _text(value: object) -> str:
 
 def combinations(axes: Iterable[Axis], given: Collection[str]) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
     """Each combination of the values of the parameters that are not ``given``: its label and its parameters."""
-    varied = [axis for axis in axes if axis.name not in given]
+    varied = [axis for axis in axes if not {axis.name, *axis.names}.intersection(given)]
     for chosen in product(*(zip(axis.labels, axis.texts, strict=True) for axis in varied)):
         parameters = tuple((axis.name, text) for axis, (_, text) in zip(varied, chosen, strict=True))
         yield "-".join(label for label, _ in chosen), parameters
@@ -99,8 +104,9 @@ class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
     """What a plug-in says of itself.
 
     ``safety`` is a word in small letters, empty where the plug-in declares none, and None where the text does not tell;
-    ``occupies`` and ``matrix`` are None likewise. A file with several test classes, of which none is named, has them in
-    ``classes`` and nothing else. ``parameters`` are those of a loaded plug-in.
+    ``occupies`` is None likewise. It is ``complete`` unless the text leaves open what the planner has to know. A file
+    with several test classes, of which none is named, has them in ``classes`` and nothing else. ``secrets`` are the
+    keys of parameters that are declared secret, ``parameters`` are known of a loaded plug-in.
     """
 
     class_name: str = ""
@@ -111,8 +117,10 @@ class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
     timeout: float | None = None
     occupies: str | None = ""
     safety: str | None = ""
-    matrix: tuple[Axis, ...] | None = ()
+    matrix: tuple[Axis, ...] = ()
     classes: tuple[str, ...] = ()
+    complete: bool = True
+    secrets: tuple[str, ...] = ()
     parameters: tuple[ParameterSpec, ...] = ()
 
     @property
@@ -132,23 +140,65 @@ UNKNOWN = PluginSpec(safety=None)
 
 def may_move(safety: object) -> bool:
     """Whether a test with this ``safety``, a word, a member of an enumeration or None, may move something."""
-    return str(getattr(safety, "name", safety)).lower() not in _HARMLESS
+    return _word_of(safety) not in _HARMLESS
+
+
+class Names(NamedTuple):
+    """The names of a declared parameter, and whether it is declared secret."""
+
+    names: tuple[str, ...]
+    secret: bool
+
+
+def names_of(attribute: str, key: str, aliases: Iterable[str]) -> tuple[str, ...]:
+    """All names by which a parameter is set, sorted."""
+    return tuple(sorted({attribute, key or attribute, *aliases}))
+
+
+#: What nobody sets, and what has to be computed.
+ABSENT, UNCERTAIN = object(), object()
+
+
+def make_spec(
+    class_name: str,
+    description: str,
+    get: Callable[[str], object],
+    declared: Collection[Names],
+    parameters: Iterable[ParameterSpec] = (),
+) -> PluginSpec:
+    """The description of a class; ``get`` tells the value of an attribute, or ABSENT, or UNCERTAIN."""
+    names = {name: one.names for one in declared for name in one.names}
+    safety, matrix, occupies, timeout = get("safety"), get("matrix"), get("occupies"), get("timeout")
+    tags, requires = get("tags"), get("requires")
+    return PluginSpec(
+        class_name=class_name,
+        names=(*as_strings(get("plugin_name")), *as_strings(get("aliases"))),
+        description=description,
+        tags=as_strings(tags),
+        requires=as_strings(requires),
+        # A limit that is no number is the author's error, which loading the test tells.
+        timeout=float(timeout) if isinstance(timeout, int | float) and not math.isnan(timeout) else None,
+        occupies=None if occupies is UNCERTAIN else occupies if isinstance(occupies, str) else "",
+        safety=None if safety is UNCERTAIN else "" if safety is ABSENT else _word_of(safety),
+        matrix=tuple(
+            msgspec.structs.replace(axis, names=names.get(axis.name, ()))
+            for axis in (matrix.axes if isinstance(matrix, Matrix) else ())
+        ),
+        complete=all(value is not UNCERTAIN for value in (tags, requires, timeout, occupies, matrix)),
+        secrets=tuple(sorted({name for one in declared if one.secret for name in one.names})),
+        parameters=tuple(parameters),
+    )
 
 
 def spec_of_class(cls: type[Declared]) -> PluginSpec:
     """The description of a class that was loaded."""
-    safety, matrix = getattr(cls, "safety", ""), getattr(cls, "matrix", None)
-    return PluginSpec(
-        class_name=cls.__name__,
-        names=tuple(name for name in (getattr(cls, "plugin_name", ""), *getattr(cls, "aliases", ())) if name),
-        description=(cls.__doc__ or "").strip(),
-        tags=as_strings(getattr(cls, "tags", ())),
-        requires=as_strings(getattr(cls, "requires", ())),
-        timeout=as_seconds(getattr(cls, "timeout", None)),
-        occupies=str(getattr(cls, "occupies", "")),
-        safety=str(getattr(safety, "name", safety)).lower(),
-        matrix=matrix.axes if isinstance(matrix, Matrix) else (),
-        parameters=tuple(
+    declared = cls.declarations()
+    return make_spec(
+        cls.__name__,
+        (cls.__doc__ or "").strip(),
+        lambda name: getattr(cls, name, ABSENT),
+        [Names(names_of(name, one.key, one.aliases), one.secret) for name, one in declared.items()],
+        (
             ParameterSpec(
                 name=parameter.key,
                 aliases=", ".join(parameter.aliases),
@@ -158,18 +208,18 @@ def spec_of_class(cls: type[Declared]) -> PluginSpec:
                 range=parameter.range_text(),
                 description=parameter.description,
             )
-            for parameter in cls.parameter_table()
+            for parameter in declared.values()
         ),
     )
 
 
-def as_strings(value: Any) -> tuple[str, ...]:  # whatever an author has written
-    """One string or several."""
+def as_strings(value: object) -> tuple[str, ...]:
+    """One string or several, whatever an author has written."""
     if isinstance(value, str):
         return (value,) if value else ()
     return tuple(str(item) for item in value) if isinstance(value, tuple | list) else ()
 
 
-def as_seconds(value: Any) -> float | None:  # likewise
-    """A time-out; None where it is no number, which the test is told when it is loaded."""
-    return float(value) if isinstance(value, int | float) and not math.isnan(value) else None
+def _word_of(safety: object) -> str:
+    """The word for a class of safety: a text, or a member of an enumeration."""
+    return str(getattr(safety, "name", safety)).lower()

@@ -11,7 +11,8 @@ of old suites may so be a Python file that has its name, with ``.lua``, as an al
 5. entry points of installed packages, in the group of the kind (:data:`GROUPS`).
 
 The file is loaded, in the process that needs it, as ``rtf_plugins.<kind>.<stem>``. Reporters and kinds of faults are
-found and loaded in the same way; a language is an entry point alone, the type of a test whose file it loads.
+found and loaded in the same way. Languages, the types of tests whose files they load, and devices of robots are entry
+points alone.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ GROUPS = {
     "report": "rtf.reporters",
     "fault": "rtf.faults",
     "language": "rtf.languages",
+    "device": "rtf.devices",
 }
 
 #: The variable that says in which folders plug-ins of which kind are, for ``rtf_plugins``; and the folder of that.
@@ -167,7 +169,7 @@ def _language(type_: str | None, name: str) -> str | None:
     if type_:
         language = LANGUAGES.get(type_.strip().lower())
         if language is None:
-            offered = _installed("language")
+            offered = installed("language")
             if type_.strip().lower() in offered:
                 return type_.strip().lower()
             known = ", ".join(sorted({*LANGUAGES, *offered}))
@@ -247,14 +249,14 @@ def _on_path(kind: str, name: str, language: str | None, tried: list[str]) -> Pl
 def _entry_point(kind: str, name: str, language: str | None, tried: list[str]) -> PluginRef | None:
     if language not in (None, "python"):
         return None
-    point = _installed(kind).get(bare_name(name))
+    point = installed(kind).get(bare_name(name))
     if point is not None:
         return PluginRef(kind, name, point.value, "entry point")
     tried.append(f"entry points {GROUPS[kind]!r} of installed packages")
     return None
 
 
-def _installed(kind: str) -> dict[str, EntryPoint]:
+def installed(kind: str) -> dict[str, EntryPoint]:
     """What installed packages offer of one kind, by name."""
     from importlib.metadata import entry_points
 
@@ -296,11 +298,15 @@ def load_module(ref: PluginRef) -> ModuleType:
     if ref.kind in ("test", "fixture"):  # reporters and faults live in processes that are not theirs
         _make_importable(ref.kind, folder)
     sys.modules[name] = module
+    own = os.getpid()
     try:
         loader.exec_module(module)
     except BaseException:
         del sys.modules[name]
         raise
+    finally:
+        if os.getpid() != own:  # a copy of this process that the file has forked: it is no second test
+            os._exit(0)
     return module
 
 
@@ -356,7 +362,7 @@ def test_maker(ref: PluginRef) -> Callable[[], TestCase]:
     if language == "entry point":
         return load_class(ref, TestCase)
     if language != "python":
-        maker: Callable[[PluginRef], TestCase] = _installed("language")[language].load()
+        maker: Callable[[PluginRef], TestCase] = installed("language")[language].load()
         return partial(maker, ref)
     from rtf.testing.languages import legacy_python
 

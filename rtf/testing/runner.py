@@ -36,7 +36,7 @@ from rtf.testing.events import (
 )
 from rtf.testing.isolation.attempt import GRACE, Limits
 from rtf.testing.plan import fingerprint
-from rtf.testing.secret_values import declared_in, masked_command, masked_text
+from rtf.testing.secret_values import masked_command, masked_text
 from rtf.testing.sharing import groups_sharing_fixtures
 from rtf.testing.suite.model import Isolation, TestEntry, Timeouts
 from rtf.testing.verdict import ExitCode, Severity, Verdict
@@ -119,8 +119,7 @@ class Run:
         self._failures = 0
         self._counting = threading.Lock()
         self._broadcast = broadcast
-        files = {str(test.plugin.path) for suite in suites for test in suite.tests if test.plugin is not None}
-        self._secrets = declared_in(files)
+        self._secrets = {name for suite in suites for test in suite.tests for name in test.spec.secrets}
         self._limits: dict[str, Limits] = {}
         self._launched = [] if launched is None else [launched]
         self.emit = broadcast.emit

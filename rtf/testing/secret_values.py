@@ -5,13 +5,11 @@ A value is secret by the name of what it is given to. In its place stands :data:
 
 from __future__ import annotations
 
-import ast
 import re
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator
+    from collections.abc import Collection, Iterable
 
 MASK = "***"
 
@@ -47,34 +45,3 @@ def _masked_word(word: str, declared: Collection[str]) -> str:
     if match is not None and is_secret(match["name"], declared):
         return match["head"] + MASK
     return masked_text(word, declared)
-
-
-def declared_in(files: Iterable[str]) -> frozenset[str]:
-    """Return the names of the parameters that these Python files declare with ``secret=True``. Nothing is run."""
-    return frozenset(name for file in files if file.endswith(".py") for name in _declared_in(Path(file)))
-
-
-def _declared_in(file: Path) -> Iterator[str]:
-    try:
-        text = file.read_text(encoding="utf-8")
-        tree = ast.parse(text) if "secret" in text else ast.Module([], [])
-    except (OSError, ValueError, SyntaxError):
-        return  # loading it says what is wrong
-    for node in ast.walk(tree):
-        if not (isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(node.value, ast.Call)):
-            continue
-        keywords = {keyword.arg: keyword.value for keyword in node.value.keywords}
-        if _literal(keywords.get("secret")) is not True:
-            continue
-        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-        yield from (target.id for target in targets if isinstance(target, ast.Name))
-        aliases = _literal(keywords.get("aliases"))
-        names = [_literal(keywords.get("key")), *(aliases if isinstance(aliases, list | tuple) else ())]
-        yield from (name for name in names if isinstance(name, str))
-
-
-def _literal(node: ast.expr | None) -> object:
-    try:
-        return None if node is None else ast.literal_eval(node)
-    except ValueError:
-        return None

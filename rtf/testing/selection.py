@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import ast
 import re
-from dataclasses import dataclass
 from hashlib import blake2b
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.testing.suite.ids import former
 from rtf.testing.suite.model import SuiteError
@@ -42,24 +41,10 @@ class ExpressionError(SuiteError):
         self.column = column
 
 
-@dataclass(frozen=True, slots=True)
-class Expression:
-    """A parsed expression; the words stand where the tree has names, by the number of their token."""
+class Expression(NamedTuple):
+    """A parsed expression; ``holds`` says whether it is true where its argument says which words are."""
 
-    tree: ast.expr
-    words: tuple[str, ...]
-
-    def holds(self, matches: Callable[[str], bool]) -> bool:
-        """Whether the expression is true where ``matches`` says which words are."""
-        return self._holds(self.tree, matches)
-
-    def _holds(self, node: ast.expr, matches: Callable[[str], bool]) -> bool:
-        if isinstance(node, ast.BoolOp):
-            joined = all if isinstance(node.op, ast.And) else any
-            return joined(self._holds(value, matches) for value in node.values)
-        if isinstance(node, ast.UnaryOp):
-            return not self._holds(node.operand, matches)
-        return matches(self.words[node.col_offset // _WIDTH])
+    holds: Callable[[Callable[[str], bool]], bool]
 
 
 def parse_expression(text: str) -> Expression:
@@ -71,18 +56,26 @@ def parse_expression(text: str) -> Expression:
         if token[0] in ("'", '"'):
             raise ExpressionError("this quote is never closed", text, token.start() + 1)
     columns = [*(token.start() + 1 for token in tokens), len(text.rstrip()) + 1]
+    words = [token[0][1:-1] if token[0][0] in "'\"" else token[0] for token in tokens]
     try:
         tree = ast.parse("".join(_in_python(token[0]).ljust(_WIDTH) for token in tokens), mode="eval").body
+        return Expression(_compiled(tree, words, MAX_DEPTH))
+    except _MisplacedError as error:
+        raise ExpressionError(_RULE, text, columns[error.token]) from None
     except SyntaxError as error:
         index = min((error.offset - 1) // _WIDTH, len(tokens)) if error.offset else len(tokens)
         said = "this is nested too deep" if "nested" in error.msg else _RULE
         raise ExpressionError(error.msg if "'" in error.msg else said, text, columns[index]) from None
     except (MemoryError, RecursionError):
         raise ExpressionError("this is nested too deep", text, 1) from None
-    wrong = _find_wrong(tree, MAX_DEPTH)
-    if wrong is not None:
-        raise ExpressionError(_RULE, text, columns[wrong.col_offset // _WIDTH])
-    return Expression(tree, tuple(token[0][1:-1] if token[0][0] in "'\"" else token[0] for token in tokens))
+
+
+class _MisplacedError(Exception):
+    """What Python accepts and an expression must not have, such as ``a (b)``, which is a call, or too much depth."""
+
+    def __init__(self, node: ast.expr) -> None:
+        super().__init__()
+        self.token = node.col_offset // _WIDTH
 
 
 def _in_python(token: str) -> str:
@@ -90,15 +83,18 @@ def _in_python(token: str) -> str:
     return folded if folded in ("and", "or", "not", "(", ")") else "x"
 
 
-def _find_wrong(node: ast.expr, depth: int) -> ast.expr | None:
-    """What Python accepts and an expression must not have, such as ``a (b)``, which is a call, or too much depth."""
-    if not depth:
-        return node
-    if isinstance(node, ast.BoolOp):
-        return next((wrong for value in node.values if (wrong := _find_wrong(value, depth - 1)) is not None), None)
-    if isinstance(node, ast.UnaryOp):
-        return _find_wrong(node.operand, depth - 1)
-    return None if isinstance(node, ast.Name) else node
+def _compiled(node: ast.expr, words: Sequence[str], depth: int) -> Callable[[Callable[[str], bool]], bool]:
+    if depth and isinstance(node, ast.BoolOp):
+        parts = [_compiled(value, words, depth - 1) for value in node.values]
+        joined = all if isinstance(node.op, ast.And) else any
+        return lambda matches: joined(part(matches) for part in parts)
+    if depth and isinstance(node, ast.UnaryOp):
+        part = _compiled(node.operand, words, depth - 1)
+        return lambda matches: not part(matches)
+    if depth and isinstance(node, ast.Name):
+        word = words[node.col_offset // _WIDTH]
+        return lambda matches: matches(word)
+    raise _MisplacedError(node)
 
 
 def name_filter(expression: str) -> Filter:

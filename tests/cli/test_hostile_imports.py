@@ -35,18 +35,17 @@ os.read(read, 1)
 """
 
 
-LOOKING = [["--suite", "s.xml", "--dry-run"], ["validate", "s.xml"], ["describe", "starter.py"]]
-RUNNING = [["--test", "starter.py"], ["--suite", "s.xml"]]
+COMMANDS = [
+    ["--suite", "s.xml", "--dry-run"],
+    ["validate", "s.xml"],
+    ["describe", "starter.py"],
+    ["--test", "starter.py"],
+    ["--suite", "s.xml"],
+]
 
 
-@pytest.mark.parametrize(
-    ("text", "arguments"),
-    [
-        *(pytest.param(FORKS, words, id=f"forks {' '.join(words)}") for words in (*LOOKING, *RUNNING)),
-        *(pytest.param(DAEMON, words, id=f"daemon {' '.join(words)}") for words in (*LOOKING, *RUNNING)),
-        *(pytest.param(GOES_ON_TWICE, words, id=f"goes on twice {' '.join(words)}") for words in LOOKING),
-    ],
-)
+@pytest.mark.parametrize("arguments", COMMANDS, ids=" ".join)
+@pytest.mark.parametrize("text", [FORKS, DAEMON, GOES_ON_TWICE], ids=["forks", "daemon", "goes on twice"])
 def test_a_plug_in_that_starts_processes_at_import_breaks_no_command(tmp_path: Path, text: str, arguments: list[str]):
     """The command ends as with any plug-in, shows no traceback, and no process is left alive."""
     suite = '<suite name="s"><test> starter.py </test></suite>'

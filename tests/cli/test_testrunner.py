@@ -93,7 +93,8 @@ def test_a_list_of_nothing_says_what_lists_all(folder: Path):
     [
         (["--siute", "x.xml"], "did you mean --suite"),
         (["both.xnl"], "there is no file or folder 'both.xnl'; did you mean both.xml?"),
-        (["fine.xml", "Fine"], "a test is named by --test, or by its file"),
+        (["fine.xml", "Elbow"], "a test is named by --test, or by its file"),
+        (["fine.xml", "Fine.py"], "did you mean fine.py?"),
         (["fine.xml", "-q", "descrbe"], "did you mean describe?"),
         (["fine.xml", "lost.py::Class"], "there is no file or folder"),
         (["empty"], "the folder empty has neither suites nor tests in it"),
@@ -106,6 +107,11 @@ def test_a_list_of_nothing_says_what_lists_all(folder: Path):
         (["-s", "fine.xml", "--report", "nonesuch"], "no report plug-in 'nonesuch'"),
         (["--suites", "nowhere"], "no folder"),
         (["-s", "fine.xml", "--last-failed"], "no earlier run"),
+        ([""], "an empty word names no test, suite or folder"),
+        (["fine.xml", "-t", ""], "an empty word names no test, suite or folder"),
+        (["fine.xml", "-p", "--level 3"], "--param is for tests that the command line names"),
+        (["fine.xml", "-e", "--robotname icub"], "--environment is for tests that the command line names"),
+        (["fine.xml", "--type", "gtest"], "--type is for tests that the command line names"),
     ],
 )
 def test_wrong_usage_is_told_before_anything_runs(folder: Path, arguments: list[str], said: str):
@@ -307,6 +313,17 @@ def test_run_of_a_suite_that_was_edited_is_resumed(folder: Path):
     assert verdicts == dict.fromkeys(("e/first", "e/new", "e/fine", "e/a"), Verdict.PASSED)
     cases = {case.get("name") for case in etree.parse(folder / "j.xml").iter("testcase")}
     assert cases == {"first", "bad", "new", "fine", "a"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"), [(["both.xml"], "both.xml"), (["-k", "bad"], "-k"), (["-j", "2"], "--jobs")]
+)
+def test_resumed_run_takes_nothing_that_it_would_not_heed(folder: Path, arguments: list[str], named: str):
+    """A suite, a selection or a number of jobs that is given again would be lost silently."""
+    run_command(folder, "-s", "fine.xml")
+    done = run_command(folder, "--resume", "rtf-runs/latest", *arguments)
+    assert done.exit_code == ExitCode.USAGE
+    assert f"{named}: a run that is resumed consists of what it was begun with" in done.stderr
 
 
 def test_suite_that_was_done_before_has_its_time_in_a_resumed_run(folder: Path):

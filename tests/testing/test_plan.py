@@ -13,7 +13,7 @@ from rtf.testing.inspection import inspect_plugins
 from rtf.testing.plan import Planner, load_files
 from rtf.testing.plugin_source import specs_in
 from rtf.testing.plugin_spec import combinations
-from rtf.testing.verdict import ExitCode
+from rtf.testing.verdict import ExitCode, Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 NOD = """
 from rtf.testing import Matrix, Parameter, TestCase
 class Nod(TestCase):
-    speed = Parameter(float, "speed", unit="deg/s", default=1.0)
+    speed = Parameter(float, "speed", unit="deg/s", default=1.0, aliases=("pace",))
     part = Parameter(str, "part", default="")
     gains = Parameter(list[float], "gains", default=[])
     matrix = Matrix(speed=(10, 20.5), part=("head", "left arm"))
@@ -77,7 +77,9 @@ def test_a_matrix_makes_a_test_of_each_combination(folder: Path):
     [
         ('<test>nod.py<parameter name="speed">5</parameter></test>', {}),
         ('<test param="--speed 5">nod.py</test>', {}),
+        ('<test>nod.py<parameter name="pace">5</parameter></test>', {}),
         ("<test>nod.py</test>", {"speed": "5"}),
+        ("<test>nod.py</test>", {"pace": "5"}),
     ],
 )
 def test_what_a_suite_or_the_command_line_sets_is_not_varied(folder: Path, body: str, overrides: dict[str, str]):
@@ -179,3 +181,11 @@ def test_the_text_of_every_shipped_plug_in_tells_what_the_loaded_class_says(kind
         loaded = structs.replace(found[ref].spec, description=read.description, parameters=())
         assert found[ref].spec.summary == read.summary
         assert structs.replace(loaded, names=read.names) == read, ref
+
+
+def test_facts_that_the_text_computes_are_known_before_the_run(folder: Path):
+    """Tags select, and what is required is required, also where the file builds them from other values."""
+    text = 'from rtf.testing import TestCase\nTAGS = ("slow",)\nclass Slow(TestCase):\n    tags = TAGS\n'
+    write_files(folder, {"slow.py": f'{text}    requires = ("env:" + "NOT_THERE",)\n    def run(self): pass\n'})
+    outcome = run_command(folder, "slow.py", "two.py", "--tags", "slow")
+    assert [(test.name, test.verdict) for test in outcome.results.tests.values()] == [("slow", Verdict.SKIPPED)]

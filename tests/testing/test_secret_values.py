@@ -9,7 +9,8 @@ import pytest
 from harness import run_command
 from rtf.testing import Parameter, TestCase, journal, replay
 from rtf.testing.parameters import ParameterError
-from rtf.testing.secret_values import declared_in, is_secret, masked_command
+from rtf.testing.plugins import find, spec_of
+from rtf.testing.secret_values import is_secret, masked_command
 from rtf.testing.verdict import ExitCode
 
 LOGIN = '''
@@ -120,7 +121,15 @@ def test_resumed_run_needs_its_secrets_again(folder: Path):
 
 
 def test_declarations_are_read_from_the_text(folder: Path):
-    """Name, key and aliases of what is declared secret; what cannot be read declares nothing."""
-    (folder / "broken.py").write_text("secret = (")
-    files = [str(folder / name) for name in ("login.py", "broken.py", "none.py", "s.xml")]
-    assert declared_in(files) == {"pin", "code"}
+    """Name, key and aliases of what is declared secret, also by the class that a test derives from."""
+    (folder / "again.py").write_text(f"{LOGIN}\nclass Again(Login):\n    pass\n")
+    for name in ("login.py", "again.py"):
+        assert spec_of(find("test", name, beside=folder)).secrets == ("code", "pin")
+
+
+def test_parameter_that_a_class_of_another_file_declares_is_secret(folder: Path):
+    """Such a test is loaded before its run, and the command line in the journal is masked."""
+    (folder / "again.py").write_text("from login import Login\nclass Again(Login):\n    pass\n")
+    done = run_command(folder, "again.py", "--set", "code=4711")
+    assert done.exit_code == ExitCode.PASSED, done.stderr
+    assert b"code=4711" not in (done.folder / journal.FILE_NAME).read_bytes()

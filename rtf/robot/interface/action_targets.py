@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Value, to_string
+from rtf.errors import nearest
 from rtf.robot.errors import ConfigurationError
 from rtf.robot.interface.model import ActionKind
 
@@ -96,8 +96,8 @@ def _device(robot: Robot, action: Action, key: str) -> str:
         raise TargetError(f"the device {name!r} cannot be its own target; name another one", _place(action, key))
     if robot.device(name) is None:
         known = [device.name for device in robot.devices if device.name != action.device]
-        near = difflib.get_close_matches(name, known, 1)
-        hint = f"is it {near[0]!r}?" if near else f"known are {', '.join(known[:20]) or 'none'}"
+        near = nearest(name, known)
+        hint = f"is it {near!r}?" if near else f"known are {', '.join(known[:20]) or 'none'}"
         raise TargetError(f"there is no device {name[:100]!r}; {hint}", _place(action, key))
     return name
 

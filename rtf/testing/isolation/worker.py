@@ -202,12 +202,12 @@ def _work(job: Job, channel: Channel) -> None:
 
 def load_plugin(ref: PluginRef) -> None:
     """Load a test's file for all the tests that will be forked from this process; raises what the file raises."""
-    from rtf.testing import parameters
+    from rtf.testing.parameters import Declared
 
     maker = _makers[ref] = plugins.test_maker(ref)
     plugins.share_module(ref)
-    if isinstance(maker, type):
-        parameters.declarations_of(maker)  # which looks at everything in the class, once
+    if isinstance(maker, type) and issubclass(maker, Declared):
+        maker.declarations()  # which looks at everything in the class, once
 
 
 def run_test(job: Job, session: Session) -> Finished:

@@ -1,13 +1,12 @@
-"""Everything that is wrong with a suite file, collected in one go and each with its place."""
+"""What is wrong with a suite file, collected in one go and each with its place; and how much a file may unfold into."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from difflib import get_close_matches
-from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from rtf.errors import Location
+from rtf.errors import Location, nearest
+from rtf.testing.events import Diagnosed
+from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -18,27 +17,14 @@ _MAX_COMPARED = 64  # names longer than this are no misspelling of ours
 _MAX_CANDIDATES = 200  # comparing is slow, and a list this long is generated rather than typed
 _MAX_SUGGESTIONS = 100
 
-
-class Severity(StrEnum):
-    """With an error the suite is not what its author meant, and is not run; a warning leaves it as it is."""
-
-    ERROR = "error"
-    WARNING = "warning"
-
-
-@dataclass(frozen=True, slots=True)
-class Diagnostic:
-    """One problem: what it is, where it is, and what would fix it (``hint`` may be empty)."""
-
-    severity: Severity
-    message: str
-    location: Location
-    hint: str = ""
-
-    def __str__(self) -> str:
-        """Write the problem the way compilers do, such as ``suite.xml:12:5: error: … (hint)``."""
-        hint = f" ({self.hint})" if self.hint else ""
-        return f"{self.location}: {self.severity}: {self.message}{hint}"
+LIMITS = {"tests": 100_000, "steps": 2_000_000, "characters": 64 * 1024 * 1024, "files": 1000}
+"""What the loops and includes of one suite may unfold into."""
+_OVER = {
+    "tests": "the suite unfolds into more than {} tests",
+    "steps": "the loops of the suite take more than {} steps to unfold",
+    "characters": "the texts of the suite unfold into more than {} characters",
+    "files": "the suite includes more than {} files",
+}
 
 
 class DiagnosticLog:
@@ -48,47 +34,75 @@ class DiagnosticLog:
     """
 
     def __init__(self, *, lenient: bool = False) -> None:
-        self._lenient = lenient
-        self._kept: dict[Diagnostic, None] = {}
-        self._left_out = dict.fromkeys(Severity, 0)
+        self._unknown = Severity.WARNING if lenient else Severity.ERROR
+        self._kept: dict[tuple[Severity, str, Location], Diagnosed] = {}
+        self._left_out = {Severity.ERROR: 0, Severity.WARNING: 0}
         self._suggestions = _MAX_SUGGESTIONS
 
     def error(self, message: str, location: Location, hint: str = "") -> None:
         """Note something that cannot be used as it is written."""
-        self._add(Diagnostic(Severity.ERROR, message, location, hint))
+        self._add(Severity.ERROR, message, location, hint)
 
     def warning(self, message: str, location: Location, hint: str = "") -> None:
         """Note something that probably is not what the author meant."""
-        self._add(Diagnostic(Severity.WARNING, message, location, hint))
+        self._add(Severity.WARNING, message, location, hint)
 
     def unknown(self, message: str, location: Location, hint: str = "") -> None:
         """Note a name that is not in the vocabulary: what it says is lost."""
-        self._add(Diagnostic(Severity.WARNING if self._lenient else Severity.ERROR, message, location, hint))
+        self._add(self._unknown, message, location, hint)
 
     def did_you_mean(self, name: str, candidates: Collection[str]) -> str:
         """A hint for a name that is not known; empty when nothing resembles it or there is too much to compare."""
         if not 0 < len(candidates) <= _MAX_CANDIDATES or len(name) > _MAX_COMPARED or not self._suggestions:
             return ""
         self._suggestions -= 1
-        folded = {candidate.casefold(): candidate for candidate in sorted(candidates)}
-        close = get_close_matches(name.casefold(), folded, n=1)
-        return f"did you mean {folded[close[0]]!r}?" if close else ""
+        near = nearest(name, candidates)
+        return f"did you mean {near!r}?" if near else ""
 
-    def _add(self, diagnostic: Diagnostic) -> None:
-        if diagnostic in self._kept:
+    def _add(self, severity: Severity, message: str, location: Location, hint: str) -> None:
+        key = (severity, message, location)
+        if key in self._kept:
             return
         if len(self._kept) < MAX_DIAGNOSTICS:
-            self._kept[diagnostic] = None
+            self._kept[key] = diagnosed(severity, message, location, hint)
         else:
-            self._left_out[diagnostic.severity] += 1
+            self._left_out[severity] += 1
 
-    def __iter__(self) -> Iterator[Diagnostic]:
+    def __iter__(self) -> Iterator[Diagnosed]:
         """All problems in file order, the files in the order in which they were met."""
         files: dict[str, int] = {}
-        for diagnostic in self._kept:
-            files.setdefault(diagnostic.location.file, len(files))
-        yield from sorted(self._kept, key=lambda d: (files[d.location.file], d.location.line, d.location.column))
+        for one in self._kept.values():
+            files.setdefault(one.file, len(files))
+        yield from sorted(self._kept.values(), key=lambda one: (files[one.file], one.line, one.column))
         for severity, count in self._left_out.items():
             if count:
                 message = f"{count} more problems of this kind are not listed"
-                yield Diagnostic(severity, message, Location(next(iter(files), "")))
+                yield diagnosed(severity, message, Location(next(iter(files), "")))
+
+
+def diagnosed(severity: Severity, message: str, location: Location, hint: str = "", suite: str = "") -> Diagnosed:
+    """The event that tells of a problem at a place. With an error nothing is run; a warning leaves what was meant."""
+    file, line, column = location.file, location.line, location.column
+    return Diagnosed(severity=severity, text=message, file=file, line=line, column=column, hint=hint, suite=suite)
+
+
+class OverBudgetError(Exception):
+    """A file unfolds into more than the loader is willing to hold."""
+
+    def __init__(self, message: str, location: Location) -> None:
+        super().__init__(message)
+        self.message, self.location = message, location
+
+
+class Budget:
+    """What loops and includes may still unfold into; a file of a few lines can ask for billions of tests."""
+
+    def __init__(self) -> None:
+        self._left = dict(LIMITS)
+
+    def spend(self, location: Location, **amounts: int) -> None:
+        """Take from the budget; OverBudgetError names the limit and the place when it is used up."""
+        for what, amount in amounts.items():
+            self._left[what] -= amount
+            if self._left[what] < 0:
+                raise OverBudgetError(_OVER[what].format(LIMITS[what]), location)

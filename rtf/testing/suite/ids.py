@@ -11,7 +11,6 @@ import re
 import unicodedata
 from collections import Counter
 from hashlib import blake2b
-from itertools import chain, count
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -52,22 +51,33 @@ class TestIds:
         return f"{self._suite_id}/{label}" if number == 1 else f"{self._suite_id}/{label}+{number}"
 
 
-class SuiteIds:
-    """Hands out the ids of the suites of one run: the name, and of a further suite of that name also its file."""
+class NameBook:
+    """Hands out names that are unique: the second asker for ``arm`` gets ``arm~2``, the third ``arm~3``."""
 
-    def __init__(self) -> None:
+    def __init__(self, mark: str = "~") -> None:
+        self._mark = mark
         self._taken: set[str] = set()
+        self._counts: Counter[str] = Counter()
 
-    def unique(self, name: str, file: str = "") -> str:
-        """Return the id of a suite."""
-        plain = slug(name, "suite")
-        candidates = chain(
-            (plain, _with_piece(plain, _fit(PurePath(file).stem, _MAX_PIECE))),
-            (f"{plain}+{number}" for number in count(2)),
-        )
-        found = next(candidate for candidate in candidates if candidate not in self._taken)
-        self._taken.add(found)
-        return found
+    def reserve(self, name: str) -> None:
+        """Keep a name from being handed out."""
+        self._taken.add(name)
+
+    def unique(self, name: str, *others: str) -> str:
+        """Give the first of these names that is free, or ``name`` with the smallest number behind it that is."""
+        free = next((candidate for candidate in (name, *others) if candidate not in self._taken), "")
+        while not free:
+            self._counts[name] += 1
+            numbered = f"{name}{self._mark}{self._counts[name] + 1}"
+            free = "" if numbered in self._taken else numbered
+        self._taken.add(free)
+        return free
+
+
+def suite_id(name: str, file: str, names: NameBook) -> str:
+    """Return the id of a suite: its name, and where another one has that also the name of its file."""
+    plain = slug(name, "suite")
+    return names.unique(plain, _with_piece(plain, _fit(PurePath(file).stem, _MAX_PIECE)))
 
 
 def name_of_plugin(plugin: str, param: str = "", variant: Sequence[str] = ()) -> str:

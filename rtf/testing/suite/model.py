@@ -11,10 +11,10 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from rtf.errors import Location, RtfError
-from rtf.testing.suite.ids import SuiteIds, slug
+from rtf.testing.suite.ids import NameBook, slug, suite_id
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
 _NOWHERE = Location()
 TEST_REQUIREMENT = "test:"
@@ -207,6 +207,8 @@ class TestSuite:
 
     def with_id(self, suite_id: str) -> TestSuite:
         """The same suite under another id; its tests' ids and the requirements that name them follow."""
+        if suite_id == self.id:
+            return self
         renamed = {test.id: f"{suite_id}/{test.id.removeprefix(self.id + '/')}" for test in self.tests}
         tests = (
             replace(test, id=renamed[test.id], requires=tuple(_follow(token, renamed) for token in test.requires))
@@ -220,14 +222,10 @@ def suite_id_of(name: str) -> str:
     return slug(name, "suite")
 
 
-def number_suites(suites: Sequence[TestSuite]) -> tuple[TestSuite, ...]:
-    """Make the ids of the suites of one run unique."""
-    ids = SuiteIds()
-    numbered = []
-    for suite in suites:
-        unique = ids.unique(suite.name, suite.file)
-        numbered.append(suite if unique == suite.id else suite.with_id(unique))
-    return tuple(numbered)
+def number_suites(suites: Iterable[TestSuite], names: NameBook | None = None) -> tuple[TestSuite, ...]:
+    """Make the ids of the suites of one run unique; ``names`` holds those of its suites so far."""
+    names = NameBook("+") if names is None else names
+    return tuple(suite.with_id(suite_id(suite.name, suite.file, names)) for suite in suites)
 
 
 def _require_known(what: str, names: Iterable[str], known: set[str], suite: str) -> None:

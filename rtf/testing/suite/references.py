@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import replace
+from graphlib import CycleError, TopologicalSorter
 from typing import TYPE_CHECKING
 
 from rtf.testing.suite.ids import slug
@@ -11,10 +12,9 @@ from rtf.testing.suite.model import TEST_REQUIREMENT, FixtureEntry, Scope, TestE
 from rtf.testing.suite.values import quote
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from rtf.testing.suite.diagnostics import DiagnosticLog
-    from rtf.testing.suite.fields import Budget
+    from rtf.testing.suite.diagnostics import Budget, DiagnosticLog
 
 _SHOWN = 20  # members of a circle, so that the message stays readable
 
@@ -26,27 +26,38 @@ def order_fixtures(fixtures: Sequence[FixtureEntry], problems: DiagnosticLog) ->
     and left out, together with those that depend on them.
     """
     by_name = {fixture.name: fixture for fixture in fixtures}
-    position = {fixture.name: index for index, fixture in enumerate(fixtures)}
-    waiting: dict[str, int] = {}
-    dependents: dict[str, list[str]] = {}
-    sound = [fixture for fixture in fixtures if _dependencies_sound(fixture, by_name, problems)]
-    for fixture in sound:
-        waiting[fixture.name] = len(fixture.depends)
-        for name in fixture.depends:
-            dependents.setdefault(name, []).append(fixture.name)
-    ready = [position[name] for name, count in waiting.items() if not count]
-    heapq.heapify(ready)
-    ordered: list[FixtureEntry] = []
-    while ready:
-        fixture = fixtures[heapq.heappop(ready)]
-        ordered.append(fixture)
-        for name in dependents.get(fixture.name, ()):
-            waiting[name] -= 1
-            if not waiting[name]:
+    graph = {one.name: one.depends for one in fixtures if _dependencies_sound(one, by_name, problems)}
+    sorter = TopologicalSorter(graph)
+    circle: list[str] = []
+    try:
+        sorter.prepare()
+    except CycleError as error:  # those in circles, and those that depend on them, never get ready
+        circle = error.args[1][:0:-1]
+        first = circle.index(min(circle, key=[*graph].index))
+        circle = [*circle[first:], *circle[:first]]
+        shown = circle if len(circle) <= _SHOWN else [*circle[:_SHOWN], "…"]
+        message = f"fixtures depend on each other in a circle: {' -> '.join([*shown, circle[0]])}"
+        problems.error(message, by_name[circle[0]].location)
+    ordered = {name: by_name[name] for name in _in_order(sorter, [*graph])}
+    for name in graph.keys() - circle - ordered.keys():
+        message = f"fixture {quote(name)} is left out, because something it depends on could not be used"
+        problems.error(message, by_name[name].location)
+    return tuple(ordered.values())
+
+
+def _in_order(sorter: TopologicalSorter[str], names: Sequence[str]) -> Iterator[str]:
+    """The names that come out of the sorter, those that are ready at the same time in their given order."""
+    position = {name: index for index, name in enumerate(names)}
+    ready: list[int] = []
+    while True:
+        for name in sorter.get_ready():
+            if name in position:  # what a fixture depends on may be unusable, and then it never gets ready
                 heapq.heappush(ready, position[name])
-    stuck = dict.fromkeys(name for name, count in waiting.items() if count)
-    _report_stuck(stuck, by_name, problems)
-    return tuple(ordered)
+        if not ready:
+            return
+        name = names[heapq.heappop(ready)]
+        yield name
+        sorter.done(name)
 
 
 def _dependencies_sound(fixture: FixtureEntry, by_name: Mapping[str, FixtureEntry], problems: DiagnosticLog) -> bool:
@@ -62,29 +73,6 @@ def _dependencies_sound(fixture: FixtureEntry, by_name: Mapping[str, FixtureEntr
             problems.error(message, fixture.location, f'give {quote(name)} scope="run" too')
             sound = False
     return sound
-
-
-def _report_stuck(stuck: Collection[str], by_name: Mapping[str, FixtureEntry], problems: DiagnosticLog) -> None:
-    """Tell circles from fixtures that merely wait for something that was left out."""
-    seen: set[str] = set()
-    circular: set[str] = set()
-    for start in stuck:
-        path: list[str] = []
-        name: str | None = start
-        while name is not None and name not in seen:
-            seen.add(name)
-            path.append(name)
-            name = next((other for other in by_name[name].depends if other in stuck), None)
-        if name is not None and name in path:
-            circle = path[path.index(name) :]
-            circular.update(circle)
-            shown = circle if len(circle) <= _SHOWN else [*circle[:_SHOWN], "…"]
-            chain = " -> ".join([*shown, name])
-            problems.error(f"fixtures depend on each other in a circle: {chain}", by_name[name].location)
-    for name in stuck:
-        if name not in circular:
-            message = f"fixture {quote(name)} is left out, because something it depends on could not be used"
-            problems.error(message, by_name[name].location)
 
 
 def check_test_fixtures(

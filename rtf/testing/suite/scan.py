@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from xml.parsers import expat
 
 from rtf.errors import Location
-from rtf.testing.suite.values import condense, quote
+from rtf.testing.suite.values import quote
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,9 +27,12 @@ MAX_DEPTH = 64
 MAX_ELEMENTS = 400_000
 MAX_ATTRIBUTES = 256  # of one element
 
-_OPENER = re.compile(r"<!--|<!\[CDATA\[|<\?|<!DOCTYPE|<[^!?]")
+_MARKUP = re.compile(
+    r"""<!--(?P<comment>.*?)-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>|(?P<unclosed><!--|<!\[CDATA\[|<\?)"""
+    r"""|<!DOCTYPE(?P<bare>\s(?:[^\[\]<>"']|"[^"]*"|'[^']*')*+>)?|<[^!?]""",
+    re.DOTALL,
+)
 _CLOSER = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
-_BARE_DOCTYPE = re.compile(r"""<!DOCTYPE\s(?:[^\[\]<>"']|"[^"]*"|'[^']*')*+>""")
 _ENCODING = re.compile(rb"""<\?xml\s[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
 _READABLE = re.compile(r"utf-?8|(us-)?ascii|iso-?8859-?\d{1,2}|latin-?1|(windows-|cp)125\d")
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=<>/]+)\s*=\s*(?:"[^"]*"|'[^']*')""")
@@ -58,7 +61,7 @@ class Element:
     def text(self) -> str:
         """The text that stands directly in the element, comments and children left out, white space condensed."""
         if self._text is None:
-            self._text = condense("".join(self.pieces))
+            self._text = " ".join("".join(self.pieces).split())
         return self._text
 
     def attribute_location(self, name: str) -> Location:
@@ -106,62 +109,49 @@ def scan(data: bytes, file: str, problems: DiagnosticLog) -> Document:
 
 
 def _decode(data: bytes, file: str) -> str:
+    """The text of a file, by its byte order mark or its declaration."""
+    start = Location(file, 1, 1)
     if len(data) > MAX_BYTES:
         raise _Refused(f"the file is larger than {MAX_BYTES // 2**20} MiB", Location(file))
-    data, encoding = _encoding(data, file)
+    mark, encoding = next(((mark, encoding) for mark, encoding in _BOMS if data.startswith(mark)), (b"", ""))
+    if not mark:
+        declared = _ENCODING.match(data[:256])
+        encoding = declared[1].decode().lower() if declared else "utf-8"
+        if not _READABLE.fullmatch(encoding):
+            raise _Refused(f"the encoding {quote(encoding)} is not supported", start, "save the file as UTF-8")
+    data = data.removeprefix(mark)
     try:
         return data.decode(encoding)
     except UnicodeDecodeError as error:
-        place = _advance(Location(file, 1, 1), data[: error.start].decode(encoding, "replace"))
+        place = _advance(start, data[: error.start].decode(encoding, "replace"))
         raise _Refused(f"this is not {encoding.upper()} text", place, "save the file as UTF-8") from None
     except LookupError:
-        raise _Refused(f"there is no encoding {quote(encoding)}", Location(file, 1, 1), "save it as UTF-8") from None
-
-
-def _encoding(data: bytes, file: str) -> tuple[bytes, str]:
-    """The bytes without a byte order mark, and how they are to be read."""
-    for mark, encoding in _BOMS:
-        if data.startswith(mark):
-            return data[len(mark) :], encoding
-    declared = _ENCODING.match(data[:256])
-    encoding = declared[1].decode().lower() if declared else "utf-8"
-    if not _READABLE.fullmatch(encoding):
-        raise _Refused(f"the encoding {quote(encoding)} is not supported", Location(file, 1, 1), "save it as UTF-8")
-    return data, encoding
+        raise _Refused(f"there is no encoding {quote(encoding)}", start, "save the file as UTF-8") from None
 
 
 def _forgive(text: str, file: str, problems: DiagnosticLog) -> str:
-    parts: list[str] = []
-    done = 0
-    prolog = True
+    """Blank out, character for character, what old files have and the parser refuses: '--' in comments, a bare DOCTYPE.
+
+    A document type anywhere else, or with declarations in it, stays, and the parser refuses it with its place.
+    """
     forgiven: list[int] = []
-    position = 0
-    while opener := _OPENER.search(text, position):
-        start, position = opener.span()
-        if opener[0] == "<!DOCTYPE":
-            bare = _BARE_DOCTYPE.match(text, start) if prolog else None
-            prolog = False
-            if bare is None:
-                continue  # the parser meets it again and refuses it with its place
-            parts += text[done:start], _NOT_LINE_END.sub(" ", bare[0])
-            done = position = bare.end()
-            continue
-        closer = _CLOSER.get(opener[0])
-        if closer is None:
-            prolog = False
-            continue
-        end = text.find(closer, position)
-        if end < 0:
-            raise _Refused(
-                f"what begins here with {opener[0]} is never closed",
-                _advance(Location(file, 1, 1), text[:start]),
-                f"end it with {closer}",
-            )
-        if opener[0] == "<!--" and ("--" in (body := text[position:end]) or body.endswith("-")):
+    in_prolog = True
+
+    def mend(markup: re.Match[str]) -> str:
+        nonlocal in_prolog
+        start, whole, comment = markup.start(), markup[0], markup["comment"]
+        if markup["unclosed"]:
+            message = f"what begins here with {whole} is never closed"
+            raise _Refused(message, _advance(Location(file, 1, 1), text[:start]), f"end it with {_CLOSER[whole]}")
+        if comment is not None and ("--" in comment or comment.endswith("-")):
             forgiven.append(start)
-            parts += text[done:position], body.replace("-", " ")
-            done = end
-        position = end + len(closer)
+            return f"<!--{comment.replace('-', ' ')}-->"
+        if markup["bare"] and in_prolog:
+            whole = _NOT_LINE_END.sub(" ", whole)
+        in_prolog = in_prolog and whole.startswith(("<!--", "<?"))
+        return whole
+
+    mended = _MARKUP.sub(mend, text)
     if forgiven:
         more = f" (and {len(forgiven) - 1} more)" if len(forgiven) > 1 else ""
         problems.warning(
@@ -169,7 +159,7 @@ def _forgive(text: str, file: str, problems: DiagnosticLog) -> str:
             _advance(Location(file, 1, 1), text[: forgiven[0]]),
             "write a single dash",
         )
-    return "".join(parts) + text[done:]
+    return mended
 
 
 class _Builder:

@@ -1,7 +1,7 @@
-"""The small languages inside a suite file: words, durations, whole numbers, variables, names made into ids.
+"""The small languages inside a suite file: words, durations, whole numbers, variables, names of files.
 
-Pure functions on strings. Each raises ValueError with a sentence that fits behind "attribute x of <y>"; who calls
-them adds the place.
+Pure functions on strings. Each raises ValueError with a sentence that fits behind "attribute x of <y>"; the caller adds
+the place.
 """
 
 from __future__ import annotations
@@ -15,71 +15,32 @@ if TYPE_CHECKING:
 MAX_TEXT = 64 * 1024
 """The longest attribute or text after variables were put in, in characters."""
 
+SHORTEST = 0.001
+LONGEST = 30 * 24 * 3600.0
+"""Thirty days: longer than any endurance test, short enough to catch milliseconds written as seconds."""
+
 _SECONDS = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}
 _DURATION = re.compile(r"([0-9]{1,12}(?:\.[0-9]{0,9})?|\.[0-9]{1,9}) ?(ms|s|min|h)?")
 _INTEGER = re.compile(r"[+-]?[0-9]{1,12}")
 _VARIABLE = re.compile(r"\$\{([^{}$]{1,64})\}")
 _FROM_FILE = re.compile(r'(?<![^ ])--from +(?:"([^"]*)"|([^ "]+))')
 _SUFFIX = re.compile(r"\.[A-Za-z]{1,5}(?:\.[0-9]{1,9})*$")
-
-
-class NameBook:
-    """Hands out names that are unique: the second asker for ``arm`` gets ``arm~2``, the third ``arm~3``."""
-
-    def __init__(self) -> None:
-        self._taken: set[str] = set()
-        self._count: dict[str, int] = {}
-
-    def reserve(self, name: str) -> None:
-        """Keep a name from being handed out."""
-        self._taken.add(name)
-
-    def unique(self, name: str) -> str:
-        """Give the name, or the name with the smallest number that is still free behind it."""
-        count = self._count.get(name, 0) + 1
-        unique = name if count == 1 else f"{name}~{count}"
-        while unique in self._taken:
-            count += 1
-            unique = f"{name}~{count}"
-        self._count[name] = count
-        self._taken.add(unique)
-        return unique
-
-
-def condense(text: str) -> str:
-    """Trim a text and turn every run of white space in it into one blank."""
-    return " ".join(text.split())
+_QUOTED = re.compile(r""""([^"]*)"|'([^']*)'""")
+_WORD = r"""((?:[^%s"']|"[^"]*"|'[^']*')+)|(["'])"""
+_WORDS = {commas: re.compile(_WORD % (r"\s," if commas else r"\s")) for commas in (False, True)}
 
 
 def split_words(text: str, *, commas: bool = True) -> tuple[str, ...]:
     """Split at white space (and commas); single or double quotes protect, also in the middle of a word."""
-    words: list[str] = []
-    word: list[str] = []
-    mark = ""
-    quoted = False
-    for char in text:
-        if mark:
-            if char == mark:
-                mark = ""
-            else:
-                word.append(char)
-        elif char in "'\"":
-            mark = char
-            quoted = True
-        elif char.isspace() or (commas and char == ","):
-            if word or quoted:
-                words.append("".join(word))
-            word, quoted = [], False
-        else:
-            word.append(char)
-    if mark:
-        raise ValueError(f"has a quote ({mark}) that is never closed")
-    if word or quoted:
-        words.append("".join(word))
+    words = []
+    for match in _WORDS[commas].finditer(text):
+        if match[2]:
+            raise ValueError(f"has a quote ({match[2]}) that is never closed")
+        words.append(_QUOTED.sub(lambda quoted: quoted[1] or quoted[2] or "", match[1]))
     return tuple(words)
 
 
-def parse_duration(text: str, low: float, high: float) -> float:
+def parse_duration(text: str, low: float = SHORTEST, high: float = LONGEST) -> float:
     """Read ``20``, ``1.5 s``, ``200ms``, ``3min`` or ``1h``; the answer is in seconds."""
     match = _DURATION.fullmatch(text.strip())
     allowed = f"a duration from {low:g} s to {high:g} s such as 20, 1.5s, 200ms, 3min or 1h"

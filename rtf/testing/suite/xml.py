@@ -2,7 +2,7 @@
 
 Files of the C++ framework load as they are, with its meaning: element names are compared without regard to case, white
 space is condensed, an ``<environment>`` is given to the tests that follow it. What a file may contain is listed in
-:mod:`rtf.testing.suite.vocabulary` and explained in ``suite.xsd``.
+:mod:`rtf.testing.suite.elements` and explained in ``suite.xsd``.
 
 Includes name a suite file relative to the including one; ``../`` is allowed, so that a folder of suites can share
 parts, while absolute paths and addresses are refused, because they break on the next machine. Nothing is ever fetched.
@@ -20,29 +20,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.errors import Location
-from rtf.testing.suite.diagnostics import Diagnostic, DiagnosticLog, Severity
-from rtf.testing.suite.entries import EntryReader, Surroundings, read_preload, read_timeouts, surroundings
-from rtf.testing.suite.fields import Budget, Fields, OverBudget
-from rtf.testing.suite.model import (
-    FixtureEntry,
-    SuiteError,
-    TestEntry,
-    TestSuite,
-    suite_id_of,
-)
+from rtf.testing.suite.diagnostics import Budget, DiagnosticLog, OverBudgetError, diagnosed
+from rtf.testing.suite.elements import KINDS, Given, check
+from rtf.testing.suite.entries import Surroundings, read_fixture, read_test, read_timeouts
+from rtf.testing.suite.ids import NameBook, TestIds
+from rtf.testing.suite.model import FixtureEntry, SuiteError, TestEntry, TestSuite, suite_id_of
 from rtf.testing.suite.references import check_test_fixtures, order_fixtures, resolve_requirements
 from rtf.testing.suite.scan import MAX_BYTES, Element, scan
-from rtf.testing.suite.values import NameBook, plugin_stem, quote
-from rtf.testing.suite.vocabulary import RULES, check
+from rtf.testing.suite.values import plugin_stem, quote
+from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from rtf.testing.events import Diagnosed
 
 SCHEMA = Path(__file__).with_name("suite.xsd")
 """The schema for editors and for ``xmllint``; the loader does not need it."""
 
 _UNNAMED = "unknown"  # what the C++ framework calls a suite without a name
-_MAX_COPIES = 64
 _MAX_INCLUDE_DEPTH = 16
 _MAX_LOOP_DEPTH = 16  # both keep the recursion far from the interpreter's limit
 _NOT_RELATIVE = re.compile(r"[/\\~]|[A-Za-z][A-Za-z0-9+.-]*:")
@@ -59,16 +55,16 @@ class LoadedSuite:
     """
 
     suite: TestSuite | None
-    diagnostics: tuple[Diagnostic, ...] = ()
+    diagnostics: tuple[Diagnosed, ...] = ()
     foreign: bool = False
 
     @property
-    def errors(self) -> tuple[Diagnostic, ...]:
+    def errors(self) -> tuple[Diagnosed, ...]:
         """The problems for which the suite must not be run."""
         return tuple(diagnostic for diagnostic in self.diagnostics if diagnostic.severity is Severity.ERROR)
 
     @property
-    def warnings(self) -> tuple[Diagnostic, ...]:
+    def warnings(self) -> tuple[Diagnosed, ...]:
         """The problems that leave the suite as it was meant."""
         return tuple(diagnostic for diagnostic in self.diagnostics if diagnostic.severity is Severity.WARNING)
 
@@ -81,7 +77,7 @@ def load_suite(path: str | Path, *, variables: Mapping[str, str] | None = None, 
     try:
         data = _read(Path(path))
     except SuiteError as error:
-        return LoadedSuite(None, (Diagnostic(Severity.ERROR, str(error), Location(str(path))),))
+        return LoadedSuite(None, (diagnosed(Severity.ERROR, str(error), Location(str(path))),))
     return load_suite_bytes(data, str(path), variables=variables, lenient=lenient)
 
 
@@ -116,7 +112,7 @@ class _Loader:
         self._variables = variables
         self._problems = problems
         self._budget = Budget()
-        self._entries = EntryReader("", problems, self._budget)
+        self._ids = TestIds("")
         self._fixtures: dict[str, FixtureEntry] = {}
         self._faulty_fixtures: set[str] = set()
         self._tests: list[TestEntry] = []
@@ -131,10 +127,10 @@ class _Loader:
             return None
         try:
             suite = self._suite(root)
-        except OverBudget as error:
+        except OverBudgetError as error:
             self._problems.error(error.message, error.location, "split the suite")
             return None
-        return suite if self._complete else None
+        return suite if self._complete else None  # what refers to what cannot be judged when half of it is missing
 
     def _scan(self, data: bytes, file: str) -> Element | None:
         document = scan(data, file, self._problems)
@@ -150,22 +146,23 @@ class _Loader:
         check(root, self._problems)
         return root
 
+    def _given(self, element: Element, around: Surroundings) -> Given:
+        return Given(element, around.bindings, self._problems, self._budget)
+
     def _suite(self, root: Element) -> TestSuite | None:
-        fields = Fields(root, self._variables, self._problems, self._budget)
-        name = fields.text("name").strip()
-        if not name:
-            self._problems.warning(f"the suite has no name; it is called {_UNNAMED!r}", root.location, 'add name="…"')
+        around = Surroundings(bindings=self._variables)
+        given = self._given(root, around)
+        name = given.get("name")
+        if name is None:
+            given.warn(f"the suite has no name; it is called {_UNNAMED!r}", 'add name="…"')
             name = _UNNAMED
         suite_id = suite_id_of(name)
-        self._entries = EntryReader(suite_id, self._problems, self._budget)
-        around = surroundings(root, fields, self._entries, Surroundings(bindings=self._variables))
-        self._read_fixtures(root, around)
-        self._walk(root, around)
-        timeout = fields.seconds("timeout")
-        description = self._entries.last_text(root, "description", self._variables) or ""
-        self._preload.update(dict.fromkeys(read_preload(fields)))
+        self._ids = TestIds(suite_id)
+        around = around.within(given)
+        self._read_entries(given, around)
+        timeouts, description = read_timeouts(given), given.text_of("description") or ""
         if not self._complete:
-            return None  # what refers to what cannot be judged when half of it is missing
+            return None
         fixtures = order_fixtures([*self._fixtures.values()], self._problems)
         named = {*self._fixtures, *self._faulty_fixtures}
         tests = check_test_fixtures(self._tests, fixtures, named, self._problems)
@@ -175,18 +172,24 @@ class _Loader:
             file=self._file,
             description=description,
             environment=around.fixture_environment,
-            timeouts=read_timeouts(root, self._variables, self._entries),
-            timeout=timeout,
-            tags=around.defaults.tags,
-            copies=max(1, fields.integer("copies", 1, _MAX_COPIES)),
+            timeouts=timeouts,
+            timeout=given.get("timeout"),
+            tags=around.tags,
+            copies=max(1, given.get("copies", 1)),
             preload=tuple(self._preload),
             fixtures=fixtures,
             tests=tuple(resolve_requirements(tests, suite_id, self._problems, self._budget)),
             location=root.location,
         )
 
+    def _read_entries(self, suite: Given, around: Surroundings) -> None:
+        """Read the fixtures and tests of one file, and the modules that it asks to have loaded before tests start."""
+        self._preload.update(dict.fromkeys(suite.get("preload", ())))
+        self._read_fixtures(suite, around)
+        self._walk(suite.element, around)
+
     def _walk(self, parent: Element, around: Surroundings) -> None:
-        allowed = RULES[parent.name].children
+        allowed = KINDS[parent.name].children
         without = 0
         for child in parent.children:
             before = len(self._tests)
@@ -194,64 +197,56 @@ class _Loader:
                 case "test":
                     self._test(child, around)
                 case "for":
-                    self._for(child, around)
+                    self._for(self._given(child, around), around)
                 case "include":
-                    self._include(child, around)
+                    self._include(self._given(child, around), around)
                 case "environment":
-                    fields = self._entries.fields(child, around.bindings)
-                    _warn_if_late(fields, without)
-                    around = replace(around, environment=fields.body())
+                    given = self._given(child, around)
+                    _warn_if_late(given, without)
+                    around = replace(around, environment=given.body())
             if not any(grandchild.name == "environment" for grandchild in child.children):
                 without += len(self._tests) - before
 
     def _test(self, element: Element, around: Surroundings) -> None:
-        entry = self._entries.test(element, around)
+        self._budget.spend(element.location, tests=1, steps=len(around.parameters))
+        entry = read_test(self._given(element, around), around, self._ids)
         if entry is not None:
             self._tests.append(entry)
 
-    def _for(self, element: Element, around: Surroundings) -> None:
-        fields = self._entries.fields(element, around.bindings)
-        name = fields.text("name").strip()
-        if fields.ok and not _VARIABLE_NAME.fullmatch(name):
-            fields.fail(f"{quote(name)} cannot be the name of a loop variable", "name", "use letters, digits, _ - .")
-        values = fields.words("in", commas=False)
-        if fields.ok and not values:
-            fields.fail("this <for> has no values to go through", "in", 'write in="left_arm right_arm"')
-        if fields.ok and len(around.loop_values) >= _MAX_LOOP_DEPTH:
-            fields.fail(f"loops are nested more than {_MAX_LOOP_DEPTH} deep")
-        if not fields.ok:
+    def _for(self, given: Given, around: Surroundings) -> None:
+        name, values = given.get("name", ""), given.get("in")
+        if given.ok and not _VARIABLE_NAME.fullmatch(name):
+            given.fail(f"{quote(name)} cannot be the name of a loop variable", "name", "use letters, digits, _ - .")
+        if given.ok and not values:
+            given.fail("this <for> has no values to go through", "in", 'write in="left_arm right_arm"')
+        if given.ok and len(around.loop_values) >= _MAX_LOOP_DEPTH:
+            given.fail(f"loops are nested more than {_MAX_LOOP_DEPTH} deep")
+        if not given.ok:
             return
-        for value in values or ():
-            inner = replace(
-                around,
-                bindings={**around.bindings, name: value},
-                loop_values=(*around.loop_values, value),
-            )
-            self._budget.spend(element.location, steps=1 + len(inner.bindings))
-            self._walk(element, inner)
+        for value in values:
+            bindings = {**around.bindings, name: value}
+            self._budget.spend(given.element.location, steps=1 + len(bindings))
+            self._walk(given.element, replace(around, bindings=bindings, loop_values=(*around.loop_values, value)))
 
-    def _include(self, element: Element, around: Surroundings) -> None:
-        fields = self._entries.fields(element, around.bindings)
-        target = fields.body()
+    def _include(self, given: Given, around: Surroundings) -> None:
+        target, location = given.body(), given.element.location
         if not target or _NOT_RELATIVE.match(target):
-            fields.fail(
-                f"an <include> cannot be {quote(target)}",
-                hint="name a suite file relative to this one, such as ../common/arms.xml",
-            )
+            hint = "name a suite file relative to this one, such as ../common/arms.xml"
+            given.fail(f"an <include> cannot be {quote(target)}", hint=hint)
             return
-        name = Path(element.location.file).parent / target
+        name = Path(location.file).parent / target
         try:
-            path, here = name.resolve(), Path(element.location.file).resolve()
+            path, here = name.resolve(), Path(location.file).resolve()
             data = _read(path)
         except (OSError, RuntimeError, ValueError) as error:  # SuiteError is a ValueError
-            fields.fail(f"cannot include {quote(target)}: {error}")
+            given.fail(f"cannot include {quote(target)}: {error}")
             return
         chain = [*self._including, here, path]
         if path in chain[:-1] or len(chain) > _MAX_INCLUDE_DEPTH:
             what = "in a circle" if path in chain[:-1] else f"more than {_MAX_INCLUDE_DEPTH} deep"
-            fields.fail(f"files include each other {what}: {' -> '.join(part.name for part in chain)}")
+            given.fail(f"files include each other {what}: {' -> '.join(part.name for part in chain)}")
             return
-        self._budget.spend(element.location, files=1, characters=len(data))
+        self._budget.spend(location, files=1, characters=len(data))
         self._including.append(here)
         self._included(data, str(name), around)
         self._including.pop()
@@ -261,23 +256,20 @@ class _Loader:
         if root is None:
             self._complete = False
             return
-        fields = Fields(root, around.bindings, self._problems, self._budget)
-        self._preload.update(dict.fromkeys(read_preload(fields)))
-        inner = surroundings(root, fields, self._entries, around)
-        timeouts = read_timeouts(root, around.bindings, self._entries).inherit(around.defaults.timeouts)
-        inner = replace(inner, defaults=replace(inner.defaults, timeouts=timeouts))
-        self._read_fixtures(root, inner)
-        self._walk(root, inner)
+        given = self._given(root, around)
+        timeouts = read_timeouts(given).inherit(around.timeouts)
+        self._read_entries(given, replace(around.within(given), timeouts=timeouts))
 
-    def _read_fixtures(self, root: Element, around: Surroundings) -> None:
+    def _read_fixtures(self, suite: Given, around: Surroundings) -> None:
         """Read one file's fixtures and add them to those of the files before; the same fixture twice is one."""
-        elements = [child for child in root.children if child.name == "fixture"]
         names = NameBook()
-        for element in elements:
-            names.reserve(Fields(element, around.bindings, DiagnosticLog(), self._budget).text("name").strip())
+        all_given = [*suite.children("fixture")]
+        for given in all_given:
+            names.reserve(given.get("name", ""))
         here: set[str] = set()
-        for element in elements:
-            entry = self._entries.fixture(element, around, names)
+        for given in all_given:
+            element = given.element
+            entry = read_fixture(given, around, names)
             if entry is None:
                 self._faulty_fixtures.add(element.attributes.get("name") or plugin_stem(element.text))
                 continue
@@ -296,9 +288,9 @@ def _differences(one: FixtureEntry, other: FixtureEntry) -> str:
     return ", ".join(name for name in names if getattr(one, name) != getattr(other, name))
 
 
-def _warn_if_late(fields: Fields, tests: int) -> None:
+def _warn_if_late(environment: Given, tests: int) -> None:
     if tests:
-        fields.warn(
+        environment.warn(
             f"this <environment> comes too late for {tests} {'test' if tests == 1 else 'tests'} above it",
             "move it to the top of the file, or give those tests an <environment> of their own",
         )

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rtf.testing.selection import parse_expression
-from rtf.testing.suite.ids import SuiteIds, TestIds, former, label_of_name, label_of_plugin, renewed
+from rtf.testing.suite.ids import NameBook, TestIds, former, label_of_name, label_of_plugin, renewed, suite_id
 from rtf.testing.suite.xml import load_suite_bytes
 
 PARAMS = st.sampled_from(["", "--speed 20", "--speed -20", "--from left_arm.ini", "--from right_arm.ini --speed 20"])
@@ -93,8 +93,8 @@ def test_only_the_same_test_is_numbered():
 
 def test_suites_of_one_name_are_told_apart_by_their_files():
     """As long as those differ."""
-    ids = SuiteIds()
-    told = [ids.unique("Arm", file) for file in ("lab/arm.xml", "lab/second.xml", "lab/second.xml", "")]
+    names = NameBook("+")
+    told = [suite_id("Arm", file, names) for file in ("lab/arm.xml", "lab/second.xml", "lab/second.xml", "")]
     assert told == ["arm", "arm[second]", "arm+2", "arm+3"]
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.errors import Location, RtfError
-from rtf.testing.suite.ids import slug
+from rtf.testing.suite.ids import NameBook, slug
 from rtf.testing.suite.model import (
     Expected,
     FixtureEntry,
@@ -21,7 +21,7 @@ from rtf.testing.suite.model import (
     number_suites,
     suite_id_of,
 )
-from rtf.testing.suite.values import NameBook, parse_duration, parse_integer, plugin_stem, split_words, substitute
+from rtf.testing.suite.values import parse_duration, parse_integer, plugin_stem, split_words, substitute
 
 
 def entry(name: str, **more: object) -> TestEntry:

@@ -67,7 +67,7 @@ def test_fixtures_in_a_circle_are_named():
         '<test fixtures="d">A</test></suite>',
     )
     assert [fixture.name for fixture in loaded.suite.fixtures] == ["e"]
-    messages = [error.message for error in loaded.errors]
+    messages = [error.text for error in loaded.errors]
     assert "fixtures depend on each other in a circle: a -> c -> b -> a" in messages
     assert "fixture 'd' is left out, because something it depends on could not be used" in messages
     assert "test 'A' needs the fixture 'd', which could not be used" in messages
@@ -170,8 +170,8 @@ def test_files_that_include_each_other_are_named(tmp_path: Path):
         b='<suite name="B"><include>./a.xml</include></suite>',
     )
     (error,) = load_suite(tmp_path / "a.xml").errors
-    assert "circle: a.xml -> b.xml -> a.xml" in error.message
-    assert str(tmp_path / "b.xml") == error.location.file
+    assert "circle: a.xml -> b.xml -> a.xml" in error.text
+    assert str(tmp_path / "b.xml") == error.file
 
 
 def test_what_is_wrong_with_an_included_file_is_told_with_its_own_place(tmp_path: Path):
@@ -179,7 +179,7 @@ def test_what_is_wrong_with_an_included_file_is_told_with_its_own_place(tmp_path
     write(tmp_path, main='<suite name="M"><include>bad.xml</include></suite>', bad='<suite name="B">\n<test>A</suite>')
     loaded = load_suite(tmp_path / "main.xml")
     assert loaded.suite is None
-    assert (str(tmp_path / "bad.xml"), 2) == (loaded.errors[0].location.file, loaded.errors[0].location.line)
+    assert (str(tmp_path / "bad.xml"), 2) == (loaded.errors[0].file, loaded.errors[0].line)
 
 
 def test_one_fixture_in_two_files_is_one_fixture_unless_they_differ(tmp_path: Path):
@@ -193,8 +193,8 @@ def test_one_fixture_in_two_files_is_one_fixture_unless_they_differ(tmp_path: Pa
     loaded = load_suite(tmp_path / "main.xml")
     assert [fixture.name for fixture in loaded.suite.fixtures] == ["f"]
     (error,) = loaded.errors
-    assert "differs from the one at" in error.message
-    assert "in param, restarts" in error.message
+    assert "differs from the one at" in error.text
+    assert "in param, restarts" in error.text
 
 
 @pytest.mark.parametrize("target", ["none.xml", ".", "a\N{REPLACEMENT CHARACTER}"])
@@ -203,7 +203,7 @@ def test_what_cannot_be_included_is_an_error(tmp_path: Path, target: str):
     write(tmp_path, main=f'<suite name="M"><include>{target}</include><test>A</test></suite>')
     loaded = load_suite(tmp_path / "main.xml")
     assert plugins(loaded.suite) == ["A"]
-    assert "cannot include" in loaded.errors[0].message
+    assert "cannot include" in loaded.errors[0].text
 
 
 @given(st.lists(st.lists(st.integers(0, 9), max_size=3), max_size=10))

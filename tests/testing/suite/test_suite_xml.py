@@ -53,7 +53,7 @@ def test_attribute_names_are_compared_with_case():
     """PARAM is not param, and it is said."""
     loaded = load('<suite name="S"><test PARAM="x">A</test></suite>')
     assert loaded.suite.tests[0].param == ""
-    assert "<test> has no attribute 'PARAM'" in loaded.diagnostics[0].message
+    assert "<test> has no attribute 'PARAM'" in loaded.diagnostics[0].text
     assert loaded.diagnostics[0].hint == "did you mean 'param'?"
 
 
@@ -76,8 +76,8 @@ def test_a_test_before_the_environment_is_a_trap_and_is_pointed_at():
     loaded = load('<suite name="S"><test>A</test>\n<environment>e</environment><test>B</test></suite>')
     assert [test.environment for test in loaded.suite.tests] == ["", "e"]
     (warning,) = loaded.warnings
-    assert "too late for 1 test above it" in warning.message
-    assert warning.location.line == 2
+    assert "too late for 1 test above it" in warning.text
+    assert warning.line == 2
     assert loaded.errors == ()
 
 
@@ -102,9 +102,9 @@ def test_dashes_in_comments_are_forgiven_with_a_warning():
     loaded = load('<suite name="S">\n<!-- --from x.ini --->\n<!----><!-- é -- --><test x="">A</test></suite>')
     assert plugins(loaded.suite) == ["A"]
     comment, attribute = loaded.diagnostics
-    assert "this comment (and 1 more) contains '--'" in comment.message
-    assert (comment.location.line, comment.location.column) == (2, 1)
-    assert (attribute.location.line, attribute.location.column) == (3, 27)
+    assert "this comment (and 1 more) contains '--'" in comment.text
+    assert (comment.line, comment.column) == (2, 1)
+    assert (attribute.line, attribute.column) == (3, 27)
 
 
 def test_a_suite_without_a_name_is_unknown():
@@ -323,7 +323,7 @@ def test_a_bad_value_is_an_error_at_its_place_and_keeps_the_test_out(attribute: 
     assert plugins(loaded.suite) == ["B"]
     (error,) = loaded.errors
     assert told in str(error)
-    assert (error.location.line, error.location.column) == (2, 9)
+    assert (error.line, error.column) == (2, 9)
 
 
 def test_all_problems_are_told_in_one_go():
@@ -333,7 +333,7 @@ def test_all_problems_are_told_in_one_go():
         '  <test retries="-1"\n        timeout="x">A</test>\n'
         "  <tset>B</tset>\n  <test/>\n  <fixture restarts='many'>F</fixture>\n  stray\n</suite>",
     )
-    assert [(d.location.line, d.location.column) for d in loaded.diagnostics] == [
+    assert [(d.line, d.column) for d in loaded.diagnostics] == [
         (1, 1),
         (1, 17),
         (2, 9),
