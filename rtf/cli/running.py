@@ -278,11 +278,12 @@ def make_run_folder(options: argparse.Namespace, plan: Plan) -> Path:
 def run_options(options: argparse.Namespace, folder: Path, words: Sequence[str]) -> RunOptions:
     """The options of the runner."""
     from rtf.testing.isolation.attempt import GRACE
-    from rtf.testing.operator import make_operator
     from rtf.testing.run_control import Control
     from rtf.testing.runner import RunOptions
 
-    control = Control()
+    control = Control(answer=options.answer)
+    if options.answer is None and sys.stdin is not None and sys.stdin.isatty():
+        control.attend_terminal()
     return RunOptions(
         run_folder=folder,
         jobs=1 if options.debug else max(1, options.jobs),
@@ -304,7 +305,6 @@ def run_options(options: argparse.Namespace, folder: Path, words: Sequence[str])
         station=options.station,
         seed=options.shuffle,
         command=tuple(words),
-        ask=make_operator(options.answer, control, page=options.web_reporter),
         control=control,
     )
 

@@ -16,7 +16,6 @@ from rtf.pytest_suites.listener import Listener
 from rtf.pytest_suites.locks import FixtureLocks
 from rtf.pytest_suites.settings import LIVE_PAGE, Settings
 from rtf.testing.journal import FILE_NAME, Journal
-from rtf.testing.operator import automatic
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files
 from rtf.testing.report.text import near_path
 from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, bounded, let_linger, load_reporter
@@ -109,7 +108,7 @@ class SuiteSession:
         settings = self._settings
         folder = make_run_folder(settings.runs.resolve(), settings.robot, "pytest", self.worker)
         self.run_folder = folder
-        control = Control()
+        control = Control(answer=settings.answer)
         options = ReportOptions(target=None, run_folder=folder)
         self._listener = Listener(options)
         journal = Journal(folder / FILE_NAME)
@@ -126,7 +125,6 @@ class SuiteSession:
 
     def _options(self, folder: Path, control: Control) -> RunOptions:
         settings = self._settings
-        asking = any(name == LIVE_PAGE for name, _ in settings.reports)
         return RunOptions(
             run_folder=folder,
             limits=Timeouts(run=settings.timeout),
@@ -137,7 +135,6 @@ class SuiteSession:
             robot=settings.robot,
             station=settings.station,
             command=("pytest", *map(str, self._config.invocation_params.args)),
-            ask=automatic(settings.answer) if settings.answer is not None else control.ask if asking else None,
             control=control,
             plan_ahead=not self.worker,  # a worker does not know which tests it will be given
             facts=self._facts(),

@@ -36,21 +36,20 @@ from rtf.testing.events import (
 )
 from rtf.testing.isolation.attempt import GRACE, Limits
 from rtf.testing.plan import fingerprint
+from rtf.testing.run_control import Control, alarm
 from rtf.testing.secret_values import declared_in, masked_command, masked_text
 from rtf.testing.sharing import groups_sharing_fixtures
 from rtf.testing.suite.model import Isolation, TestEntry, Timeouts
+from rtf.testing.suite_worker import SuiteWorker
 from rtf.testing.verdict import ExitCode, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from rtf.testing.events import Asked, PlanChanged
+    from rtf.testing.events import PlanChanged
     from rtf.testing.isolation.launch import Launched
     from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.reporting import Broadcast
-    from rtf.testing.run_control import Control
-from rtf.testing.interrupts import Interrupts, alarm
-from rtf.testing.suite_worker import SuiteWorker
 
 #: Seconds a test may take where neither suite, plug-in nor command line says anything: everything ends.
 DEFAULT_LIMITS = Timeouts(setup=60.0, run=300.0, teardown=30.0)
@@ -64,8 +63,8 @@ class RunOptions:
     After ``maxfail`` tests that did not pass no further test is started (0: no limit). ``device`` is the record of the
     device under test.
 
-    ``grace`` is how long a test that is asked to stop may take to begin its teardown before it is killed. ``control``
-    is the door through which people stop the run. ``conduct`` says, instead of the order of the plan, what the run's
+    ``grace`` is how long a test that is asked to stop may take to begin its teardown before it is killed. Through
+    ``control`` people stop the run and answer its questions. ``conduct`` says, instead of the order of the plan, what the run's
     one suite worker does next. Without ``plan_ahead`` a test is told of when whoever conducts calls :meth:`Run.plan`,
     and not before anything runs. ``terminal`` is the device at which tests are debugged, without limits; with
     ``core_dumps`` those of programs are kept.
@@ -95,8 +94,7 @@ class RunOptions:
     handle_signals: bool = True
     conduct: Callable[[SuiteWorker], None] | None = None
     plan_ahead: bool = True
-    ask: Callable[[Asked, Callable[[str | None, str], None]], None] | None = None
-    control: Control | None = None
+    control: Control = field(default_factory=Control)
     terminal: str = ""
     core_dumps: bool = False
     facts: Mapping[str, str] = field(default_factory=dict)
@@ -114,7 +112,7 @@ class Run:
     ) -> None:
         self.suites = suites
         self.options = options
-        self.interrupts = Interrupts()
+        self.control = options.control
         self.dispatcher = Dispatcher(suites, options.done)
         self._failures = 0
         self._counting = threading.Lock()
@@ -124,9 +122,7 @@ class Run:
         self._limits: dict[str, Limits] = {}
         self._launched = [] if launched is None else [launched]
         self.emit = broadcast.emit
-        if options.control is not None:
-            broadcast.control = options.control
-            options.control.bind(self.interrupts)
+        broadcast.control = options.control
 
     @property
     def results(self) -> Any:
@@ -151,7 +147,7 @@ class Run:
         return code
 
     def _overdue(self) -> None:
-        self.interrupts.request(f"time-out of the run after {self.options.run_timeout:g} s", stage=2)
+        self.control.request(f"time-out of the run after {self.options.run_timeout:g} s", stage=2)
 
     # Beginning and end -------------------------------------------------------------------------------------------
 
@@ -224,11 +220,11 @@ class Run:
         )
 
     def _end(self, began: float) -> ExitCode:
-        self.interrupts.announce(self.emit)
+        self.control.announce(self.emit)
         self._account_for_all()
-        self._broadcast.flush(lambda: self.interrupts.count)
+        self._broadcast.flush(lambda: self.control.count)
         code = self._say_end(began)
-        self._broadcast.close_reporters(lambda: self.interrupts.count)
+        self._broadcast.close_reporters(lambda: self.control.count)
         if self._exit_code() is not code:  # a reporter broke while it was finishing
             code = self._say_end(began)
         self._broadcast.close()
@@ -255,7 +251,7 @@ class Run:
         for test in [*self._broadcast.results.tests.values()]:
             if test.verdict is None:
                 verdict = Verdict.NOT_RUN
-                detail = "the run was interrupted" if self.interrupts.stage else "the run ended before it"
+                detail = "the run was interrupted" if self.control.stage else "the run ended before it"
                 self.emit(
                     TestEnded(
                         test=test.id, verdict=verdict, outcome=verdict, attempt=0, reason="not run", detail=detail
@@ -272,7 +268,7 @@ class Run:
         taken: list[tuple[signal.Signals, Any]] = []
         for signum in _SIGNALS:
             if signal.getsignal(signum) is not signal.SIG_IGN:
-                handler = signal.signal(signum, lambda number, _frame: self.interrupts.signalled(number))
+                handler = signal.signal(signum, lambda number, _frame: self.control.signalled(number))
                 taken.append((signum, handler))
         return taken
 
@@ -362,8 +358,8 @@ class Run:
 
     def stop_reason(self) -> str:
         """Why no further test is to be started, or an empty text."""
-        if self.interrupts.stage:
-            self.interrupts.announce(self.emit)
+        if self.control.stage:
+            self.control.announce(self.emit)
             return "the run was interrupted"
         if 0 < self.options.maxfail <= self._failures:
             return f"{self._failures} test{'s' if self._failures != 1 else ''} failed before (--maxfail)"
