@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from rtf.cli.device import device_record
 from rtf.cli.parser import UsageError
-from rtf.testing import run_folder
+from rtf.testing import journal
 from rtf.testing.events import Diagnosed
 from rtf.testing.plan import (
     Loaded,
@@ -158,7 +158,7 @@ def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple
     if planned is not None and (options.last_failed or options.stepwise):
         filters["--resume"] = selection.id_filter(planned)  # what has failed last is something else by now
     else:
-        last = Path(options.runs) / run_folder.LATEST
+        last = Path(options.runs) / journal.LATEST
         if options.last_failed:
             failed = selection.id_filter(_failed_in(last, "--last-failed"))
             filters[f"--last-failed (what did not pass in {last.resolve()})"] = failed
@@ -184,15 +184,10 @@ def _from_first(suites: tuple[TestSuite, ...], failed: frozenset[str]) -> list[s
 
 
 def _failed_in(folder: Path, option: str) -> frozenset[str]:
-    from rtf.testing import replay
-    from rtf.testing.results import RunResult
-
     if not folder.exists():
         raise SuiteError(f"{option}: there is no earlier run in {folder.parent}")
-    results = RunResult()
-    for event in replay.as_one_run(folder):
-        results.apply(event)
-    return frozenset(test.id for test in results.tests.values() if test.verdict is None or not test.verdict.good)
+    tests = journal.results_of(folder).tests.values()
+    return frozenset(test.id for test in tests if test.verdict is None or not test.verdict.good)
 
 
 def fingerprints(plan: Plan) -> dict[str, str]:
@@ -270,7 +265,7 @@ def make_run_folder(options: argparse.Namespace, plan: Plan) -> Path:
     runs = Path(options.runs).absolute()
     name = plan.suites[0].suite.id if len(plan.suites) == 1 else f"{len(plan.suites)}-suites" if plan.suites else ""
     try:
-        return run_folder.make_run_folder(runs, options.robot, name[:60])
+        return journal.make_run_folder(runs, options.robot, name[:60])
     except OSError as error:
         raise SuiteError(f"--runs {runs}: {error.strerror or error}; name another folder with --runs") from None
 
@@ -336,21 +331,17 @@ def make_room_for_files(jobs: int) -> None:
 
 def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: Launched | None = None) -> ExitCode:
     """Open reporters and journal, run, and close everything. ``launched`` is a fork server that is getting ready."""
-    from rtf.testing.journal import FILE_NAME, Journal
-    from rtf.testing.reporting import Broadcast, ReportOptions
-    from rtf.testing.run_folder import LatestRun
+    from rtf.testing.reporting import Broadcast
     from rtf.testing.runner import Run
 
     make_room_for_files(run.jobs)
-    path = run.run_folder / FILE_NAME
+    path = run.run_folder / journal.FILE_NAME
     if path.exists() and not run.resumed:
         raise SuiteError(f"{run.run_folder} holds a run already; go on with it by --resume, or name another folder")
-    journal = Journal(path, resume=run.resumed)  # before any report is touched: the run may still be going on
+    # Before any report is touched: the run may still be going on.
+    writer = journal.Journal(path, resume=run.resumed, latest=not (options.run_folder or run.resumed))
     reporters = open_reporters(options, run.run_folder, run.control)
-    link = (
-        [] if options.run_folder or run.resumed else [LatestRun(ReportOptions(target=None, run_folder=run.run_folder))]
-    )
-    broadcast = Broadcast(journal, [*reporters, *link])
+    broadcast = Broadcast(writer, [*reporters])
     if run.resumed:
         changes = run.changes
         broadcast.resume(path, void=(*changes.removed, *changes.changed) if changes else ())

@@ -15,12 +15,11 @@ from rtf.pytest_suites.conductor import Conductor
 from rtf.pytest_suites.listener import Listener
 from rtf.pytest_suites.locks import FixtureLocks
 from rtf.pytest_suites.settings import LIVE_PAGE, Settings
-from rtf.testing.journal import FILE_NAME, Journal
+from rtf.testing.journal import FILE_NAME, Journal, make_run_folder
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files
 from rtf.testing.report.text import near_path
 from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, bounded, let_linger, load_reporter
 from rtf.testing.run_control import Control
-from rtf.testing.run_folder import LatestRun, make_run_folder
 from rtf.testing.runner import RunOptions, most_memory
 from rtf.testing.suite.ids import SuiteIds
 from rtf.testing.suite.model import Timeouts
@@ -109,16 +108,15 @@ class SuiteSession:
         folder = make_run_folder(settings.runs.resolve(), settings.robot, "pytest", self.worker)
         self.run_folder = folder
         control = Control(answer=settings.answer)
-        options = ReportOptions(target=None, run_folder=folder)
-        self._listener = Listener(options)
-        journal = Journal(folder / FILE_NAME)
+        self._listener = Listener(ReportOptions(target=None, run_folder=folder))
+        journal = Journal(folder / FILE_NAME, latest=True)
         try:
             self._open_reporters(folder, control)
         except OSError:
             journal.close()
             raise
         suites = planned_suites(session.items)
-        broadcast = Broadcast(journal, [*self._reporters, LatestRun(options)], listener=self._listener)
+        broadcast = Broadcast(journal, [*self._reporters], listener=self._listener)
         conductor = Conductor(suites, self._options(folder, control), broadcast, self._diagnostics)
         conductor.start()
         return conductor

@@ -64,9 +64,9 @@ class RunOptions:
     device under test.
 
     ``grace`` is how long a test that is asked to stop may take to begin its teardown before it is killed. Through
-    ``control`` people stop the run and answer its questions. ``conduct`` says, instead of the order of the plan, what the run's
-    one suite worker does next. Without ``plan_ahead`` a test is told of when whoever conducts calls :meth:`Run.plan`,
-    and not before anything runs. ``terminal`` is the device at which tests are debugged, without limits; with
+    ``control`` people stop the run and answer its questions. ``conduct`` says, instead of the order of the plan, what
+    the run's one suite worker does next. Without ``plan_ahead`` a test is announced by a call of :meth:`Run.plan`, and
+    not before anything runs. ``terminal`` is the device at which tests are debugged, without limits; with
     ``core_dumps`` those of programs are kept.
     """
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from harness import run_command
-from rtf.testing import Parameter, TestCase, journal, replay
+from rtf.testing import Parameter, TestCase, journal
 from rtf.testing.parameters import ParameterError
 from rtf.testing.secret_values import declared_in, is_secret, masked_command
 from rtf.testing.verdict import ExitCode
@@ -115,7 +115,7 @@ def test_resumed_run_needs_its_secrets_again(folder: Path):
     assert "--set keyboard: a run that is resumed keeps its parameters" in refused.stderr
     run_command(folder, "--resume", "rtf-runs/latest", *secrets)
     run = folder / "rtf-runs" / "latest"
-    assert replay.RunIndex(journal.read(run)).finished == {"s/login", "s/b"}
+    assert journal.results_of(run).finished() == {"s/login", "s/b"}
     assert b"hunter2" not in (run / journal.FILE_NAME).read_bytes()
 
 
