@@ -15,9 +15,13 @@ from rtf.testing.events import (
     Interrupted,
     Measured,
     Message,
+    OutputCaptured,
+    PhaseStarted,
     PlanChanged,
+    Progressed,
     RunEnded,
     RunStarted,
+    SeriesSampled,
     SubResultEnded,
     SuiteEnded,
     SuitePlanned,
@@ -36,6 +40,10 @@ if TYPE_CHECKING:
 _KEPT_MESSAGES = 50
 #: A test that ended like this has said nothing yet, and runs again when the run is resumed.
 _OPEN = frozenset({None, Verdict.NOT_RUN, Verdict.INTERRUPTED, Verdict.BLOCKED})
+_PROBLEMS = (Severity.FAILURE, Severity.ERROR)
+_OF_TESTS = frozenset({Message, Measured, TestStarted, TestEnded, SubResultEnded, TestRenamed})
+#: What comes often and changes no result.
+_PASSED_OVER = frozenset({PhaseStarted, OutputCaptured, Progressed, SeriesSampled})
 
 
 @dataclass(slots=True)
@@ -79,10 +87,11 @@ class TestResult:
     def apply(self, event: Event) -> None:
         """Take in an event of this test."""
         match event:
-            case Message(severity=Severity.FAILURE | Severity.ERROR):
-                self.problem_count += 1
-                if len(self.problems) < _KEPT_MESSAGES:
-                    self.problems.append(event)
+            case Message():
+                if event.severity in _PROBLEMS:
+                    self.problem_count += 1
+                    if len(self.problems) < _KEPT_MESSAGES:
+                        self.problems.append(event)
             case Measured():
                 self.measured += 1
             case TestStarted():
@@ -141,8 +150,9 @@ class SuiteResult:
                 self.fixtures[event.fixture] = event
             case FixtureIncident():
                 self.incidents.append(event)
-            case Message(test="", severity=Severity.FAILURE | Severity.ERROR) if len(self.problems) < _KEPT_MESSAGES:
-                self.problems.append(event)
+            case Message():
+                if event.severity in _PROBLEMS and len(self.problems) < _KEPT_MESSAGES:
+                    self.problems.append(event)
 
 
 @dataclass(slots=True)
@@ -167,6 +177,14 @@ class RunResult:
 
     def apply(self, event: Event) -> None:
         """Take one more event in. Events of tests that were never planned are passed over."""
+        if type(event) in _OF_TESTS and event.test:  # type: ignore[attr-defined]  # these have a test
+            test = self.tests.get(event.test)  # type: ignore[attr-defined]
+            if test is not None:
+                test.apply(event)
+        elif type(event) not in _PASSED_OVER:
+            self._apply(event)
+
+    def _apply(self, event: Event) -> None:
         match event:
             case TestPlanned():
                 self._plan_test(event)
@@ -188,7 +206,9 @@ class RunResult:
             case RunEnded():
                 self.ended = event
             case _:
-                self._pass_on(event)
+                suite = self.suites.get(getattr(event, "suite", ""))
+                if suite is not None:
+                    suite.apply(event)
 
     def _plan_test(self, event: TestPlanned) -> None:
         if event.test in self.tests:
@@ -206,14 +226,6 @@ class RunResult:
             if suite is not None:
                 suite.tests.pop(gone, None)
             self.tests.pop(gone, None)
-
-    def _pass_on(self, event: Event) -> None:
-        test = self.tests.get(getattr(event, "test", ""))
-        if test is not None:
-            test.apply(event)
-        suite = self.suites.get(getattr(event, "suite", ""))
-        if suite is not None:
-            suite.apply(event)
 
     def counts(self) -> Counter[Verdict]:
         """How many tests ended with each verdict."""
