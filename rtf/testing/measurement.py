@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from rtf.testing.verdict import MeasurementVerdict
 
@@ -148,11 +149,21 @@ class Measurement:
             return MeasurementVerdict.MARGINAL
         return MeasurementVerdict.PASSED
 
-    def __str__(self) -> str:
-        """Say the value, its limits and margin in one sentence."""
-        text = f"{self.name} = {quantity(self.value, self.unit)}"
+    @property
+    def sentence(self) -> str:
+        """The value, its limits and margin, for people."""
+        text = quantity(self.value, self.unit)
         if self.low is None and self.high is None:
             return text
         text += f", expected {limits_text(self.low, self.high, self.unit)}"
         margin = self.margin
         return text if margin is None else f"{text}, margin {quantity(margin, self.unit)}"
+
+    def __str__(self) -> str:
+        return f"{self.name} = {self.sentence}"
+
+    def members(self) -> dict[str, Any]:
+        """The members of an event that speaks of it, as far as there are any."""
+        limits = {"low": self.low, "high": self.high, "margin": self.margin}
+        given = {name: limit for name, limit in limits.items() if limit is not None}
+        return {"value": self.value, "unit": str(self.unit), **given}
