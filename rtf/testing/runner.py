@@ -16,11 +16,10 @@ import signal
 import sys
 import threading
 import traceback
-from collections import deque
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import rtf
 from rtf import clock
@@ -44,16 +43,19 @@ from rtf.testing.suite_worker import SuiteWorker
 from rtf.testing.verdict import ExitCode, Severity, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from rtf.testing.events import PlanChanged
     from rtf.testing.isolation.launch import Launched
     from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.reporting import Broadcast
+    from rtf.testing.results import RunResult
 
 #: Seconds a test may take where neither suite, plug-in nor command line says anything: everything ends.
 DEFAULT_LIMITS = Timeouts(setup=60.0, run=300.0, teardown=30.0)
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+#: Seconds between two looks of the main thread at the suite workers; a signal handler runs between its waits only.
+_LOOK = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,17 +117,16 @@ class Run:
         self.control = options.control
         self.dispatcher = Dispatcher(suites, options.done)
         self._failures = 0
-        self._counting = threading.Lock()
+        self._lock = threading.Lock()
         self._broadcast = broadcast
         files = {str(test.plugin.path) for suite in suites for test in suite.tests if test.plugin is not None}
         self._secrets = declared_in(files)
-        self._limits: dict[str, Limits] = {}
-        self._launched = [] if launched is None else [launched]
+        self._launched = launched
         self.emit = broadcast.emit
         broadcast.control = options.control
 
     @property
-    def results(self) -> Any:
+    def results(self) -> RunResult:
         """The results so far."""
         return self._broadcast.results
 
@@ -133,17 +134,15 @@ class Run:
         """Run everything, tear everything down, report everything. Returns the exit code."""
         began = clock.monotonic()
         options = self.options
-        restore = self._take_signals() if options.handle_signals else []
-        try:
-            with alarm(options.run_timeout, self._overdue):
-                self._begin(diagnostics)
-                self._run_workers()
-        except Exception as error:  # noqa: BLE001 - reported, and everything else still ends in order
-            self._broke(error)
-        finally:
-            code = self._end(began)
-            for signum, handler in restore:
-                signal.signal(signum, handler)
+        with self._signals():
+            try:
+                with alarm(options.run_timeout, self._overdue):
+                    self._begin(diagnostics)
+                    self._run_workers()
+            except Exception as error:  # noqa: BLE001 - reported, and everything else still ends in order
+                self._broke(error)
+            finally:
+                code = self._end(began)
         return code
 
     def _overdue(self) -> None:
@@ -262,15 +261,20 @@ class Run:
         text = f"{type(error).__name__}: {error}"
         self.emit(InternalError(text=text, traceback="".join(traceback.format_exception(error))))
 
-    def _take_signals(self) -> list[tuple[signal.Signals, Any]]:
-        if threading.current_thread() is not threading.main_thread():
-            return []
-        taken: list[tuple[signal.Signals, Any]] = []
-        for signum in _SIGNALS:
-            if signal.getsignal(signum) is not signal.SIG_IGN:
-                handler = signal.signal(signum, lambda number, _frame: self.control.signalled(number))
-                taken.append((signum, handler))
-        return taken
+    @contextlib.contextmanager
+    def _signals(self) -> Iterator[None]:
+        """Take signals in the block: those that are not ignored, in the main thread, if the run is to have them."""
+        in_main = threading.current_thread() is threading.main_thread()
+        wanted = _SIGNALS if self.options.handle_signals and in_main else ()
+        before = {signum: signal.getsignal(signum) for signum in wanted}
+        taken = [signum for signum, handler in before.items() if handler is not signal.SIG_IGN]
+        for signum in taken:
+            signal.signal(signum, lambda number, _frame: self.control.signalled(number))
+        try:
+            yield
+        finally:
+            for signum in taken:
+                signal.signal(signum, before[signum])
 
     # Suite workers ----------------------------------------------------------------------------------------------------
 
@@ -279,15 +283,10 @@ class Run:
         if len(groups) <= 1:
             self._run_worker(self.suites)
             return
-        waiting = deque(groups)
-        with ThreadPoolExecutor(max_workers=self.options.jobs, thread_name_prefix="rtf-worker") as pool:
-            for future in [pool.submit(self._run_groups, waiting) for _ in range(min(self.options.jobs, len(groups)))]:
-                while True:
-                    try:
-                        future.result(timeout=0.2)  # a signal handler runs only between the main thread's waits
-                        break
-                    except TimeoutError:
-                        continue
+        with ThreadPoolExecutor(self.options.jobs, "rtf-worker") as pool:
+            running = [pool.submit(self._run_worker, group) for group in groups]
+            while wait(running, timeout=_LOOK).not_done:
+                continue
 
     def _groups(self) -> list[list[PlannedSuite]]:
         """What may run at the same time: suites that share a fixture are one group, copies of a suite are several."""
@@ -307,14 +306,6 @@ class Run:
                 suite = planned.suite
                 self.emit(Diagnosed(severity=Severity.WARNING, text=text, hint=hint, suite=suite.id, file=suite.file))
 
-    def _run_groups(self, waiting: deque[list[PlannedSuite]]) -> None:
-        """Run one group after the other, a suite worker for each, as long as some are waiting; several threads do."""
-        while suites := _next_of(waiting):
-            if self.stop_reason():  # nothing is begun any more; a single fork server is enough to say so of all
-                while more := _next_of(waiting):
-                    suites = [*suites, *more]
-            self._run_worker(suites)
-
     def _run_worker(self, suites: Sequence[PlannedSuite]) -> None:
         try:
             conduct = self.options.conduct or SuiteWorker.run
@@ -328,25 +319,15 @@ class Run:
         """The limits of a test: its own, its suite's, its author's, the command line's or the defaults."""
         if self.options.terminal:  # somebody is thinking
             return Limits(setup=None, run=None, teardown=None, grace=self.options.grace)
-        limits = self._limits.get(test.entry.id)
-        if limits is None:
-            chosen = planned.suite.timeouts_of(test.entry).inherit(Timeouts(run=test.timeout))
-            chosen = chosen.inherit(self.options.limits).inherit(DEFAULT_LIMITS)
-            limits = Limits(
-                setup=chosen.setup,
-                run=chosen.run,
-                teardown=chosen.teardown,
-                total=chosen.total,
-                grace=self.options.grace,
-            )
-            self._limits[test.entry.id] = limits
-        return limits
+        chosen = planned.suite.timeouts_of(test.entry).inherit(Timeouts(run=test.timeout))
+        chosen = chosen.inherit(self.options.limits).inherit(DEFAULT_LIMITS)
+        return Limits(**asdict(chosen), grace=self.options.grace)
 
     def take_launched(self) -> Launched | None:
         """The fork server that was started before the run, for the first suite worker that asks."""
-        with contextlib.suppress(IndexError):
-            return self._launched.pop()
-        return None
+        with self._lock:
+            launched, self._launched = self._launched, None
+        return launched
 
     def repetition_of(self, entry: TestEntry) -> int:
         """Additional runs of the body."""
@@ -367,15 +348,8 @@ class Run:
 
     def count_failure(self) -> None:
         """Count a test that did not pass, for ``maxfail``. From any thread."""
-        with self._counting:
+        with self._lock:
             self._failures += 1
-
-
-def _next_of(waiting: deque[list[PlannedSuite]]) -> list[PlannedSuite]:
-    """The next group, or none: another thread may have taken the last one."""
-    with contextlib.suppress(IndexError):
-        return waiting.popleft()
-    return []
 
 
 def most_memory() -> int:

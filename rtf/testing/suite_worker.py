@@ -117,7 +117,8 @@ class SuiteWorker:
         """Have a fork server in the block; afterwards everything of this suite worker is gone."""
         self._run.control.add_reactor(self._reactor)
         try:
-            if any(test.plugin is not None for planned in self._suites for test in planned.tests):
+            has_plugins = any(test.plugin is not None for planned in self._suites for test in planned.tests)
+            if has_plugins and not self._run.stop_reason():
                 self._fork_server.start()
             yield
         finally:
