@@ -212,12 +212,13 @@ def talk() -> list[str]:
 
 
 def _write(network: Network, reader: int) -> list[str]:
+    from statistics import median
+
     from rtf.bottle import Bottle
     from rtf.middleware import remote
     from rtf.middleware.errors import ConnectError
     from rtf.middleware.names import Contact
     from rtf.middleware.port import Port
-    from rtf.testing.statistics import median
 
     target = Contact(name="/demo/reader")
     deadline = clock.Deadline.after(_TALK_LIMIT)

@@ -30,13 +30,6 @@ def wilson_interval(successes: int, trials: int, z: float = _Z95) -> tuple[float
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
-def median(values: list[float]) -> float:
-    """The middle value of a list that is not empty; the mean of the middle two where there are two."""
-    ordered = sorted(values)
-    half = len(ordered) // 2
-    return ordered[half] if len(ordered) % 2 else (ordered[half - 1] + ordered[half]) / 2
-
-
 def theil_sen(values: Sequence[float]) -> float:
     """The slope a step of finite values that follow each other: the median over all pairs (P. K. Sen, 1968).
 

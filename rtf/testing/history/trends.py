@@ -11,9 +11,10 @@ import fnmatch
 import itertools
 import math
 from dataclasses import dataclass, field
+from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from rtf.testing.statistics import discovery_limit, mann_kendall, median, theil_sen, wilson_interval
+from rtf.testing.statistics import discovery_limit, mann_kendall, theil_sen, wilson_interval
 from rtf.testing.verdict import MeasurementVerdict, Verdict
 
 if TYPE_CHECKING:
