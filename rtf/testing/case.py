@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, NoReturn
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
 from rtf.testing import recording
 from rtf.testing.events import Asked, Measured, Progressed, TestRenamed
@@ -334,34 +334,22 @@ class TestCase(Declared, UsesFixtures):
     ) -> float:
         """Ask for a number in ``symbol``. Without an answer in time: the default, or inconclusive."""
         standard = None if default is None else repr(float(default))
-        answer = self._ask(text, "number", symbol=str(unit(symbol)), timeout=timeout, default=standard, picture=picture)
+        answer = self._ask(text, "number", unit=str(unit(symbol)), timeout=timeout, default=standard, picture=picture)
         try:
             return float(answer)
         except ValueError:
             raise Inconclusive(f"the answer to {text!r} is no number: {answer!r}") from None
 
-    def _ask(
-        self,
-        text: str,
-        form: str,
-        *,
-        timeout: float,
-        default: str | None,
-        picture: str,
-        choices: tuple[str, ...] = (),
-        symbol: str = "",
-    ) -> str:
+    def _ask(self, text: str, form: str, *, timeout: float, picture: str, **members: Any) -> str:
         session = self._session
         question = Asked(
             test=session.test,
             question=session.next_question(),
             text=text,
             form=form,
-            choices=choices,
-            unit=symbol,
             picture=self._kept_picture(picture) if picture else "",
             timeout=timeout,
-            default=default,
+            **members,
         )
         answer = session.ask(question)
         if answer is None:
