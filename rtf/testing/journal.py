@@ -50,8 +50,9 @@ LATEST = "latest"
 
 #: Seconds between two turns of the disk. Each costs the run some wake-ups of a thread that competes with it.
 _SYNC_PAUSE = 0.1
-
-
+#: After these events what was written is put on the disk; with these a run does something.
+_TO_DISK = frozenset({RunStarted, TestEnded, SuiteEnded})
+_DOES_SOMETHING = frozenset({FixtureChanged, TestStarted, TestEnded})
 _MOST_A_SECOND = 1000
 
 
@@ -94,11 +95,10 @@ class Journal:
         except OSError as error:
             raise JournalError(error.errno, f"cannot write the journal {path}: {error.strerror}") from None
         self._lock = threading.Lock()
-        self._dirty = threading.Event()
-        self._closing = False
-        self._close_now = threading.Event()
-        # The disk is told by a thread of its own: the next test need not wait for it, and tests that follow each other
-        # quickly share one turn of it.
+        self._dirty = False
+        self._closing = threading.Event()
+        # A thread of its own waits for the disk: the next test need not, and tests that follow each other quickly share
+        # one turn of it.
         self._syncer = threading.Thread(target=self._keep_syncing, name="rtf-journal-sync", daemon=True)
         self._syncer.start()
 
@@ -112,21 +112,17 @@ class Journal:
                     view = view[os.write(self._descriptor, view) :]
             except OSError as error:
                 raise JournalError(error.errno, f"cannot write the journal {self.path}: {error.strerror}") from None
-        if self._link and isinstance(event, TestStarted | TestEnded | FixtureChanged):
+        if type(event) in _TO_DISK:
+            self._dirty = True
+        if self._link and type(event) in _DOES_SOMETHING:
             self._link = False
             _point_to(self.path.parent.with_name(LATEST), self.path.parent.name)
 
-    def sync(self) -> None:
-        """Have what was written so far put on the disk, soon."""
-        self._dirty.set()
-
     def close(self) -> None:
         """Put everything on the disk, and be done. Raises JournalError when the disk does not take it."""
-        if self._closing:
+        if self._closing.is_set():
             return
-        self._closing = True
-        self._close_now.set()
-        self._dirty.set()
+        self._closing.set()
         self._syncer.join()
         try:
             os.fsync(self._descriptor)
@@ -141,14 +137,11 @@ class Journal:
             self.close()
 
     def _keep_syncing(self) -> None:
-        while True:
-            self._dirty.wait()
-            self._dirty.clear()
-            if self._closing:
-                return
-            with contextlib.suppress(OSError):  # the next write meets the same error, and says so
-                os.fsync(self._descriptor)
-            self._close_now.wait(_SYNC_PAUSE)
+        while not self._closing.wait(_SYNC_PAUSE):
+            if self._dirty:
+                self._dirty = False
+                with contextlib.suppress(OSError):  # the next write meets the same error, and says so
+                    os.fsync(self._descriptor)
 
     def __enter__(self) -> Self:
         return self
@@ -251,7 +244,7 @@ def as_one_run(path: Path, *, resuming: bool = False, void: Collection[str] = ()
     Of a run that was resumed, or is being ``resuming``-ed, the ends of its earlier parts and all that belongs to tests
     that were run again are left out, as are the suites and tests that a later part, or ``void``, took out of the run.
     At the end of a journal that just stops, unless it is resumed, follow the ends that a killed runner left out. Reads
-    the file twice and keeps no events in memory. Raises as :class:`JournalReader` does.
+    the file twice, and keeps the results in memory meanwhile. Raises as :class:`JournalReader` does.
     """
     parts = _earlier_parts(path, resuming=resuming, void=void)
     events = _one_part(read(path), parts)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from rtf import clock
 from rtf.testing import journal
-from rtf.testing.events import Event, InternalError, RunStarted, SuiteEnded, TestEnded
+from rtf.testing.events import Event, InternalError
 from rtf.testing.journal import Journal, JournalError
 from rtf.testing.outcome import TestingError
 from rtf.testing.reporter_thread import CALL_LIMIT, CLOSE_LIMIT, STOPPING_LIMIT, ReporterThread
@@ -245,8 +245,6 @@ class Broadcast:
             self._journal = None
             self._no_room.add(error.errno)
             return _broken_journal(error)
-        if isinstance(event, TestEnded | SuiteEnded | RunStarted):
-            self._journal.sync()
         return None
 
     def _drop(self, reporter: Reporter, error: BaseException) -> None:
