@@ -1,4 +1,4 @@
-"""A measured value with its unit and limits, and where it lies between them.
+"""A measured value with its unit and limits, and where it lies between them; and how sure a measured pass rate is.
 
 Units are a small closed set with exact symbols: robot tests need two dozen, and reports compare them as strings.
 """
@@ -11,6 +11,9 @@ from enum import StrEnum
 from typing import Any
 
 from rtf.testing.verdict import MeasurementVerdict
+
+#: The standard normal quantile for 95 % two-sided confidence.
+_Z95 = 1.959963984540054
 
 
 class Unit(StrEnum):
@@ -167,3 +170,18 @@ class Measurement:
         limits = {"low": self.low, "high": self.high, "margin": self.margin}
         given = {name: limit for name, limit in limits.items() if limit is not None}
         return {"value": self.value, "unit": str(self.unit), **given}
+
+
+def wilson_interval(successes: int, trials: int, z: float = _Z95) -> tuple[float, float]:
+    """The Wilson score interval of a proportion, as fractions of 1.
+
+    It stays inside [0, 1] and is honest for few trials and for none failing (E. B. Wilson, 1927). With no trial nothing
+    is known: (0, 1).
+    """
+    if trials == 0:
+        return 0.0, 1.0
+    p = successes / trials
+    denominator = 1 + z * z / trials
+    centre = (p + z * z / (2 * trials)) / denominator
+    half = z * math.sqrt(p * (1 - p) / trials + z * z / (4 * trials * trials)) / denominator
+    return max(0.0, centre - half), min(1.0, centre + half)

@@ -33,7 +33,7 @@ from rtf.testing.isolation.messages import (
     Frames,
     Job,
 )
-from rtf.testing.measurement import require_limits
+from rtf.testing.measurement import require_limits, wilson_interval
 from rtf.testing.outcome import TestProblem, TestStopped
 from rtf.testing.plugin_spec import may_move
 from rtf.testing.session import Session, text_of
@@ -291,8 +291,6 @@ def _repeat(case: TestCase, job: Job, session: Session) -> None:
 
 def _report_repetitions(session: Session, passed: int, durations: list[float]) -> None:
     from statistics import median
-
-    from rtf.testing.statistics import wilson_interval
 
     ran = len(durations)
     low, high = wilson_interval(passed, ran)
