@@ -230,11 +230,15 @@ class Message(Event, tag="message", frozen=True, kw_only=True):
     file: str = ""
     line: Count = 0
     traceback: str = ""
-    value: float | None = None
+    value: float | str | None = None
     low: float | None = None
     high: float | None = None
     margin: float | None = None
     unit: str = ""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.value, str) and self.value in _NOT_FINITE:
+            msgspec.structs.force_setattr(self, "value", _NOT_FINITE[self.value])
 
 
 class Measured(Event, tag="measured", frozen=True, kw_only=True):

@@ -31,6 +31,7 @@ OF_TYPE = {
     "str | None": st.none() | TEXT,
     "Count | None": st.none() | st.integers(-BIGGEST, BIGGEST),
     "float | None": st.none() | NUMBERS,
+    "float | str | None": st.none() | NUMBERS | TEXT.filter(lambda text: text not in ("NaN", "Infinity", "-Infinity")),
     "tuple[str, ...]": st.lists(TEXT, max_size=3).map(tuple),
     "tuple[dict[str, str], ...]": st.lists(st.dictionaries(TEXT, TEXT, max_size=3), max_size=3).map(tuple),
     "tuple[tuple[float, ...], ...]": st.lists(st.lists(NUMBERS, max_size=3).map(tuple), max_size=3).map(tuple),
