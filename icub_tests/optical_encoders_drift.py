@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.robot.interfaces import FloatArray
-    from rtf.testing.series import Series
+    from rtf.testing.recording import Series
 
 #: Time for joints to settle at home, and time of measurement, s.
 _SETTLING, _MEASURING = 0.5, 0.2

@@ -74,10 +74,7 @@ def write_files(folder: Path, files: dict[str, str]) -> None:
 def read_back(folder: Path) -> tuple[list[Event], RunResult]:
     """The events of a run's journal, and its results."""
     events = [*journal.read(folder)]
-    results = RunResult()
-    for event in events:
-        results.apply(event)
-    return events, results
+    return events, RunResult.of(events)
 
 
 def run_suite(

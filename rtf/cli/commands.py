@@ -18,7 +18,7 @@ def report(words: Sequence[str]) -> ExitCode:
     """Write reports of a run that is over, from its journal alone; exits as the run did."""
     from rtf.cli.arguments import add_report_options
     from rtf.cli.running import open_reporters
-    from rtf.testing import replay
+    from rtf.testing.journal import as_one_run
     from rtf.testing.reporting import Broadcast
 
     parser = Parser(
@@ -33,7 +33,7 @@ def report(words: Sequence[str]) -> ExitCode:
         options.no_output = False
     path = Path(options.run)
     folder = (path if path.is_dir() else path.parent).resolve()
-    events = replay.with_ends(replay.as_one_run(path))
+    events = as_one_run(path)
     first = next(events, None)
     if first is None:
         print(f"testrunner report: {path} holds no event", file=sys.stderr)

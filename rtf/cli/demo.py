@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rtf import clock
 from rtf.cli.parser import Parser
 from rtf.errors import RtfError
+from rtf.testing.journal import results_of
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ def _what_goes_wrong(runs: Path, rest: Sequence[str]) -> _Shown:
     code = ExitCode(testrunner.main([*run, *page, *reports, *rest]))
     if code not in (ExitCode.PASSED, ExitCode.FAILURES):
         return _Shown(code, 0, [], latest)
-    results = _results(latest)
+    results = results_of(latest)
     expected = tomllib.loads((folder / "expected.toml").read_text(encoding="utf-8"))
     return _Shown(code, len(results.tests), compare(results, expected), (latest / "report.html").resolve())
 
@@ -133,7 +134,7 @@ def _battery(runs: Path) -> _Shown:
     words = ["--runs", str(runs), "--answer", "default", "--junit", str(runs / "battery-junit.xml")]
     words += ["--jobs", str(len(os.sched_getaffinity(0)))]
     code = ExitCode(testrunner.main([*suites, *words, *page]))
-    results = _results(runs / "latest")
+    results = results_of(runs / "latest")
     tests = results.tests.values()
     wrong = [f"battery: {test.id}: {test.verdict}" for test in tests if test.verdict is None or not test.verdict.good]
     if code != ExitCode.PASSED and not wrong:
@@ -152,16 +153,6 @@ def _cameras() -> tuple[str, ...]:
         print(f"Without the tests of the cameras: {error}")
         return ()
     return ("cameras",)
-
-
-def _results(run: Path) -> RunResult:
-    from rtf.testing import replay
-    from rtf.testing.results import RunResult
-
-    results = RunResult()
-    for event in replay.as_one_run(run):
-        results.apply(event)
-    return results
 
 
 def compare(results: RunResult, expected: dict[str, dict[str, object]]) -> list[str]:
@@ -221,12 +212,13 @@ def talk() -> list[str]:
 
 
 def _write(network: Network, reader: int) -> list[str]:
+    from statistics import median
+
     from rtf.bottle import Bottle
     from rtf.middleware import remote
     from rtf.middleware.errors import ConnectError
     from rtf.middleware.names import Contact
     from rtf.middleware.port import Port
-    from rtf.testing.statistics import median
 
     target = Contact(name="/demo/reader")
     deadline = clock.Deadline.after(_TALK_LIMIT)

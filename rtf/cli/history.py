@@ -136,7 +136,7 @@ def _import(path: Path, runs: list[Path]) -> ExitCode:
 
 
 def _import_one(opened: History, path: Path) -> None:
-    from rtf.testing import journal, replay
+    from rtf.testing import journal
     from rtf.testing.history.recorder import Recorder
     from rtf.testing.report.text import counts
     from rtf.testing.results import RunResult
@@ -145,7 +145,7 @@ def _import_one(opened: History, path: Path) -> None:
     if _goes_on(folder / journal.FILE_NAME):
         raise journal.JournalError(f"{folder}: this run is still going on; take it in when it is over")
     results, recorder = RunResult(), Recorder()
-    for event in replay.with_ends(replay.as_one_run(path)):
+    for event in journal.as_one_run(path):
         results.apply(event)
         recorder.take(event)
     recorder.save(opened, results, folder)

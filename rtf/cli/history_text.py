@@ -7,13 +7,13 @@ is shown with its control characters written out.
 from __future__ import annotations
 
 from collections import Counter
+from statistics import median
 from typing import TYPE_CHECKING, Any, TextIO
 
 from rtf import clock
 from rtf.testing.measurement import limits_text, margin_of, number, quantity
 from rtf.testing.report import text as report_text
 from rtf.testing.report.text import one_line
-from rtf.testing.statistics import median
 from rtf.testing.verdict import MeasurementVerdict, Verdict
 
 if TYPE_CHECKING:

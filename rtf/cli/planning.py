@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rtf.cli.parser import UsageError
 from rtf.errors import did_you_mean
-from rtf.testing import run_folder
+from rtf.testing import journal
 from rtf.testing.events import Diagnosed
 from rtf.testing.plan import (
     Loaded,
@@ -154,7 +154,7 @@ def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple
     if planned is not None and (options.last_failed or options.stepwise):
         filters["--resume"] = selection.id_filter(planned)  # what has failed last is something else by now
     else:
-        last = Path(options.runs) / run_folder.LATEST
+        last = Path(options.runs) / journal.LATEST
         if options.last_failed:
             failed = selection.id_filter(_failed_in(last, "--last-failed"))
             filters[f"--last-failed (what did not pass in {last.resolve()})"] = failed
@@ -180,15 +180,11 @@ def _from_first(suites: tuple[TestSuite, ...], failed: frozenset[str]) -> list[s
 
 
 def _failed_in(folder: Path, option: str) -> frozenset[str]:
-    from rtf.testing import replay
-    from rtf.testing.results import RunResult
-
     if not folder.exists():
         raise SuiteError(f"{option}: there is no earlier run in {folder.parent}")
-    results = RunResult()
-    for event in replay.as_one_run(folder):
-        results.apply(event)
-    return frozenset(test.id for test in results.tests.values() if test.verdict is None or not test.verdict.good)
+    return frozenset(
+        test.id for test in journal.results_of(folder).tests.values() if test.verdict is None or not test.verdict.good
+    )
 
 
 def fingerprints(plan: Plan) -> dict[str, str]:

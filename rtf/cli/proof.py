@@ -147,12 +147,9 @@ def _resume(folder: Path) -> tuple[ExitCode, dict[str, Case]]:
 
 def _judged_cases(run: Path, by_test: dict[str, Case]) -> list[JudgedCase]:
     from rtf.robot_testing.proof import judge
-    from rtf.testing import replay
-    from rtf.testing.results import RunResult
+    from rtf.testing.journal import results_of
 
-    results = RunResult()
-    for event in replay.as_one_run(run):
-        results.apply(event)
+    results = results_of(run)
     return [judge(case, results.tests.get(test)) for test, case in by_test.items()]
 
 

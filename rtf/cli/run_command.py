@@ -101,10 +101,10 @@ def _resume(options: argparse.Namespace, words: Sequence[str]) -> int:
     from rtf.cli.arguments import build_parser, parse_run
     from rtf.cli.planning import fingerprints, make_plan, said_of_changes
     from rtf.robot_testing.ledger import MotionLedger
-    from rtf.testing import journal, replay
+    from rtf.testing.journal import results_of
 
     folder = Path(options.resume).resolve()
-    before = replay.RunIndex(journal.read(folder))
+    before = results_of(folder)
     started = before.started
     if started is None:
         print(f"testrunner: {folder} holds no run that was begun", file=sys.stderr)
@@ -115,7 +115,7 @@ def _resume(options: argparse.Namespace, words: Sequence[str]) -> int:
     original = parse_run(started.command)
     _give_secrets_again(original, options)
     original.device, original.device_file, original.device_ask = [*started.device.items()], None, False
-    original.planned = before.planned if before.plan_is_whole else None  # whatever it was that selected them then
+    original.planned = before.tests if before.plan_is_whole else None  # whatever it was that selected them then
     for name in _OF_REPORTING:
         if getattr(options, name) != build_parser().get_default(name):
             setattr(original, name, getattr(options, name))
@@ -129,11 +129,12 @@ def _resume(options: argparse.Namespace, words: Sequence[str]) -> int:
         return int(refuse(planned))
     MotionLedger(folder).record_resume()
     run: RunOptions = running.run_options(original, folder, list(started.command))
-    changes = before.changes([one.suite.id for one in planned.suites], fingerprints(planned))
+    changes = before.plan_changes([one.suite.id for one in planned.suites], fingerprints(planned))
+    done = before.finished()
     if changes is not None:
         planned = replace(planned, diagnostics=(*planned.diagnostics, said_of_changes(changes)))
-        before.finished.difference_update(changes.removed, changes.changed)
-    run = replace(run, done=frozenset(before.finished), changes=changes, resumed=True, seed=started.seed)
+        done = done.difference(changes.removed, changes.changed)
+    run = replace(run, done=done, changes=changes, resumed=True, seed=started.seed)
     return int(running.execute(planned, run, original))
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.cli.device import device_record
-from rtf.testing import run_folder
+from rtf.testing import journal
 from rtf.testing.suite.model import Isolation, SuiteError, Timeouts
 from rtf.testing.verdict import ExitCode
 
@@ -42,7 +42,7 @@ def make_run_folder(options: argparse.Namespace, plan: Plan) -> Path:
     runs = Path(options.runs).absolute()
     name = plan.suites[0].suite.id if len(plan.suites) == 1 else f"{len(plan.suites)}-suites" if plan.suites else ""
     try:
-        return run_folder.make_run_folder(runs, options.robot, name[:60])
+        return journal.make_run_folder(runs, options.robot, name[:60])
     except OSError as error:
         raise SuiteError(f"--runs {runs}: {error.strerror or error}; name another folder with --runs") from None
 
@@ -50,11 +50,12 @@ def make_run_folder(options: argparse.Namespace, plan: Plan) -> Path:
 def run_options(options: argparse.Namespace, folder: Path, words: Sequence[str]) -> RunOptions:
     """The options of the runner."""
     from rtf.testing.isolation.attempt import GRACE
-    from rtf.testing.operator import make_operator
     from rtf.testing.run_control import Control
     from rtf.testing.runner import RunOptions
 
-    control = Control()
+    control = Control(answer=options.answer)
+    if options.answer is None and sys.stdin is not None and sys.stdin.isatty():
+        control.attend_terminal()
     return RunOptions(
         run_folder=folder,
         jobs=1 if options.debug else max(1, options.jobs),
@@ -76,7 +77,6 @@ def run_options(options: argparse.Namespace, folder: Path, words: Sequence[str])
         station=options.station,
         seed=options.shuffle,
         command=tuple(words),
-        ask=make_operator(options.answer, control, page=options.web_reporter),
         control=control,
     )
 
@@ -108,21 +108,17 @@ def make_room_for_files(jobs: int) -> None:
 
 def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: Launched | None = None) -> ExitCode:
     """Open reporters and journal, run, and close everything. ``launched`` is a fork server that is getting ready."""
-    from rtf.testing.journal import FILE_NAME, Journal
-    from rtf.testing.reporting import Broadcast, ReportOptions
-    from rtf.testing.run_folder import LatestRun
+    from rtf.testing.reporting import Broadcast
     from rtf.testing.runner import Run
 
     make_room_for_files(run.jobs)
-    path = run.run_folder / FILE_NAME
+    path = run.run_folder / journal.FILE_NAME
     if path.exists() and not run.resumed:
         raise SuiteError(f"{run.run_folder} holds a run already; go on with it by --resume, or name another folder")
-    journal = Journal(path, resume=run.resumed)  # before any report is touched: the run may still be going on
+    # Before any report is touched: the run may still be going on.
+    writer = journal.Journal(path, resume=run.resumed, latest=not (options.run_folder or run.resumed))
     reporters = open_reporters(options, run.run_folder, run.control)
-    link = (
-        [] if options.run_folder or run.resumed else [LatestRun(ReportOptions(target=None, run_folder=run.run_folder))]
-    )
-    broadcast = Broadcast(journal, [*reporters, *link])
+    broadcast = Broadcast(writer, [*reporters])
     if run.resumed:
         changes = run.changes
         broadcast.resume(path, void=(*changes.removed, *changes.changed) if changes else ())

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from rtf.page import files, series
 from rtf.page.errors import FileRefusedError, SeriesError
 from rtf.page.single_file import page_in_pieces, write_block
-from rtf.testing import journal, replay
+from rtf.testing import journal
 from rtf.testing.events import to_line
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def _one_run(path: Path) -> Iterator[tuple[BinaryIO, _References]]:
             yield stream, references
             return
     with tempfile.TemporaryFile() as repaired:
-        repaired.writelines(to_line(event) for event in replay.with_ends(replay.as_one_run(path)))
+        repaired.writelines(to_line(event) for event in journal.as_one_run(path))
         yield repaired, _references_of(repaired) or _References()
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from rtf.testing import replay
 from rtf.testing.events import Measured, RunEnded, RunStarted, TestEnded, TestPlanned, TestStarted, to_line
-from rtf.testing.journal import FILE_NAME, JournalError
+from rtf.testing.journal import FILE_NAME, JournalError, as_one_run
 from rtf.testing.suite.ids import renewed
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ def records(run: Path) -> Iterator[Record]:
     planned: dict[str, Record] = {}
     measured: dict[str, list[Record]] = {}
     ended: dict[str, list[Record]] = {}
-    for event in replay.as_one_run(journal_of(run)):
+    for event in as_one_run(journal_of(run)):
         if isinstance(event, RunStarted | RunEnded):
             ends[type(event)] = _record(event)
         elif isinstance(event, TestPlanned):

@@ -19,9 +19,8 @@ import sys
 import threading
 from typing import TYPE_CHECKING, Any
 
-from rtf.testing.operator import AnswerError
 from rtf.testing.reporting import ReportError
-from rtf.testing.run_control import TooLateError
+from rtf.testing.run_control import AnswerError, TooLateError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -86,6 +85,8 @@ class ServerProcess:
         self._listener = listener
         self._log = log
         self._control = control
+        if control is not None:
+            control.attend()
         self._poke = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._channel, there = socket.socketpair()
         self._channel.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SEND_TIME)

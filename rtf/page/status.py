@@ -5,83 +5,55 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING, Any
 
-from rtf.testing.events import (
-    PlanChanged,
-    RunStarted,
-    SuitePlanned,
-    SuiteStarted,
-    TestEnded,
-    TestPlanned,
-    TestRenamed,
-    TestStarted,
-)
 from rtf.testing.journal import JournalReader
+from rtf.testing.results import RunResult, TestResult
+from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rtf.testing.events import Event
-
 NOT_RUN, RUNNING, FAILED, PASSED = range(4)
-_NUMBERS = {"not run": NOT_RUN, **dict.fromkeys(("passed", "measured", "flaky", "skipped", "expected failure"), PASSED)}
 
 
 class Status:
-    """The status by a journal; reads the lines appended since the last call."""
+    """The status by a journal; reads the lines appended since the last call. For any thread."""
 
     def __init__(self, path: Path) -> None:
         self._reader = JournalReader(path)
         self._lock = threading.Lock()
-        self._names: dict[str, str] = {}
-        self._tests: dict[str, int] = {}
-        self._running: dict[str, None] = {}
-        self._suite = ""
-        self._suites: set[str] = set()
-        self._rig = ("", "")
+        self._results = RunResult()
 
     def suites(self) -> frozenset[str]:
-        """The suites of the run. All methods may be called from several threads."""
+        """The suites of the run."""
         with self._lock:
-            self._catch_up()
-            return frozenset(self._suites)
+            return frozenset(self._up_to_date().suites)
 
     def rig(self) -> tuple[str, str]:
         """Robot and station of the run."""
         with self._lock:
-            self._catch_up()
-            return self._rig
+            started = self._up_to_date().started
+            return (started.robot, started.station) if started is not None else ("", "")
 
     def read(self) -> dict[str, Any]:
-        """The two keys of ``GET /status``."""
+        """The two keys of ``GET /status``: the test that was started last and is running, or its suite; the numbers."""
         with self._lock:
-            self._catch_up()
-            current = next(reversed(self._running), self._suite)
-            return {"name": self._names.get(current, current), "testStatus": [*self._tests.values()]}
+            results = self._up_to_date()
+            tests = [*results.tests.values()]
+            running = [(test.started or 0.0, test.name) for test in tests if test.running]
+            begun = [(suite.started, suite.name) for suite in results.suites.values() if suite.started is not None]
+            _, name = max(running or begun, default=(0.0, ""))
+            return {"name": name, "testStatus": [_number(test) for test in tests]}
 
-    def _catch_up(self) -> None:
+    def _up_to_date(self) -> RunResult:
         if self._reader.path.exists():  # otherwise the run has not begun
             for event in self._reader.new_events():
-                self._take(event)
+                self._results.apply(event)
+        return self._results
 
-    def _take(self, event: Event) -> None:
-        if isinstance(event, RunStarted):
-            self._rig = (event.robot, event.station)
-        elif isinstance(event, SuitePlanned):
-            self._suites.add(event.suite)
-            self._names[event.suite] = event.name
-        elif isinstance(event, SuiteStarted):
-            self._suite = event.suite
-        elif isinstance(event, TestPlanned):
-            self._names[event.test] = event.name
-            self._tests.setdefault(event.test, NOT_RUN)
-        elif isinstance(event, PlanChanged):
-            for test in event.removed:
-                self._tests.pop(test, None)
-        elif isinstance(event, TestRenamed):
-            self._names[event.test] = event.name
-        elif isinstance(event, TestStarted):
-            self._tests[event.test] = RUNNING
-            self._running[event.test] = None
-        elif isinstance(event, TestEnded):
-            self._running.pop(event.test, None)
-            self._tests[event.test] = _NUMBERS.get(event.verdict, FAILED)
+
+def _number(test: TestResult) -> int:
+    if test.running:
+        return RUNNING
+    if test.last is None or test.last.verdict is Verdict.NOT_RUN:
+        return NOT_RUN
+    return PASSED if test.last.verdict.good else FAILED

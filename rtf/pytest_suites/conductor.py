@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Generic, TypeVar
 
-from rtf.testing.interrupts import KILL_STAGE
+from rtf.testing.run_control import KILL_STAGE, NOW_STAGE
 from rtf.testing.runner import Run
 
 if TYPE_CHECKING:
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from rtf.testing.suite_worker import SuiteWorker
 
 _T = TypeVar("_T")
-
-#: An interrupt stops the running test; the first one already, as people know it from pytest.
-_NOW = 2
 
 
 class RunOverError(RuntimeError):
@@ -105,7 +102,7 @@ class Conductor:
     @property
     def interrupted(self) -> bool:
         """Whether somebody, at the live page maybe, has asked the run to stop."""
-        return self._run.interrupts.stage > 0
+        return self._run.control.stage > 0
 
     def close(self) -> None:
         """End the run: everything is down, the record is closed, reports are written. Safe to call more than once."""
@@ -147,10 +144,10 @@ class Conductor:
             self._worker.wake()
 
     def _cut_short(self, error: BaseException) -> None:
-        """Ctrl-C ends the run, and pressed again kills; anything else, such as pytest's time-out, the running test."""
-        interrupts = self._run.interrupts
+        """Ctrl-C ends the run at once, as in pytest, and pressed again kills; anything else ends the running test."""
+        control = self._run.control
         if isinstance(error, KeyboardInterrupt):
-            interrupts.request("SIGINT", stage=_NOW if interrupts.stage < _NOW else KILL_STAGE)
+            control.request("SIGINT", stage=NOW_STAGE if control.stage < NOW_STAGE else KILL_STAGE)
             return
         with self._lock:
             if self._order is not None and self._worker is not None:

@@ -15,13 +15,11 @@ from rtf.pytest_suites.conductor import Conductor
 from rtf.pytest_suites.listener import Listener
 from rtf.pytest_suites.locks import FixtureLocks
 from rtf.pytest_suites.settings import LIVE_PAGE, Settings
-from rtf.testing.journal import FILE_NAME, Journal
-from rtf.testing.operator import automatic
+from rtf.testing.journal import FILE_NAME, Journal, make_run_folder
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files
 from rtf.testing.report.text import near_path
 from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, bounded, let_linger, load_reporter
 from rtf.testing.run_control import Control
-from rtf.testing.run_folder import LatestRun, make_run_folder
 from rtf.testing.runner import RunOptions, most_memory
 from rtf.testing.suite.ids import NameBook
 from rtf.testing.suite.model import Timeouts, number_suites
@@ -107,24 +105,22 @@ class SuiteSession:
         settings = self._settings
         folder = make_run_folder(settings.runs.resolve(), settings.robot, "pytest", self.worker)
         self.run_folder = folder
-        control = Control()
-        options = ReportOptions(target=None, run_folder=folder)
-        self._listener = Listener(options)
-        journal = Journal(folder / FILE_NAME)
+        control = Control(answer=settings.answer)
+        self._listener = Listener(ReportOptions(target=None, run_folder=folder))
+        journal = Journal(folder / FILE_NAME, latest=True)
         try:
             self._open_reporters(folder, control)
         except OSError:
             journal.close()
             raise
         suites = planned_suites(session.items)
-        broadcast = Broadcast(journal, [*self._reporters, LatestRun(options)], listener=self._listener)
+        broadcast = Broadcast(journal, [*self._reporters], listener=self._listener)
         conductor = Conductor(suites, self._options(folder, control), broadcast, self._diagnostics)
         conductor.start()
         return conductor
 
     def _options(self, folder: Path, control: Control) -> RunOptions:
         settings = self._settings
-        asking = any(name == LIVE_PAGE for name, _ in settings.reports)
         return RunOptions(
             run_folder=folder,
             limits=Timeouts(run=settings.timeout),
@@ -135,7 +131,6 @@ class SuiteSession:
             robot=settings.robot,
             station=settings.station,
             command=("pytest", *map(str, self._config.invocation_params.args)),
-            ask=automatic(settings.answer) if settings.answer is not None else control.ask if asking else None,
             control=control,
             plan_ahead=not self.worker,  # a worker does not know which tests it will be given
             facts=self._facts(),

@@ -12,15 +12,16 @@ A failure says that the thing under test is wrong; an error that it could not be
 from __future__ import annotations
 
 import math
-import re
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, NoReturn
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
-from rtf.testing.events import Asked, Attached, Measured, Progressed, SeriesRecorded, TestRenamed
+from rtf.testing import recording
+from rtf.testing.events import Asked, Measured, Progressed, TestRenamed
 from rtf.testing.fixture_values import UsesFixtures
-from rtf.testing.measurement import Measurement, Unit, limits_text, margin_of, quantity, require_limits, unit
+from rtf.testing.measurement import Measurement, Unit, margin_of, quantity, require_limits, unit
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
 from rtf.testing.parameters import Declared, Parameter
+from rtf.testing.recording import Series
 from rtf.testing.source_location import calling_place
 from rtf.testing.verdict import MeasurementVerdict, Severity
 
@@ -30,13 +31,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from rtf.testing.series import Series
     from rtf.testing.session import Session
 
     Cleanup = tuple[Callable[..., object], tuple[object, ...], dict[str, object]]
 
 _CHECKS = "checks"
-_UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
 
 
 class TestCase(Declared, UsesFixtures):
@@ -156,9 +155,7 @@ class TestCase(Declared, UsesFixtures):
 
     def assert_true(self, condition: object, text: str) -> None:
         """Fail unless the condition holds."""
-        self._session.judged()
-        if not condition:
-            raise TestFailure(text)
+        self._conclude(condition, text, stop=True)
 
     def assert_fail_if_true(self, condition: object, text: str) -> None:
         """Fail if the condition holds."""
@@ -207,9 +204,7 @@ class TestCase(Declared, UsesFixtures):
 
     def check(self, condition: object, text: str) -> bool:
         """Report the text if the condition holds, as a failure if it does not. Returns whether it holds."""
-        self._session.judged()
-        self._session.message(Severity.PASS if condition else Severity.FAILURE, _CHECKS, text, calling_place(__file__))
-        return bool(condition)
+        return self._conclude(condition, text, stop=False)
 
     def check_fail_if_true(self, condition: object, text: str) -> bool:
         """Report a failure if the condition holds; silent otherwise. Returns whether all is well."""
@@ -265,40 +260,25 @@ class TestCase(Declared, UsesFixtures):
         of the thing under test what a value outside means, and its likely causes; only a failure carries it.
         """
         measurement = Measurement(name, float(value), unit(symbol), low, high, marginal)
-        place = calling_place(__file__)
         verdict = measurement.verdict
         session = self._session
         session.recorded() if verdict is MeasurementVerdict.RECORDED else session.judged()
+        file, line = place = calling_place(__file__)
         session.emit(
             Measured(
                 test=session.test,
                 name=name,
-                value=measurement.value,
-                unit=measurement.unit,
-                low=low,
-                high=high,
                 marginal=marginal,
-                margin=measurement.margin,
                 verdict=verdict,
                 subject=session.subject,
-                file=place[0],
-                line=place[1],
+                file=file,
+                line=line,
+                **measurement.members(),
             ),
         )
         if verdict is MeasurementVerdict.FAILED:
-            session.message(
-                Severity.FAILURE,
-                "measures",
-                f"{measurement}; {hint}" if hint else str(measurement),
-                place,
-                comparison={
-                    "value": measurement.value,
-                    "low": low,
-                    "high": high,
-                    "margin": measurement.margin,
-                    "unit": str(measurement.unit),
-                },
-            )
+            detail = f"{measurement}; {hint}" if hint else str(measurement)
+            session.message(Severity.FAILURE, "measures", detail, place, measurement=measurement)
         return measurement
 
     def record(self, name: str, /, **columns: tuple[ArrayLike, str | Unit]) -> Path:
@@ -307,10 +287,8 @@ class TestCase(Declared, UsesFixtures):
         All columns are one-dimensional and of one length. They are stored as ``.npz`` beside the journal and plotted in
         reports. Returns the file.
         """
-        if not columns:
-            raise ValueError(f"series {name!r} has no columns")
-        units = {column: str(unit(symbol)) for column, (_, symbol) in columns.items()}
-        return self._keep_series(name, self._session.subject, units, {key: data for key, (data, _) in columns.items()})
+        units = {column: symbol for column, (_, symbol) in columns.items()}
+        return Series(self._session, name, units).keep({column: data for column, (data, _) in columns.items()})
 
     def series(self, name: str, /, **columns: str | Unit) -> Series:
         """Record columns row by row, to be watched while they grow: ``series("elbow", t="s", position="deg")``.
@@ -318,65 +296,13 @@ class TestCase(Declared, UsesFixtures):
         Give a row to ``append``. It is kept like one of ``record`` when it is closed, as it is at the end of a ``with``
         block and of the test.
         """
-        from rtf.testing.series import Series
-
-        if not columns:
-            raise ValueError(f"series {name!r} has no columns")
-        subject = self._session.subject
-        units = {column: str(unit(symbol)) for column, symbol in columns.items()}
-        series = Series(self._session, name, units, lambda data: self._keep_series(name, subject, units, data))
+        series = Series(self._session, name, columns)
         self.add_cleanup(series.close)
         return series
 
-    def _keep_series(self, name: str, subject: str, units: dict[str, str], columns: Mapping[str, ArrayLike]) -> Path:
-        import numpy as np
-
-        arrays = {column: np.asarray(values, dtype=np.float64) for column, values in columns.items()}
-        shapes = {array.shape for array in arrays.values()}
-        if len(shapes) != 1 or any(array.ndim != 1 for array in arrays.values()):
-            listed = ", ".join(f"{key} {array.shape}" for key, array in arrays.items())
-            raise ValueError(f"the columns of series {name!r} must be one-dimensional and of one length: {listed}")
-        session = self._session
-        path = self._free_path(f"{subject}-{name}" if subject else name, ".npz")
-        np.savez(path, allow_pickle=False, **arrays)
-        session.recorded()
-        session.emit(
-            SeriesRecorded(
-                test=session.test,
-                name=name,
-                path=self._relative(path),
-                columns=tuple({"name": column, "unit": symbol} for column, symbol in units.items()),
-                rows=len(next(iter(arrays.values()))),
-                subject=subject,
-            ),
-        )
-        return path
-
     def attach(self, source: str | Path | bytes, name: str = "", media_type: str = "") -> Path:
         """Keep a file with the run: a path to copy, or bytes to write (then ``name`` is needed). Returns the copy."""
-        import mimetypes
-
-        if isinstance(source, bytes):
-            if not name:
-                raise ValueError("attached bytes need a name")
-            path = self._free_path(Path(name).stem, Path(name).suffix)
-            path.write_bytes(source)
-        else:
-            name = name or Path(source).name
-            path = self._free_path(Path(name).stem, Path(name).suffix)
-            import shutil
-
-            shutil.copyfile(source, path)
-        self._session.emit(
-            Attached(
-                test=self._session.test,
-                name=name,
-                path=self._relative(path),
-                media_type=media_type or mimetypes.guess_type(name)[0] or "application/octet-stream",
-                size=path.stat().st_size,
-            ),
-        )
-        return path
+        return recording.attach(self._session, source, name, media_type)
 
     def progress(self, fraction: float, text: str = "") -> None:
         """Say how far the test has come, from 0 to 1."""
@@ -408,34 +334,22 @@ class TestCase(Declared, UsesFixtures):
     ) -> float:
         """Ask for a number in ``symbol``. Without an answer in time: the default, or inconclusive."""
         standard = None if default is None else repr(float(default))
-        answer = self._ask(text, "number", symbol=str(unit(symbol)), timeout=timeout, default=standard, picture=picture)
+        answer = self._ask(text, "number", unit=str(unit(symbol)), timeout=timeout, default=standard, picture=picture)
         try:
             return float(answer)
         except ValueError:
             raise Inconclusive(f"the answer to {text!r} is no number: {answer!r}") from None
 
-    def _ask(
-        self,
-        text: str,
-        form: str,
-        *,
-        timeout: float,
-        default: str | None,
-        picture: str,
-        choices: tuple[str, ...] = (),
-        symbol: str = "",
-    ) -> str:
+    def _ask(self, text: str, form: str, *, timeout: float, picture: str, **members: Any) -> str:
         session = self._session
         question = Asked(
             test=session.test,
             question=session.next_question(),
             text=text,
             form=form,
-            choices=choices,
-            unit=symbol,
             picture=self._kept_picture(picture) if picture else "",
             timeout=timeout,
-            default=default,
+            **members,
         )
         answer = session.ask(question)
         if answer is None:
@@ -448,22 +362,17 @@ class TestCase(Declared, UsesFixtures):
         path = Path(picture) if Path(picture).exists() else folder / picture
         if path.resolve().is_relative_to(folder) and path.is_file():
             return path.resolve().relative_to(folder).as_posix()
-        return self._relative(self.attach(picture))
+        return self.attach(picture).relative_to(self._session.run_folder).as_posix()
 
     # Behind the calls --------------------------------------------------------------------------------------------
 
     def _compare(
         self, value: float, low: float | None, high: float | None, symbol: str, text: str, *, stop: bool
     ) -> bool:
-        symbol = str(unit(symbol))
-        value = float(value)
-        margin = margin_of(value, low, high)
-        holds = not math.isnan(value) if margin is None else margin >= 0
-        sentence = f"{quantity(value, symbol)}, expected {limits_text(low, high, symbol)}"
-        if margin is not None:
-            sentence += f", margin {quantity(margin, symbol)}"
-        detail = f"{text}: {sentence}" if text else sentence
-        return self._conclude(holds, detail, stop=stop, value=value, low=low, high=high, margin=margin, unit=symbol)
+        measured = Measurement(text, float(value), unit(symbol), low, high)
+        holds = measured.verdict is not MeasurementVerdict.FAILED and not math.isnan(measured.value)
+        detail = f"{text}: {measured.sentence}" if text else measured.sentence
+        return self._conclude(holds, detail, stop=stop, measurement=measured)
 
     def _compare_near(
         self, value: float, expected: float, tolerance: float, symbol: str, text: str, *, stop: bool
@@ -505,31 +414,17 @@ class TestCase(Declared, UsesFixtures):
         sentence = "; ".join(wrong) if wrong else f"{len(wanted)} elements within tolerance"
         return self._conclude(not wrong, f"{text}: {sentence}" if text else sentence, stop=stop)
 
-    def _conclude(self, holds: bool, detail: str, *, stop: bool, **comparison: float | str | None) -> bool:
+    def _conclude(self, holds: object, detail: str, *, stop: bool, measurement: Measurement | None = None) -> bool:
+        """Count a judgement. An assertion says nothing when it holds, and ends the test when it does not."""
         session = self._session
         session.judged()
-        if holds:
-            if not stop:
-                session.message(Severity.PASS, _CHECKS, detail, calling_place(__file__), comparison=comparison)
-            return True
         if stop:
-            raise TestFailure(detail, comparison=comparison)
-        session.message(Severity.FAILURE, _CHECKS, detail, calling_place(__file__), comparison=comparison)
-        return False
-
-    def _free_path(self, stem: str, suffix: str) -> Path:
-        stem = _UNSAFE.sub("_", stem).strip("._") or "file"
-        suffix = _UNSAFE.sub("_", suffix)
-        folder = self.folder
-        path = folder / f"{stem}{suffix}"
-        count = 1
-        while path.exists():
-            count += 1
-            path = folder / f"{stem}~{count}{suffix}"
-        return path
-
-    def _relative(self, path: Path) -> str:
-        return path.relative_to(self._session.run_folder).as_posix()
+            if not holds:
+                raise TestFailure(detail, measurement=measurement)
+        else:
+            severity = Severity.PASS if holds else Severity.FAILURE
+            session.message(severity, _CHECKS, detail, calling_place(__file__), measurement=measurement)
+        return bool(holds)
 
 
 def _is_near(value: float, expected: float, tolerance: float) -> bool:

@@ -40,6 +40,7 @@ class UnknownEventError(EventError):
 class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_field="event"):
     """Base of all events. ``time`` is in seconds since 1970; ``seq`` counts the events of a run from 1."""
 
+    __test__: ClassVar[bool] = False  # pytest is not to collect those whose names begin with Test
     time: Moment = msgspec.field(default_factory=clock.now)
     seq: Count = 0
 
@@ -111,7 +112,6 @@ class TestPlanned(Event, tag="test_planned", frozen=True, kw_only=True):
     ``fingerprint`` is another one when the suite says something else of the test: parameters, environment, fixtures.
     """
 
-    __test__: ClassVar[bool] = False
     test: str
     suite: str
     name: str
@@ -187,7 +187,6 @@ class FixtureIncident(Event, tag="fixture_incident", frozen=True, kw_only=True):
 class TestStarted(Event, tag="test_started", frozen=True, kw_only=True):
     """An attempt at a test begins in process ``pid``. ``fixtures`` maps a fixture to the generation it stands on."""
 
-    __test__: ClassVar[bool] = False
     test: str
     attempt: Count = 1
     pid: Count = 0
@@ -206,7 +205,6 @@ class PhaseStarted(Event, tag="phase_started", frozen=True, kw_only=True):
 class TestRenamed(Event, tag="test_renamed", frozen=True, kw_only=True):
     """A test gave itself a name or a description; its id stays."""
 
-    __test__: ClassVar[bool] = False
     test: str
     name: str
     description: str = ""
@@ -373,7 +371,6 @@ class TestEnded(Event, tag="test_ended", frozen=True, kw_only=True):
     ``assertion`` …), ``detail`` the sentence for people. A test that never started has attempt 0.
     """
 
-    __test__: ClassVar[bool] = False
     test: str
     verdict: Verdict
     outcome: Verdict

@@ -1,41 +1,91 @@
-"""The journal: an append-only record of a run, one event a line, from which everything can be rebuilt.
+"""The folder of a run and the journal in it: one event a line, appended only, from which everything can be rebuilt.
 
-It is complete at every instant: each event is in the kernel's hands before anybody else hears of it, so that not even
-``kill -9`` of the runner loses one, and on the disk soon after each test's end. There is one writer. A reader
-tolerates a last line that was torn by a crash of the machine.
+The journal is complete at every instant: each event is in the kernel's hands before anybody else hears of it, so that
+not even ``kill -9`` of the runner loses one, and on the disk soon after each test's end. There is one writer. A reader
+tolerates a last line that was torn by a crash of the machine. :func:`as_one_run` reads a run that was killed or resumed
+as if it had been made in one go.
 """
 
 from __future__ import annotations
 
 import contextlib
 import fcntl
+import mmap
 import os
 import threading
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
-from rtf.testing.events import Event, EventError, UnknownEventError, from_line, to_line
+from rtf import clock
+from rtf.testing.events import (
+    Event,
+    EventError,
+    FixtureChanged,
+    Interrupted,
+    PlanChanged,
+    RunEnded,
+    RunStarted,
+    SuiteEnded,
+    SuitePlanned,
+    SuiteStarted,
+    TestEnded,
+    TestPlanned,
+    TestStarted,
+    UnknownEventError,
+    from_line,
+    to_line,
+)
 from rtf.testing.outcome import TestingError
+from rtf.testing.results import RunResult
+from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterable, Iterator
     from pathlib import Path
     from types import TracebackType
 
 FILE_NAME = "journal.jsonl"
+#: The link beside the folders of runs to that of the last run in which something was done.
+LATEST = "latest"
 
 #: Seconds between two turns of the disk. Each costs the run some wake-ups of a thread that competes with it.
 _SYNC_PAUSE = 0.1
+#: After these events what was written is put on the disk; with these a run does something.
+_TO_DISK = frozenset({RunStarted, TestEnded, SuiteEnded})
+_DOES_SOMETHING = frozenset({FixtureChanged, TestStarted, TestEnded})
+_MOST_A_SECOND = 1000
 
 
 class JournalError(TestingError, OSError):
     """The journal cannot be written or is none."""
 
 
-class Journal:
-    """The writer of a journal. Safe to use from several threads, one writer a file."""
+def make_run_folder(runs: Path, *words: str) -> Path:
+    """Make a new folder in ``runs``, named by now and these words, so that sorting by name is sorting by age.
 
-    def __init__(self, path: Path, *, resume: bool = False) -> None:
+    Raises OSError.
+    """
+    stem = "_".join(part.replace("/", "-") for part in (clock.local_stamp(clock.now()), *words) if part)
+    for count in range(1, _MOST_A_SECOND):
+        folder = runs / (stem if count == 1 else f"{stem}~{count}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        return folder
+    raise FileExistsError(f"{runs}: there are a thousand runs of this second already")
+
+
+class Journal:
+    """The writer of a journal. Safe to use from several threads, one writer a file.
+
+    With ``latest`` the link of this name, beside the run's folder, points to the run as soon as it does something. A
+    run that is refused before that, or in which nothing is selected, leaves the link at the run before.
+    """
+
+    def __init__(self, path: Path, *, resume: bool = False, latest: bool = False) -> None:
         self.path = path
+        self._link = latest
         flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | (0 if resume else os.O_EXCL)
         try:
             self._descriptor = os.open(path, flags, 0o644)
@@ -45,11 +95,10 @@ class Journal:
         except OSError as error:
             raise JournalError(error.errno, f"cannot write the journal {path}: {error.strerror}") from None
         self._lock = threading.Lock()
-        self._dirty = threading.Event()
-        self._closing = False
-        self._close_now = threading.Event()
-        # The disk is told by a thread of its own: the next test need not wait for it, and tests that follow each other
-        # quickly share one turn of it.
+        self._dirty = False
+        self._closing = threading.Event()
+        # A thread of its own waits for the disk: the next test need not, and tests that follow each other quickly share
+        # one turn of it.
         self._syncer = threading.Thread(target=self._keep_syncing, name="rtf-journal-sync", daemon=True)
         self._syncer.start()
 
@@ -63,18 +112,17 @@ class Journal:
                     view = view[os.write(self._descriptor, view) :]
             except OSError as error:
                 raise JournalError(error.errno, f"cannot write the journal {self.path}: {error.strerror}") from None
-
-    def sync(self) -> None:
-        """Have what was written so far put on the disk, soon."""
-        self._dirty.set()
+        if type(event) in _TO_DISK:
+            self._dirty = True
+        if self._link and type(event) in _DOES_SOMETHING:
+            self._link = False
+            _point_to(self.path.parent.with_name(LATEST), self.path.parent.name)
 
     def close(self) -> None:
         """Put everything on the disk, and be done. Raises JournalError when the disk does not take it."""
-        if self._closing:
+        if self._closing.is_set():
             return
-        self._closing = True
-        self._close_now.set()
-        self._dirty.set()
+        self._closing.set()
         self._syncer.join()
         try:
             os.fsync(self._descriptor)
@@ -89,14 +137,11 @@ class Journal:
             self.close()
 
     def _keep_syncing(self) -> None:
-        while True:
-            self._dirty.wait()
-            self._dirty.clear()
-            if self._closing:
-                return
-            with contextlib.suppress(OSError):  # the next write meets the same error, and says so
-                os.fsync(self._descriptor)
-            self._close_now.wait(_SYNC_PAUSE)
+        while not self._closing.wait(_SYNC_PAUSE):
+            if self._dirty:
+                self._dirty = False
+                with contextlib.suppress(OSError):  # the next write meets the same error, and says so
+                    os.fsync(self._descriptor)
 
     def __enter__(self) -> Self:
         return self
@@ -120,19 +165,18 @@ def _claim(descriptor: int) -> None:
 
 def _repair_torn_end(path: Path) -> None:
     """Cut off a last line that has no end, so that what is appended begins on a line of its own."""
-    with path.open("rb+") as stream:
-        size = stream.seek(0, os.SEEK_END)
-        position = size
-        while position:
-            step = min(position, 1 << 16)
-            position -= step
-            stream.seek(position)
-            newline = stream.read(step).rfind(b"\n")
-            if newline >= 0:
-                position += newline + 1
-                break
-        if position != size:
-            stream.truncate(position)
+    if path.stat().st_size:
+        with path.open("rb+") as stream:
+            with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as lines:
+                end = lines.rfind(b"\n") + 1
+            stream.truncate(end)
+
+
+def _point_to(link: Path, name: str) -> None:
+    temporary = link.with_name(f".{LATEST}.{os.getpid()}")
+    with contextlib.suppress(OSError):  # a file system without links has no 'latest', and that is all
+        temporary.symlink_to(name)
+        temporary.replace(link)
 
 
 class JournalReader:
@@ -180,3 +224,107 @@ class JournalReader:
 def read(path: Path) -> Iterator[Event]:
     """Yield the events of a journal, or of a run's folder, in order. Raises as :class:`JournalReader` does."""
     return JournalReader(path).new_events()
+
+
+@dataclass(frozen=True, slots=True)
+class _EarlierPart:
+    """A part of a run that was resumed after it.
+
+    ``finished`` holds the tests that were finished by its end, ``void`` the suites and tests that a later part took out
+    of the run.
+    """
+
+    finished: frozenset[str]
+    void: set[str] = field(default_factory=set)
+
+
+def as_one_run(path: Path, *, resuming: bool = False, void: Collection[str] = ()) -> Iterator[Event]:
+    """Yield the events of a journal, or of a run's folder, as if the run had been made in one go.
+
+    Of a run that was resumed, or is being ``resuming``-ed, the ends of its earlier parts and all that belongs to tests
+    that were run again are left out, as are the suites and tests that a later part, or ``void``, took out of the run.
+    At the end of a journal that just stops, unless it is resumed, follow the ends that a killed runner left out. Reads
+    the file twice, and keeps the results in memory meanwhile. Raises as :class:`JournalReader` does.
+    """
+    parts = _earlier_parts(path, resuming=resuming, void=void)
+    events = _one_part(read(path), parts)
+    return events if resuming else _with_ends(events)
+
+
+def results_of(path: Path) -> RunResult:
+    """The results of a run that is over. Raises as :class:`JournalReader` does."""
+    return RunResult.of(as_one_run(path))
+
+
+def _earlier_parts(path: Path, *, resuming: bool, void: Collection[str]) -> list[_EarlierPart]:
+    results = RunResult()
+    parts: list[_EarlierPart] = []
+    for event in read(path):
+        if isinstance(event, RunStarted) and event.resumed:
+            parts.append(_EarlierPart(results.finished()))
+        elif isinstance(event, PlanChanged):
+            for part in parts:
+                part.void.update(event.removed, event.changed)
+        results.apply(event)
+    if resuming:
+        parts.append(_EarlierPart(results.finished()))
+        for part in parts:
+            part.void.update(void)
+    return parts
+
+
+def _one_part(events: Iterable[Event], parts: list[_EarlierPart]) -> Iterator[Event]:
+    number = 0
+    planned: set[tuple[str, str]] = set()  # and suites that were started: a later part tells them again
+    for event in events:
+        if isinstance(event, PlanChanged):
+            continue
+        if isinstance(event, RunStarted) and event.resumed:
+            number += 1
+            continue
+        if number < len(parts) and _is_void(event, parts[number]):
+            continue
+        if isinstance(event, SuitePlanned | TestPlanned | SuiteStarted):
+            key = event.kind, event.test if isinstance(event, TestPlanned) else event.suite
+            if key in planned:
+                continue
+            planned.add(key)
+        yield event
+
+
+def _is_void(event: Event, part: _EarlierPart) -> bool:
+    """Whether a later part has made an event of this one void."""
+    if isinstance(event, RunEnded | SuiteEnded | Interrupted):
+        return True
+    test = getattr(event, "test", "")
+    if test in part.void or getattr(event, "suite", "") in part.void:
+        return True
+    return bool(test) and not isinstance(event, TestPlanned) and test not in part.finished
+
+
+def _with_ends(events: Iterable[Event]) -> Iterator[Event]:
+    running: dict[str, TestStarted] = {}
+    ended = False
+    last = 0.0
+    for event in events:
+        last = event.time
+        if isinstance(event, TestStarted):
+            running[event.test] = event
+        elif isinstance(event, TestEnded):
+            running.pop(event.test, None)
+        ended = isinstance(event, RunEnded) or (ended and not isinstance(event, RunStarted))
+        yield event
+    if ended or not last:
+        return
+    yield Interrupted(time=last, source="the runner was killed", stage=3)
+    for start in running.values():
+        yield TestEnded(
+            time=last,
+            test=start.test,
+            verdict=Verdict.INTERRUPTED,
+            outcome=Verdict.INTERRUPTED,
+            attempt=start.attempt,
+            reason="killed",
+            detail="the runner was killed while this test was running",
+            duration=max(0.0, last - start.time),
+        )

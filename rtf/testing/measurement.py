@@ -1,4 +1,4 @@
-"""A measured value with its unit and limits, and where it lies between them.
+"""A measured value with its unit and limits, and where it lies between them; and how sure a measured pass rate is.
 
 Units are a small closed set with exact symbols: robot tests need two dozen, and reports compare them as strings.
 """
@@ -8,8 +8,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from rtf.testing.verdict import MeasurementVerdict
+
+#: The standard normal quantile for 95 % two-sided confidence.
+_Z95 = 1.959963984540054
 
 
 class Unit(StrEnum):
@@ -148,11 +152,36 @@ class Measurement:
             return MeasurementVerdict.MARGINAL
         return MeasurementVerdict.PASSED
 
-    def __str__(self) -> str:
-        """Say the value, its limits and margin in one sentence."""
-        text = f"{self.name} = {quantity(self.value, self.unit)}"
+    @property
+    def sentence(self) -> str:
+        """The value, its limits and margin, for people."""
+        text = quantity(self.value, self.unit)
         if self.low is None and self.high is None:
             return text
         text += f", expected {limits_text(self.low, self.high, self.unit)}"
         margin = self.margin
         return text if margin is None else f"{text}, margin {quantity(margin, self.unit)}"
+
+    def __str__(self) -> str:
+        return f"{self.name} = {self.sentence}"
+
+    def members(self) -> dict[str, Any]:
+        """The members of an event that speaks of it, as far as there are any."""
+        limits = {"low": self.low, "high": self.high, "margin": self.margin}
+        given = {name: limit for name, limit in limits.items() if limit is not None}
+        return {"value": self.value, "unit": str(self.unit), **given}
+
+
+def wilson_interval(successes: int, trials: int, z: float = _Z95) -> tuple[float, float]:
+    """The Wilson score interval of a proportion, as fractions of 1.
+
+    It stays inside [0, 1] and is honest for few trials and for none failing (E. B. Wilson, 1927). With no trial nothing
+    is known: (0, 1).
+    """
+    if trials == 0:
+        return 0.0, 1.0
+    p = successes / trials
+    denominator = 1 + z * z / trials
+    centre = (p + z * z / (2 * trials)) / denominator
+    half = z * math.sqrt(p * (1 - p) / trials + z * z / (4 * trials * trials)) / denominator
+    return max(0.0, centre - half), min(1.0, centre + half)

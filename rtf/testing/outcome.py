@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from rtf.errors import RtfError
+
+if TYPE_CHECKING:
+    from rtf.testing.measurement import Measurement
 
 
 class TestingError(RtfError):
@@ -21,12 +26,12 @@ class TestFailure(TestingError, AssertionError):
         detail: str,
         *,
         title: str = "asserts failure with exception",
-        comparison: dict[str, float | str | None] | None = None,
+        measurement: Measurement | None = None,
     ) -> None:
         super().__init__(detail)
         self.title = title
         self.detail = detail
-        self.comparison = comparison or {}
+        self.measurement = measurement
 
 
 class TestProblem(TestingError, RuntimeError):

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from rtf import clock
-from rtf.testing import journal, replay
-from rtf.testing.events import Event, InternalError, RunStarted, SuiteEnded, TestEnded
+from rtf.testing import journal
+from rtf.testing.events import Event, InternalError
 from rtf.testing.journal import Journal, JournalError
 from rtf.testing.outcome import TestingError
 from rtf.testing.reporter_thread import CALL_LIMIT, CLOSE_LIMIT, STOPPING_LIMIT, ReporterThread
@@ -189,7 +189,7 @@ class Broadcast:
 
         The suites and tests in ``void`` are no part of it any more.
         """
-        self.replay(replay.as_one_run(path, resuming=True, void=void))
+        self.replay(journal.as_one_run(path, resuming=True, void=void))
         self._seq = max((event.seq for event in journal.read(path)), default=0)
 
     def emit(self, event: Event) -> None:
@@ -245,8 +245,6 @@ class Broadcast:
             self._journal = None
             self._no_room.add(error.errno)
             return _broken_journal(error)
-        if isinstance(event, TestEnded | SuiteEnded | RunStarted):
-            self._journal.sync()
         return None
 
     def _drop(self, reporter: Reporter, error: BaseException) -> None:

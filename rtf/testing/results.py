@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Self
 
 from rtf.testing.events import (
     Diagnosed,
@@ -15,8 +15,13 @@ from rtf.testing.events import (
     Interrupted,
     Measured,
     Message,
+    OutputCaptured,
+    PhaseStarted,
+    PlanChanged,
+    Progressed,
     RunEnded,
     RunStarted,
+    SeriesSampled,
     SubResultEnded,
     SuiteEnded,
     SuitePlanned,
@@ -29,10 +34,16 @@ from rtf.testing.events import (
 from rtf.testing.verdict import ExitCode, FixtureState, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Collection, Iterable, Mapping
 
 #: A test that fails more often than this has said what it has to say; the journal has the rest.
 _KEPT_MESSAGES = 50
+#: A test that ended like this has said nothing yet, and runs again when the run is resumed.
+_OPEN = frozenset({None, Verdict.NOT_RUN, Verdict.INTERRUPTED, Verdict.BLOCKED})
+_PROBLEMS = (Severity.FAILURE, Severity.ERROR)
+_OF_TESTS = frozenset({Message, Measured, TestStarted, TestEnded, SubResultEnded, TestRenamed})
+#: What comes often and changes no result.
+_PASSED_OVER = frozenset({PhaseStarted, OutputCaptured, Progressed, SeriesSampled})
 
 
 @dataclass(slots=True)
@@ -73,6 +84,30 @@ class TestResult:
         """Seconds over all attempts."""
         return sum(attempt.duration for attempt in self.attempts)
 
+    def apply(self, event: Event) -> None:
+        """Take in an event of this test."""
+        match event:
+            case Message():
+                if event.severity in _PROBLEMS:
+                    self.problem_count += 1
+                    if len(self.problems) < _KEPT_MESSAGES:
+                        self.problems.append(event)
+            case Measured():
+                self.measured += 1
+            case TestStarted():
+                self.running, self.verdict = True, None
+                self.started = event.time if self.started is None else self.started
+                self.problems, self.problem_count, self.parts = [], 0, {}
+            case TestEnded():
+                self.running = False
+                self.attempts.append(event)
+                self.verdict = event.verdict if event.final else self.verdict
+            case SubResultEnded() if len(self.parts) < 10 * _KEPT_MESSAGES:
+                self.parts[event.subject] = event.verdict
+            case TestRenamed():
+                self.name = event.name
+                self.description = event.description or self.description
+
 
 @dataclass(slots=True)
 class SuiteResult:
@@ -100,6 +135,25 @@ class SuiteResult:
         """How many tests ended with each verdict; one that never ended counts as not run."""
         return Counter(test.verdict or Verdict.NOT_RUN for test in self.tests.values())
 
+    def apply(self, event: Event) -> None:
+        """Take in an event of this suite."""
+        match event:
+            case SuitePlanned():  # a resumed run says its plan again
+                self.planned, self.ended = event, None
+                self.incidents.clear()
+                self.fixtures.clear()
+            case SuiteStarted():
+                self.started = event.time
+            case SuiteEnded():
+                self.ended = event
+            case FixtureChanged():
+                self.fixtures[event.fixture] = event
+            case FixtureIncident():
+                self.incidents.append(event)
+            case Message():
+                if event.severity in _PROBLEMS and len(self.problems) < _KEPT_MESSAGES:
+                    self.problems.append(event)
+
 
 @dataclass(slots=True)
 class RunResult:
@@ -113,11 +167,65 @@ class RunResult:
     internal_errors: list[InternalError] = field(default_factory=list)
     interrupted: Interrupted | None = None
 
+    @classmethod
+    def of(cls, events: Iterable[Event]) -> Self:
+        """The results of these events."""
+        made = cls()
+        for event in events:
+            made.apply(event)
+        return made
+
     def apply(self, event: Event) -> None:
         """Take one more event in. Events of tests that were never planned are passed over."""
-        handler = _HANDLERS.get(type(event))
-        if handler is not None:
-            handler(self, event)
+        if type(event) in _OF_TESTS and event.test:  # type: ignore[attr-defined]  # these have a test
+            test = self.tests.get(event.test)  # type: ignore[attr-defined]
+            if test is not None:
+                test.apply(event)
+        elif type(event) not in _PASSED_OVER:
+            self._apply(event)
+
+    def _apply(self, event: Event) -> None:
+        match event:
+            case TestPlanned():
+                self._plan_test(event)
+            case SuitePlanned() if event.suite not in self.suites:
+                self.suites[event.suite] = SuiteResult(event)
+            case RunStarted():
+                self.started, self.ended, self.interrupted = event, None, None
+                self.internal_errors.clear()
+                for test in self.tests.values():  # what the part before was killed in
+                    test.running = False
+            case PlanChanged():
+                self._drop((*event.removed, *event.changed))
+            case Diagnosed():
+                self.diagnostics.append(event)
+            case InternalError():
+                self.internal_errors.append(event)
+            case Interrupted():
+                self.interrupted = event
+            case RunEnded():
+                self.ended = event
+            case _:
+                suite = self.suites.get(getattr(event, "suite", ""))
+                if suite is not None:
+                    suite.apply(event)
+
+    def _plan_test(self, event: TestPlanned) -> None:
+        if event.test in self.tests:
+            return
+        result = self.tests[event.test] = TestResult(event, event.name)
+        suite = self.suites.get(event.suite)
+        if suite is not None:
+            suite.tests[event.test] = result
+
+    def _drop(self, ids: Iterable[str]) -> None:
+        """Take out these suites and tests, which are no part of the run any more, or other ones now."""
+        for gone in ids:
+            self.suites.pop(gone, None)
+            suite = self.suite_of(gone)
+            if suite is not None:
+                suite.tests.pop(gone, None)
+            self.tests.pop(gone, None)
 
     def counts(self) -> Counter[Verdict]:
         """How many tests ended with each verdict."""
@@ -131,159 +239,45 @@ class RunResult:
     def exit_code(self, *, allow_empty: bool = False) -> ExitCode:
         """The one number that a shell or a CI server reads."""
         counts = self.counts()
+        suites = self.suites.values()
         if self.internal_errors:
             return ExitCode.INTERNAL
         if self.interrupted is not None:
             return ExitCode.INTERRUPTED
-        if self._fixture_unusable():
+        if any(fixture.state is FixtureState.FAILED for suite in suites for fixture in suite.fixtures.values()):
             return ExitCode.FIXTURE
-        if any(not verdict.good for verdict in counts):
+        if any(not verdict.good for verdict in counts) or any(suite.problems for suite in suites):
             return ExitCode.FAILURES
-        if any(suite.problems or self._teardown_problem(suite) for suite in self.suites.values()):
+        if any(incident.phase is Phase.TEARDOWN for suite in suites for incident in suite.incidents):
             return ExitCode.FAILURES
         ran = sum(count for verdict, count in counts.items() if verdict.ran)
         return ExitCode.PASSED if ran or allow_empty else ExitCode.NOTHING_RAN
-
-    def _fixture_unusable(self) -> bool:
-        return any(
-            changed.state is FixtureState.FAILED
-            for suite in self.suites.values()
-            for changed in suite.fixtures.values()
-        )
-
-    @staticmethod
-    def _teardown_problem(suite: SuiteResult) -> bool:
-        return any(incident.phase is Phase.TEARDOWN for incident in suite.incidents)
 
     def verdict(self, *, allow_empty: bool = False) -> Verdict:
         """The run in one word."""
         return _RUN_VERDICTS[self.exit_code(allow_empty=allow_empty)]
 
-    # One method per event ----------------------------------------------------------------------------------------
+    # For a run that is resumed -----------------------------------------------------------------------------------
 
-    def _run_started(self, event: RunStarted) -> None:
-        self.started = event
-        self.ended = None
-        self.interrupted = None
-        self.internal_errors.clear()
+    @property
+    def plan_is_whole(self) -> bool:
+        """Whether the run came so far that all its tests are known: they are planned before the first suite starts."""
+        return any(suite.started is not None for suite in self.suites.values())
 
-    def _suite_planned(self, event: SuitePlanned) -> None:
-        known = self.suites.get(event.suite)
-        if known is None:
-            self.suites[event.suite] = SuiteResult(event)
-        else:  # a resumed run says its plan again
-            known.planned = event
-            known.ended = None
-            known.incidents.clear()
-            known.fixtures.clear()
+    def finished(self) -> frozenset[str]:
+        """The tests whose verdict stands."""
+        return frozenset(test.id for test in self.tests.values() if test.verdict not in _OPEN)
 
-    def _test_planned(self, event: TestPlanned) -> None:
-        if event.test in self.tests:
-            return
-        result = self.tests[event.test] = TestResult(event, event.name)
-        suite = self.suites.get(event.suite)
-        if suite is not None:
-            suite.tests[event.test] = result
+    def plan_changes(self, suites: Collection[str], fingerprints: Mapping[str, str]) -> PlanChanged | None:
+        """How the plan differs from what suites and tests there are now; None where it does not."""
+        planned = {test.id: test.planned.fingerprint for test in self.tests.values()}
+        added = [test for test in fingerprints if test not in planned and self.plan_is_whole]
+        removed = [*planned.keys() - fingerprints.keys(), *self.suites.keys() - set(suites)]
+        changed = [test for test, told in planned.items() if told and fingerprints.get(test, told) != told]
+        if not (added or removed or changed):
+            return None
+        return PlanChanged(added=tuple(added), removed=tuple(sorted(removed)), changed=tuple(changed))
 
-    def _suite_started(self, event: SuiteStarted) -> None:
-        suite = self.suites.get(event.suite)
-        if suite is not None:
-            suite.started = event.time
-
-    def _suite_ended(self, event: SuiteEnded) -> None:
-        suite = self.suites.get(event.suite)
-        if suite is not None:
-            suite.ended = event
-
-    def _fixture_changed(self, event: FixtureChanged) -> None:
-        suite = self.suites.get(event.suite)
-        if suite is not None:
-            suite.fixtures[event.fixture] = event
-
-    def _fixture_incident(self, event: FixtureIncident) -> None:
-        suite = self.suites.get(event.suite)
-        if suite is not None:
-            suite.incidents.append(event)
-
-    def _test_started(self, event: TestStarted) -> None:
-        test = self.tests.get(event.test)
-        if test is not None:
-            test.running = True
-            test.verdict = None
-            test.started = event.time if test.started is None else test.started
-            test.problems = []
-            test.problem_count = 0
-            test.parts = {}
-
-    def _test_renamed(self, event: TestRenamed) -> None:
-        test = self.tests.get(event.test)
-        if test is not None:
-            test.name = event.name
-            test.description = event.description or test.description
-
-    def _message(self, event: Message) -> None:
-        if event.severity not in (Severity.FAILURE, Severity.ERROR):
-            return
-        test = self.tests.get(event.test)
-        if test is not None:
-            test.problem_count += 1
-            if len(test.problems) < _KEPT_MESSAGES:
-                test.problems.append(event)
-        elif event.suite in self.suites and not event.test:
-            problems = self.suites[event.suite].problems
-            if len(problems) < _KEPT_MESSAGES:
-                problems.append(event)
-
-    def _measured(self, event: Measured) -> None:
-        test = self.tests.get(event.test)
-        if test is not None:
-            test.measured += 1
-
-    def _subresult_ended(self, event: SubResultEnded) -> None:
-        test = self.tests.get(event.test)
-        if test is not None and len(test.parts) < 10 * _KEPT_MESSAGES:
-            test.parts[event.subject] = event.verdict
-
-    def _test_ended(self, event: TestEnded) -> None:
-        test = self.tests.get(event.test)
-        if test is not None:
-            test.running = False
-            test.attempts.append(event)
-            if event.final:
-                test.verdict = event.verdict
-
-    def _interrupted(self, event: Interrupted) -> None:
-        self.interrupted = event
-
-    def _diagnosed(self, event: Diagnosed) -> None:
-        self.diagnostics.append(event)
-
-    def _internal_error(self, event: InternalError) -> None:
-        self.internal_errors.append(event)
-
-    def _run_ended(self, event: RunEnded) -> None:
-        self.ended = event
-
-
-_HANDLERS: dict[type[Event], Callable[[RunResult, Any], None]] = {
-    RunStarted: RunResult._run_started,  # noqa: SLF001 - a dispatch table of its own class
-    SuitePlanned: RunResult._suite_planned,  # noqa: SLF001
-    TestPlanned: RunResult._test_planned,  # noqa: SLF001
-    SuiteStarted: RunResult._suite_started,  # noqa: SLF001
-    SuiteEnded: RunResult._suite_ended,  # noqa: SLF001
-    FixtureChanged: RunResult._fixture_changed,  # noqa: SLF001
-    FixtureIncident: RunResult._fixture_incident,  # noqa: SLF001
-    TestStarted: RunResult._test_started,  # noqa: SLF001
-    TestRenamed: RunResult._test_renamed,  # noqa: SLF001
-    Message: RunResult._message,  # noqa: SLF001
-    Measured: RunResult._measured,  # noqa: SLF001
-    SubResultEnded: RunResult._subresult_ended,  # noqa: SLF001
-    TestEnded: RunResult._test_ended,  # noqa: SLF001
-    Interrupted: RunResult._interrupted,  # noqa: SLF001
-    Diagnosed: RunResult._diagnosed,  # noqa: SLF001
-    InternalError: RunResult._internal_error,  # noqa: SLF001
-    RunEnded: RunResult._run_ended,  # noqa: SLF001
-}
 
 _RUN_VERDICTS = {
     ExitCode.PASSED: Verdict.PASSED,

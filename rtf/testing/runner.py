@@ -16,11 +16,10 @@ import signal
 import sys
 import threading
 import traceback
-from collections import deque
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import rtf
 from rtf import clock
@@ -36,25 +35,27 @@ from rtf.testing.events import (
 )
 from rtf.testing.isolation.attempt import GRACE, Limits
 from rtf.testing.plan import fingerprint
+from rtf.testing.run_control import Control, alarm
 from rtf.testing.secret_values import masked_command, masked_text
 from rtf.testing.sharing import groups_sharing_fixtures
 from rtf.testing.suite.model import Isolation, TestEntry, Timeouts
+from rtf.testing.suite_worker import SuiteWorker
 from rtf.testing.verdict import ExitCode, Severity, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from rtf.testing.events import Asked, PlanChanged
+    from rtf.testing.events import PlanChanged
     from rtf.testing.isolation.launch import Launched
     from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.reporting import Broadcast
-    from rtf.testing.run_control import Control
-from rtf.testing.interrupts import Interrupts, alarm
-from rtf.testing.suite_worker import SuiteWorker
+    from rtf.testing.results import RunResult
 
 #: Seconds a test may take where neither suite, plug-in nor command line says anything: everything ends.
 DEFAULT_LIMITS = Timeouts(setup=60.0, run=300.0, teardown=30.0)
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+#: Seconds between two looks of the main thread at the suite workers; a signal handler runs between its waits only.
+_LOOK = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,10 +65,10 @@ class RunOptions:
     After ``maxfail`` tests that did not pass no further test is started (0: no limit). ``device`` is the record of the
     device under test.
 
-    ``grace`` is how long a test that is asked to stop may take to begin its teardown before it is killed. ``control``
-    is the door through which people stop the run. ``conduct`` says, instead of the order of the plan, what the run's
-    one suite worker does next. Without ``plan_ahead`` a test is told of when whoever conducts calls :meth:`Run.plan`,
-    and not before anything runs. ``terminal`` is the device at which tests are debugged, without limits; with
+    ``grace`` is how long a test that is asked to stop may take to begin its teardown before it is killed. Through
+    ``control`` people stop the run and answer its questions. ``conduct`` says, instead of the order of the plan, what
+    the run's one suite worker does next. Without ``plan_ahead`` a test is announced by a call of :meth:`Run.plan`, and
+    not before anything runs. ``terminal`` is the device at which tests are debugged, without limits; with
     ``core_dumps`` those of programs are kept.
     """
 
@@ -95,8 +96,7 @@ class RunOptions:
     handle_signals: bool = True
     conduct: Callable[[SuiteWorker], None] | None = None
     plan_ahead: bool = True
-    ask: Callable[[Asked, Callable[[str | None, str], None]], None] | None = None
-    control: Control | None = None
+    control: Control = field(default_factory=Control)
     terminal: str = ""
     core_dumps: bool = False
     facts: Mapping[str, str] = field(default_factory=dict)
@@ -114,21 +114,18 @@ class Run:
     ) -> None:
         self.suites = suites
         self.options = options
-        self.interrupts = Interrupts()
+        self.control = options.control
         self.dispatcher = Dispatcher(suites, options.done)
         self._failures = 0
-        self._counting = threading.Lock()
+        self._lock = threading.Lock()
         self._broadcast = broadcast
         self._secrets = {name for suite in suites for test in suite.tests for name in test.spec.secrets}
-        self._limits: dict[str, Limits] = {}
-        self._launched = [] if launched is None else [launched]
+        self._launched = launched
         self.emit = broadcast.emit
-        if options.control is not None:
-            broadcast.control = options.control
-            options.control.bind(self.interrupts)
+        broadcast.control = options.control
 
     @property
-    def results(self) -> Any:
+    def results(self) -> RunResult:
         """The results so far."""
         return self._broadcast.results
 
@@ -136,21 +133,19 @@ class Run:
         """Run everything, tear everything down, report everything. Returns the exit code."""
         began = clock.monotonic()
         options = self.options
-        restore = self._take_signals() if options.handle_signals else []
-        try:
-            with alarm(options.run_timeout, self._overdue):
-                self._begin(diagnostics)
-                self._run_workers()
-        except Exception as error:  # noqa: BLE001 - reported, and everything else still ends in order
-            self._broke(error)
-        finally:
-            code = self._end(began)
-            for signum, handler in restore:
-                signal.signal(signum, handler)
+        with self._signals():
+            try:
+                with alarm(options.run_timeout, self._overdue):
+                    self._begin(diagnostics)
+                    self._run_workers()
+            except Exception as error:  # noqa: BLE001 - reported, and everything else still ends in order
+                self._broke(error)
+            finally:
+                code = self._end(began)
         return code
 
     def _overdue(self) -> None:
-        self.interrupts.request(f"time-out of the run after {self.options.run_timeout:g} s", stage=2)
+        self.control.request(f"time-out of the run after {self.options.run_timeout:g} s", stage=2)
 
     # Beginning and end -------------------------------------------------------------------------------------------
 
@@ -223,11 +218,11 @@ class Run:
         )
 
     def _end(self, began: float) -> ExitCode:
-        self.interrupts.announce(self.emit)
+        self.control.announce(self.emit)
         self._account_for_all()
-        self._broadcast.flush(lambda: self.interrupts.count)
+        self._broadcast.flush(lambda: self.control.count)
         code = self._say_end(began)
-        self._broadcast.close_reporters(lambda: self.interrupts.count)
+        self._broadcast.close_reporters(lambda: self.control.count)
         if self._exit_code() is not code:  # a reporter broke while it was finishing
             code = self._say_end(began)
         self._broadcast.close()
@@ -254,7 +249,7 @@ class Run:
         for test in [*self._broadcast.results.tests.values()]:
             if test.verdict is None:
                 verdict = Verdict.NOT_RUN
-                detail = "the run was interrupted" if self.interrupts.stage else "the run ended before it"
+                detail = "the run was interrupted" if self.control.stage else "the run ended before it"
                 self.emit(
                     TestEnded(
                         test=test.id, verdict=verdict, outcome=verdict, attempt=0, reason="not run", detail=detail
@@ -265,15 +260,20 @@ class Run:
         text = f"{type(error).__name__}: {error}"
         self.emit(InternalError(text=text, traceback="".join(traceback.format_exception(error))))
 
-    def _take_signals(self) -> list[tuple[signal.Signals, Any]]:
-        if threading.current_thread() is not threading.main_thread():
-            return []
-        taken: list[tuple[signal.Signals, Any]] = []
-        for signum in _SIGNALS:
-            if signal.getsignal(signum) is not signal.SIG_IGN:
-                handler = signal.signal(signum, lambda number, _frame: self.interrupts.signalled(number))
-                taken.append((signum, handler))
-        return taken
+    @contextlib.contextmanager
+    def _signals(self) -> Iterator[None]:
+        """Take signals in the block: those that are not ignored, in the main thread, if the run is to have them."""
+        in_main = threading.current_thread() is threading.main_thread()
+        wanted = _SIGNALS if self.options.handle_signals and in_main else ()
+        before = {signum: signal.getsignal(signum) for signum in wanted}
+        taken = [signum for signum, handler in before.items() if handler is not signal.SIG_IGN]
+        for signum in taken:
+            signal.signal(signum, lambda number, _frame: self.control.signalled(number))
+        try:
+            yield
+        finally:
+            for signum in taken:
+                signal.signal(signum, before[signum])
 
     # Suite workers ----------------------------------------------------------------------------------------------------
 
@@ -282,15 +282,10 @@ class Run:
         if len(groups) <= 1:
             self._run_worker(self.suites)
             return
-        waiting = deque(groups)
-        with ThreadPoolExecutor(max_workers=self.options.jobs, thread_name_prefix="rtf-worker") as pool:
-            for future in [pool.submit(self._run_groups, waiting) for _ in range(min(self.options.jobs, len(groups)))]:
-                while True:
-                    try:
-                        future.result(timeout=0.2)  # a signal handler runs only between the main thread's waits
-                        break
-                    except TimeoutError:
-                        continue
+        with ThreadPoolExecutor(self.options.jobs, "rtf-worker") as pool:
+            running = [pool.submit(self._run_worker, group) for group in groups]
+            while wait(running, timeout=_LOOK).not_done:
+                continue
 
     def _groups(self) -> list[list[PlannedSuite]]:
         """What may run at the same time: suites that share a fixture are one group, copies of a suite are several."""
@@ -310,14 +305,6 @@ class Run:
                 suite = planned.suite
                 self.emit(Diagnosed(severity=Severity.WARNING, text=text, hint=hint, suite=suite.id, file=suite.file))
 
-    def _run_groups(self, waiting: deque[list[PlannedSuite]]) -> None:
-        """Run one group after the other, a suite worker for each, as long as some are waiting; several threads do."""
-        while suites := _next_of(waiting):
-            if self.stop_reason():  # nothing is begun any more; a single fork server is enough to say so of all
-                while more := _next_of(waiting):
-                    suites = [*suites, *more]
-            self._run_worker(suites)
-
     def _run_worker(self, suites: Sequence[PlannedSuite]) -> None:
         try:
             conduct = self.options.conduct or SuiteWorker.run
@@ -331,25 +318,15 @@ class Run:
         """The limits of a test: its own, its suite's, its author's, the command line's or the defaults."""
         if self.options.terminal:  # somebody is thinking
             return Limits(setup=None, run=None, teardown=None, grace=self.options.grace)
-        limits = self._limits.get(test.entry.id)
-        if limits is None:
-            chosen = planned.suite.timeouts_of(test.entry).inherit(Timeouts(run=test.timeout))
-            chosen = chosen.inherit(self.options.limits).inherit(DEFAULT_LIMITS)
-            limits = Limits(
-                setup=chosen.setup,
-                run=chosen.run,
-                teardown=chosen.teardown,
-                total=chosen.total,
-                grace=self.options.grace,
-            )
-            self._limits[test.entry.id] = limits
-        return limits
+        chosen = planned.suite.timeouts_of(test.entry).inherit(Timeouts(run=test.timeout))
+        chosen = chosen.inherit(self.options.limits).inherit(DEFAULT_LIMITS)
+        return Limits(**asdict(chosen), grace=self.options.grace)
 
     def take_launched(self) -> Launched | None:
         """The fork server that was started before the run, for the first suite worker that asks."""
-        with contextlib.suppress(IndexError):
-            return self._launched.pop()
-        return None
+        with self._lock:
+            launched, self._launched = self._launched, None
+        return launched
 
     def repetition_of(self, entry: TestEntry) -> int:
         """Additional runs of the body."""
@@ -361,8 +338,8 @@ class Run:
 
     def stop_reason(self) -> str:
         """Why no further test is to be started, or an empty text."""
-        if self.interrupts.stage:
-            self.interrupts.announce(self.emit)
+        if self.control.stage:
+            self.control.announce(self.emit)
             return "the run was interrupted"
         if 0 < self.options.maxfail <= self._failures:
             return f"{self._failures} test{'s' if self._failures != 1 else ''} failed before (--maxfail)"
@@ -370,15 +347,8 @@ class Run:
 
     def count_failure(self) -> None:
         """Count a test that did not pass, for ``maxfail``. From any thread."""
-        with self._counting:
+        with self._lock:
             self._failures += 1
-
-
-def _next_of(waiting: deque[list[PlannedSuite]]) -> list[PlannedSuite]:
-    """The next group, or none: another thread may have taken the last one."""
-    with contextlib.suppress(IndexError):
-        return waiting.popleft()
-    return []
 
 
 def most_memory() -> int:

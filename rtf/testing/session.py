@@ -8,7 +8,7 @@ from __future__ import annotations
 import traceback
 from _thread import allocate_lock, get_ident  # ``threading`` has hooks that cost each fork, see docs/decisions/0010
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,19 +19,19 @@ from rtf.testing.source_location import OWN_FOLDER, raised_place
 from rtf.testing.verdict import UNDOING_PHASES, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator
+
+    from rtf.testing.measurement import Measurement
 
 #: A text longer than this is cut in the middle, and says so: an event must stay something a page can show.
 TEXT_LIMIT = 1 << 20
 
 
-_NOTHING: Mapping[str, float | str | None] = {}
-
-
 @dataclass(slots=True)
 class Tally:
-    """What the events of a test, or of one part of it, add up to."""
+    """What the events of a test, or of the part of it that is called ``subject``, add up to."""
 
+    subject: str = ""
     failures: int = 0
     errors: int = 0
     judged: int = 0  # checks, assertions and limited measurements made
@@ -59,12 +59,6 @@ class Tally:
         else:
             self.errors += 1
         self.first = self.first or text
-
-
-@dataclass(slots=True)
-class _Part:
-    subject: str
-    tally: Tally = field(default_factory=Tally)
 
 
 def bounded(text: str) -> str:
@@ -123,7 +117,7 @@ class Session:
         self._run_folder = run_folder
         self.phase: Phase | None = None
         self.tally = Tally()
-        self._parts: list[_Part] = []
+        self._tallies = [self.tally]  # of the test, and of the parts that the main thread is in
         self._send = send
         self._receive = receive
         self._lock = allocate_lock()
@@ -195,28 +189,23 @@ class Session:
     @property
     def subject(self) -> str:
         """The sub-result the main thread is in, outermost first, parts joined by ``/``."""
-        return self._parts[-1].subject if self._parts else ""
-
-    def _tallies(self) -> list[Tally]:
-        return [self.tally, *(part.tally for part in self._parts)]
+        return self._tallies[-1].subject
 
     def judged(self) -> None:
         """Count one judgement, whatever it came to."""
-        self.tally.judged += 1
-        for part in self._parts:
-            part.tally.judged += 1
+        for tally in self._tallies:
+            tally.judged += 1
 
     def recorded(self) -> None:
         """Count one thing that was only recorded."""
-        self.tally.recorded += 1
-        for part in self._parts:
-            part.tally.recorded += 1
+        for tally in self._tallies:
+            tally.recorded += 1
 
     def _note(self, severity: Severity, text: str) -> None:
         """Count a failure or an error. What the test as a whole came to names the part in which it was found."""
         subject = self.subject
         self.undoing_failed = self.undoing_failed or self.phase in UNDOING_PHASES
-        for tally in self._tallies()[1:]:
+        for tally in self._tallies[1:]:
             tally.note(severity, text)
         self.tally.note(severity, text if subject in text else f"{subject}: {text}")
 
@@ -228,11 +217,11 @@ class Session:
         place: tuple[str, int],
         *,
         traceback_text: str = "",
-        comparison: Mapping[str, float | str | None] = _NOTHING,
+        measurement: Measurement | None = None,
     ) -> None:
         """Send a message and count it if it is a failure or an error.
 
-        ``comparison`` fills value, low, high, margin and unit of the message.
+        ``measurement`` fills value, low, high, margin and unit of the message.
         """
         if len(detail) > TEXT_LIMIT:
             detail = bounded(detail)
@@ -250,7 +239,7 @@ class Session:
                 file=file,
                 line=line,
                 traceback=traceback_text,
-                **{name: value for name, value in comparison.items() if value is not None},  # type: ignore[arg-type]
+                **(measurement.members() if measurement is not None else {}),
             )
         )
 
@@ -264,7 +253,7 @@ class Session:
             return
         place = raised_place(error)
         if isinstance(error, TestFailure):
-            self.message(Severity.FAILURE, error.title, error.detail, place, comparison=error.comparison)
+            self.message(Severity.FAILURE, error.title, error.detail, place, measurement=error.measurement)
         elif isinstance(error, TestProblem):
             self.message(Severity.ERROR, error.title, error.detail, place)
         elif isinstance(error, AssertionError):
@@ -282,32 +271,29 @@ class Session:
             self.message(Severity.ERROR, "exception", text, place, traceback_text=author_traceback(error))
 
     def _set_aside(self, error: SkipTest | Inconclusive) -> None:
-        tally = self._parts[-1].tally if self._parts else self.tally
         kind = "skipped" if isinstance(error, SkipTest) else "inconclusive"
-        setattr(tally, kind, str(error))
+        setattr(self._tallies[-1], kind, str(error))
         self.message(Severity.INFO, kind, str(error), raised_place(error))
 
     @contextmanager
     def part(self, subject: str) -> Iterator[None]:
         """A part of the test with its own verdict; what stops the part does not stop the test."""
-        path = f"{self.subject}/{subject}" if self._parts else subject
-        part = _Part(path)
+        tally = Tally(f"{self.subject}/{subject}" if self.subject else subject)
         began = clock.monotonic()
-        self._parts.append(part)
+        self._tallies.append(tally)
         try:
             yield
         except Exception as error:  # noqa: BLE001 - recorded, which is the point of a part
             self.raised(error)
         finally:
-            self._parts.pop()
-            tally = part.tally
+            self._tallies.pop()
             verdict = tally.verdict()
             if verdict is Verdict.INCONCLUSIVE and self.tally.inconclusive is None:
-                self.tally.inconclusive = f"{path}: {tally.inconclusive}"
+                self.tally.inconclusive = f"{tally.subject}: {tally.inconclusive}"
             self.emit(
                 SubResultEnded(
                     test=self.test,
-                    subject=path,
+                    subject=tally.subject,
                     verdict=verdict,
                     reason=bounded(tally.first or tally.skipped or tally.inconclusive or ""),
                     duration=clock.monotonic() - began,

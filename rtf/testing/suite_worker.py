@@ -21,12 +21,12 @@ from rtf.testing.events import (
     SuiteStarted,
     TestEnded,
 )
-from rtf.testing.interrupts import KILL_STAGE, alarm
 from rtf.testing.isolation.attempt import Attempt, Outcome, Stop
 from rtf.testing.isolation.messages import STOP_LIMIT, Job
 from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.isolation.worker_pool import ForkServerClient
 from rtf.testing.requirements import unmet
+from rtf.testing.run_control import KILL_STAGE, alarm
 from rtf.testing.suite.model import Expected, Isolation, LostPolicy, Scope
 from rtf.testing.supervision.supervisor import Fixture, Supervisor
 from rtf.testing.verdict import Severity, Verdict
@@ -65,7 +65,7 @@ class SuiteWorker:
         self._suite: PlannedSuite = suites[0] if suites else None  # type: ignore[assignment]  # no suite, no test
         self._suite_deadline = clock.Deadline()
         self._fixtures_deadline = clock.Deadline()  # of a run that has to end at once
-        self._interrupts_before = 0  # what comes after these ends a fixture's teardown by force
+        self._stops_before = 0  # what comes after these ends a fixture's teardown by force
         self._aborted = ""
         self._shared: Child | None = None
         preload = tuple(dict.fromkeys(name for planned in suites for name in planned.suite.preload))
@@ -74,7 +74,7 @@ class SuiteWorker:
             preload=preload,
             uses=Counter(test.plugin.path for planned in suites for test in planned.tests if test.plugin is not None),
             launched=run.take_launched(),
-            stop_now=lambda: run.interrupts.stage > 0,
+            stop_now=lambda: run.control.stage > 0,
         )
         self._supervisor = Supervisor(
             self._fork_server,
@@ -115,9 +115,10 @@ class SuiteWorker:
     @contextmanager
     def at_work(self) -> Iterator[None]:
         """Have a fork server in the block; afterwards everything of this suite worker is gone."""
-        self._run.interrupts.attend(self._reactor)
+        self._run.control.add_reactor(self._reactor)
         try:
-            if any(test.plugin is not None for planned in self._suites for test in planned.tests):
+            has_plugins = any(test.plugin is not None for planned in self._suites for test in planned.tests)
+            if has_plugins and not self._run.stop_reason():
                 self._fork_server.start()
             yield
         finally:
@@ -125,7 +126,7 @@ class SuiteWorker:
                 self._take_down(self._supervisor.names())
             finally:
                 self._fork_server.close()
-                self._run.interrupts.leave(self._reactor)
+                self._run.control.remove_reactor(self._reactor)
                 self._reactor.close()
                 for problem in self._fork_server.problems:
                     self._emit(Diagnosed(severity=Severity.WARNING, text=problem))
@@ -183,34 +184,34 @@ class SuiteWorker:
     # What the supervisor asks each time something happened while it waits; so an interrupt is told of at once.
 
     def _start_nothing(self) -> bool:
-        self._run.interrupts.announce(self._emit)
-        return self._run.interrupts.stage > 0 or self._suite_deadline.expired or bool(self._aborted)
+        self._run.control.announce(self._emit)
+        return self._run.control.stage > 0 or self._suite_deadline.expired or bool(self._aborted)
 
     def _use_force(self) -> bool:
-        interrupts = self._run.interrupts
-        interrupts.announce(self._emit)
-        forced = interrupts.stage >= KILL_STAGE and interrupts.count > self._interrupts_before
+        control = self._run.control
+        control.announce(self._emit)
+        forced = control.stage >= KILL_STAGE and control.count > self._stops_before
         return forced or self._stop_by().expired
 
     def _stop_by(self) -> clock.Deadline:
         """When fixtures have to be down, once the run has to end at once. It is told if that is later than usual."""
-        interrupts = self._run.interrupts
-        if interrupts.in_a_hurry and self._fixtures_deadline.at == clock.FOREVER:
+        control = self._run.control
+        if control.in_a_hurry and self._fixtures_deadline.at == clock.FOREVER:
             slow = self._supervisor.slow_to_stop()
             more = sum(slow.values()) - len(slow) * STOP_LIMIT
-            self._fixtures_deadline = interrupts.fixtures_deadline(more)
+            self._fixtures_deadline = control.fixtures_deadline(more)
             for name, seconds in slow.items():
                 text = f"fixture {name} needs up to {seconds:g} s to be brought down safely; the run waits for it"
                 self._emit(Diagnosed(severity=Severity.WARNING, text=text, suite=self._suite.suite.id))
         return self._fixtures_deadline
 
     def _kill_test(self) -> bool:
-        interrupts = self._run.interrupts
-        return interrupts.stage >= KILL_STAGE or interrupts.test_deadline.expired
+        control = self._run.control
+        return control.stage >= KILL_STAGE or control.test_deadline.expired
 
     def _take_down(self, names: list[str]) -> None:
         """Tear fixtures down. The force that ended the running test is not used on them; they must be asked first."""
-        self._interrupts_before = self._run.interrupts.count
+        self._stops_before = self._run.control.count
         self._supervisor.take_down(names)
 
     def _end_suite(self, planned: PlannedSuite, duration: float) -> None:
@@ -299,7 +300,7 @@ class SuiteWorker:
                 reruns -= 1
             else:
                 again = outcome.verdict in _RETRIED and len(failed) < retries
-            again = again and not (self._run.interrupts.stage or self._suite_deadline.expired or self._aborted)
+            again = again and not (self._run.control.stage or self._suite_deadline.expired or self._aborted)
             self._ended(test, attempt, outcome, final=not again, failed=failed, names=names)
             if not again:
                 return
@@ -342,7 +343,7 @@ class SuiteWorker:
                 tick=lambda: self._tick(names),
                 next_tick=self._next_tick,
                 kill_now=self._kill_test,
-                ask=self._run.options.ask,
+                ask=self._run.control.ask,
                 fixtures=self._supervisor.generations(names),
             )
             outcome = attempt.run(self._shared_child if isolation is Isolation.SUITE else None)
@@ -392,8 +393,8 @@ class SuiteWorker:
         lost = self._supervisor.lost(names) if names else ""
         if lost:
             return Stop(Verdict.FIXTURE_LOST, "fixture", lost)
-        reason = run.stop_reason() if run.interrupts.stage else ""
-        if run.interrupts.stage > 1:
+        reason = run.stop_reason() if run.control.stage else ""
+        if run.control.stage > 1:
             return Stop(Verdict.INTERRUPTED, "interrupted", reason)
         if self._suite_deadline.expired:
             return Stop(Verdict.ERROR, "timeout", self._suite_overdue())
@@ -401,7 +402,7 @@ class SuiteWorker:
 
     def _next_tick(self) -> clock.Deadline:
         deadline = self._supervisor.deadline().earliest(self._suite_deadline)
-        hurry = self._run.interrupts.test_deadline
+        hurry = self._run.control.test_deadline
         return deadline if hurry.expired else deadline.earliest(hurry)
 
     def _ended(
@@ -474,7 +475,7 @@ class SuiteWorker:
             repetition=self._run.repetition_of(entry),
             attempt=attempt,
             memory=options.memory,
-            can_ask=options.ask is not None,
+            can_ask=self._run.control.attended,
             last=last,
             variables=self._supervisor.variables(names),
             values=self._values(names),

@@ -15,9 +15,8 @@ from lxml import etree
 
 from harness import Command, run_command, write_files
 from rtf.cli.arguments import build_parser
-from rtf.testing import journal, replay
+from rtf.testing import journal
 from rtf.testing.events import RunStarted, TestStarted
-from rtf.testing.results import RunResult
 from rtf.testing.verdict import ExitCode, Verdict
 from waiting import eventually
 
@@ -305,9 +304,7 @@ def test_run_of_a_suite_that_was_edited_is_resumed(folder: Path):
     events = [*journal.read(folder / "rtf-runs" / "latest")]
     second = max(index for index, event in enumerate(events) if isinstance(event, RunStarted))
     assert {event.test for event in events[second:] if isinstance(event, TestStarted)} == {"e/new", "e/fine", "e/a"}
-    results = RunResult()
-    for event in replay.as_one_run(folder / "rtf-runs" / "latest"):
-        results.apply(event)
+    results = journal.results_of(folder / "rtf-runs" / "latest")
     verdicts = {test.id: test.verdict for test in results.tests.values()}
     assert verdicts.pop("e/bad") is Verdict.FAILED
     assert verdicts == dict.fromkeys(("e/first", "e/new", "e/fine", "e/a"), Verdict.PASSED)

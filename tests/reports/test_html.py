@@ -13,6 +13,7 @@ from harness import Command, run_command, write_files
 from rtf.testing.events import Interrupted, RunStarted, TestStarted, to_line
 from rtf.testing.journal import FILE_NAME
 from rtf.testing.reporting import Broadcast, ReportOptions, load_reporter
+from tests.waiting import eventually
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -73,6 +74,7 @@ def test_a_run_that_was_killed_can_be_shown(probe: Path):
     """Its page tells that the runner was killed under the test; the one it left behind can be read, too."""
     command = Command(probe, "--test", "slow.py", "--grace", "0.3", "--report", "html=live.html")
     command.wait_for(lambda events: any(isinstance(event, TestStarted) for event in events))
+    eventually((probe / "live.html").exists, "there is no page")
     command.signal(signal.SIGKILL)
     command.wait()
     assert b"test_planned" in blocks((probe / "live.html").read_bytes())['id="rtf-journal"']

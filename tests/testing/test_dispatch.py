@@ -134,7 +134,7 @@ def test_an_interrupt_reaches_those_that_wait(tmp_path: Path):
     def interfere(run: Run) -> None:
         def attend(event: Event) -> None:
             if isinstance(event, TestStarted):
-                run.interrupts.request("the test", stage=2)
+                run.control.request("the test", stage=2)
 
         emit = run.emit
         run.emit = lambda event: (emit(event), attend(event))[0]  # type: ignore[method-assign]

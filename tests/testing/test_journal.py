@@ -201,7 +201,6 @@ def test_closing_twice_is_harmless(path: Path):
     """Every exit path may close."""
     book = Journal(path)
     book.append(TestEnded(test="t", verdict=Verdict.PASSED, outcome=Verdict.PASSED))
-    book.sync()
     book.close()
     book.close_quietly()
     assert from_line(path.read_bytes()).kind == "test_ended"

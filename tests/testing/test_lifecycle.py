@@ -659,7 +659,7 @@ def test_interrupt_from_outside(stage: int, tmp_path: Path):
         def watch(event: object) -> None:
             emit(event)
             if isinstance(event, PhaseStarted) and event.phase is Phase.RUN:
-                run.interrupts.request("test", stage=stage)
+                run.control.request("test", stage=stage)
 
         run.emit = watch
 

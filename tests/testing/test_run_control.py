@@ -1,4 +1,4 @@
-"""The one door through which people stop a run and answer its questions, whoever they are."""
+"""The control of a run, by which people stop it and answer its questions."""
 
 from __future__ import annotations
 
@@ -10,15 +10,12 @@ import pytest
 
 from harness import run_suite
 from rtf.testing.events import Answered, Asked, Interrupted, RunEnded, TestEnded
-from rtf.testing.interrupts import Interrupts
-from rtf.testing.operator import AnswerError
-from rtf.testing.run_control import Control, TooLateError
+from rtf.testing.run_control import AnswerError, Control, TooLateError
 from rtf.testing.verdict import ExitCode, Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rtf.testing.runner import Run
 
 ASKING = """
 from rtf.testing import TestCase
@@ -41,7 +38,7 @@ def ended(test: str) -> TestEnded:
 
 @pytest.fixture
 def control() -> Control:
-    """A door with one open question."""
+    """A control with one open question."""
     made = Control()
     made.ask(question(), lambda *_: None)
     return made
@@ -49,23 +46,37 @@ def control() -> Control:
 
 def test_a_stop_before_the_run_is_remembered():
     """Who is quicker than the run is heard all the same."""
-    control, interrupts = Control(), Interrupts()
+    control = Control()
     control.stop("a button", 1)
-    control.bind(interrupts)
     heard: list[Any] = []
-    interrupts.announce(heard.append)
+    control.announce(heard.append)
     assert [(event.source, event.stage) for event in heard] == [("a button", 1)]
 
 
 def test_a_stage_is_what_was_asked_for_and_never_less():
     """Pressing the same button twice is not pressing the next one."""
-    control, interrupts = Control(), Interrupts()
-    control.bind(interrupts)
+    control = Control()
     stages = []
     for stage in (1, 1, 2, 1):
         control.stop("a button", stage)
-        stages.append(interrupts.stage)
+        stages.append(control.stage)
     assert stages == [1, 1, 2, 2]
+
+
+def test_requests_count_up_to_three():
+    """Each one is stronger, until nothing is stronger; each is announced once."""
+    control = Control()
+    heard: list[Any] = []
+    for _ in range(4):
+        control.request("x")
+    control.announce(heard.append)
+    control.announce(heard.append)
+    assert [event.stage for event in heard] == [1, 2, 3, 3]
+    assert (control.stage, control.count) == (3, 4)
+    other = Control()
+    other.request("time", stage=2)
+    other.request("signal")
+    assert other.stage == 3
 
 
 def test_a_run_that_is_over_is_not_stopped(control: Control):
@@ -156,8 +167,7 @@ def test_a_button_answers_a_real_test(tmp_path: Path):
     """What any program does with the control it is given."""
     control = Control()
     control.attend(lambda asked: control.answer(asked.test, asked.question, "yes", "a button"))
-    options = {"ask": control.ask, "control": control}
-    outcome = run_suite(tmp_path, "<test>asking.py</test>", options=options, asking__py=ASKING)
+    outcome = run_suite(tmp_path, "<test>asking.py</test>", options={"control": control}, asking__py=ASKING)
     assert outcome.verdict("asking") is Verdict.PASSED
     assert [event.source for event in outcome.of(Answered)] == ["a button"]
 
@@ -171,9 +181,8 @@ def test_a_button_stops_a_real_run(tmp_path: Path):
         control.answer(asked.test, asked.question, "yes", "a button")
 
     control.attend(stop_and_answer)
-    options = {"ask": control.ask, "control": control}
     xml = "<test>asking.py</test><test>fine.py</test>"
-    outcome = run_suite(tmp_path, xml, options=options, asking__py=ASKING, fine__py=FINE)
+    outcome = run_suite(tmp_path, xml, options={"control": control}, asking__py=ASKING, fine__py=FINE)
     assert outcome.exit_code == ExitCode.INTERRUPTED
     assert [(event.source, event.stage) for event in outcome.of(Interrupted)] == [("a button", 1)]
     assert (outcome.verdict("asking"), outcome.verdict("fine")) == (Verdict.PASSED, Verdict.NOT_RUN)
@@ -183,13 +192,7 @@ def test_a_stop_before_the_first_test_runs_nothing(tmp_path: Path):
     """Through the options of a run, before it exists."""
     control = Control()
     control.stop("a button", 1)
-
-    def interfere(run: Run) -> None:
-        assert run.interrupts.stage == 1
-
-    outcome = run_suite(
-        tmp_path, "<test>fine.py</test>", options={"control": control}, interfere=interfere, fine__py=FINE
-    )
+    outcome = run_suite(tmp_path, "<test>fine.py</test>", options={"control": control}, fine__py=FINE)
     assert outcome.exit_code == ExitCode.INTERRUPTED
     assert outcome.verdict("fine") is Verdict.NOT_RUN
 

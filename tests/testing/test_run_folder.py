@@ -5,9 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rtf.testing.events import FixtureChanged, RunStarted, TestStarted
-from rtf.testing.reporting import ReportOptions
-from rtf.testing.results import RunResult
-from rtf.testing.run_folder import LATEST, LatestRun, make_run_folder
+from rtf.testing.journal import FILE_NAME, LATEST, Journal, make_run_folder
 from rtf.testing.verdict import FixtureState
 
 STARTED = RunStarted(run="r", version="1")
@@ -24,12 +22,12 @@ def test_runs_of_one_second_have_folders_of_their_own(tmp_path):
 
 def test_latest_moves_when_something_is_done(tmp_path):
     """A run of which nothing begins leaves the link at the run before."""
-    results = RunResult()
-    before, refused = (make_run_folder(tmp_path) for _ in range(2))
-    for folder, events in ((before, [SERVER, TEST]), (refused, [STARTED])):
-        link = LatestRun(ReportOptions(target=None, run_folder=folder))
-        for event in events:
-            link.handle(event, results)
+    before, refused, elsewhere = (make_run_folder(tmp_path) for _ in range(3))
+    runs = ((before, [STARTED, SERVER, TEST], True), (refused, [STARTED], True), (elsewhere, [STARTED, TEST], False))
+    for folder, events, latest in runs:
+        with Journal(folder / FILE_NAME, latest=latest) as journal:
+            for event in events:
+                journal.append(event)
     assert (tmp_path / LATEST).resolve() == before
 
 

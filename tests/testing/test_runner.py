@@ -23,7 +23,6 @@ from rtf.testing.events import (
     TestEnded,
     TestStarted,
 )
-from rtf.testing.interrupts import Interrupts
 from rtf.testing.isolation.worker_pool import ForkServerClient, ForkServerLostError
 from rtf.testing.plan import Planner, load_files
 from rtf.testing.reporting import Broadcast, Reporter, ReportOptions
@@ -681,22 +680,3 @@ def test_grace_of_the_run_is_that_of_its_tests(tmp_path: Path):
 
     run_suite(tmp_path, "<test>t.py</test>", interfere=interfere, options={"grace": 0.7}, t__py=test_file("pass"))
     assert seen == [0.7]
-
-
-# Interrupts, as an object --------------------------------------------------------------------------------------------
-
-
-def test_interrupts_count_up_to_three():
-    """Each request is one stage more, or the stage that is asked for at least; each is announced once."""
-    interrupts = Interrupts()
-    told: list[Event] = []
-    for stage in (0, 0, 0, 0):
-        interrupts.request("x", stage=stage)
-    interrupts.announce(told.append)
-    interrupts.announce(told.append)
-    assert [event.stage for event in told] == [1, 2, 3, 3]
-    assert (interrupts.stage, interrupts.count) == (3, 4)
-    first = Interrupts()
-    first.request("time", stage=2)
-    first.request("signal")
-    assert first.stage == 3

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from harness import run_command
-from rtf.testing import Parameter, TestCase, journal, replay
+from rtf.testing import Parameter, TestCase, journal
 from rtf.testing.parameters import ParameterError
 from rtf.testing.plugins import find, spec_of
 from rtf.testing.secret_values import is_secret, masked_command
@@ -28,6 +28,24 @@ class Login(TestCase):
         Path("seen").write_text(f"{self.password} {self.pin}")
         self.assert_true(self.keyboard != "de", "the keyboard has the letters")
 '''
+
+SEER = """
+import os
+from pathlib import Path
+from rtf.testing import Parameter, TestCase
+
+class Seer(TestCase):
+    password = Parameter(str, "password of the robot", default="none")
+    token = Parameter(str, "token", default="none")
+
+    def run(self):
+        shown, process = [], os.getpid()
+        while not shown or b"testrunner" not in shown[-1]:
+            shown.append(Path(f"/proc/{process}/cmdline").read_bytes().replace(b"\\n", b" "))
+            process = int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
+        Path("shown").write_bytes(b"\\n".join(shown))
+        self.assert_equal((self.password, self.token), ("hunter2", "t0psecret"), "the values")
+"""
 
 
 @pytest.fixture
@@ -81,6 +99,18 @@ def test_secrets_are_in_no_file_of_a_run(folder: Path):
     assert b"keyboard=fr" in (done.folder / journal.FILE_NAME).read_bytes()
 
 
+def test_secrets_are_in_the_arguments_of_no_process_that_the_run_starts(folder: Path):
+    """What ``ps`` shows of a worker, and of every process between it and the runner, says nothing of its parameters."""
+    (folder / "seer.py").write_text(SEER)
+    (folder / "s.xml").write_text('<suite name="s"><test param="--token t0psecret">seer.py</test></suite>')
+    done = run_command(folder, "-s", "s.xml", "--set", "password=hunter2")
+    assert done.exit_code == 0, done.stderr
+    *started, runner = (folder / "shown").read_bytes().split(b"\n")
+    assert b"password=hunter2" in runner, "what the user typed is where the looking ends"
+    assert started
+    assert all(b"hunter2" not in line and b"t0psecret" not in line for line in started)
+
+
 def test_value_that_is_wrong_is_not_shown(folder: Path):
     """The message names the parameter and what it takes."""
     done = run_command(folder, "-s", "s.xml", "--set", "pin=471147", "-vv")
@@ -116,7 +146,7 @@ def test_resumed_run_needs_its_secrets_again(folder: Path):
     assert "--set keyboard: a run that is resumed keeps its parameters" in refused.stderr
     run_command(folder, "--resume", "rtf-runs/latest", *secrets)
     run = folder / "rtf-runs" / "latest"
-    assert replay.RunIndex(journal.read(run)).finished == {"s/login", "s/b"}
+    assert journal.results_of(run).finished() == {"s/login", "s/b"}
     assert b"hunter2" not in (run / journal.FILE_NAME).read_bytes()
 
 

@@ -96,8 +96,8 @@ def test_what_a_test_came_to_names_the_part(session: Session):
     """The part's own account does not repeat its name, and nor does a text that has it."""
     with session.part("l_elbow"):
         session.message(Severity.FAILURE, "measure", "12 deg", ("", 0))
-        (part,) = session._parts
-        assert part.tally.first == "12 deg"
+        _, part = session._tallies
+        assert part.first == "12 deg"
     assert session.tally.first == "l_elbow: 12 deg"
 
 

@@ -21,7 +21,7 @@ from junitparser import JUnitXml
 from harness import Command, marked, read_back, run_command, write_files
 from rtf import clock
 from rtf.robot_testing.ledger import MotionLedger
-from rtf.testing import journal, replay
+from rtf.testing import journal
 from rtf.testing.events import (
     FixtureChanged,
     RunEnded,
@@ -31,7 +31,6 @@ from rtf.testing.events import (
     TestStarted,
     from_line,
 )
-from rtf.testing.results import RunResult
 from rtf.testing.verdict import FixtureState, Verdict
 
 if TYPE_CHECKING:
@@ -165,9 +164,7 @@ def check_reports(folder: Path, expected: dict[str, Verdict]) -> None:
     assert "Traceback" not in made.stderr
     cases = {case.name for suite in JUnitXml.fromfile(str(folder / "again.xml")) for case in suite}
     assert {name.rpartition("/")[2] for name in expected} <= cases
-    results = RunResult()
-    for event in replay.with_ends(replay.as_one_run(folder / "rtf-runs" / "latest")):
-        results.apply(event)
+    results = journal.results_of(folder / "rtf-runs" / "latest")
     assert {test: results.tests[test].verdict for test in expected} == expected
 
 

@@ -33,11 +33,10 @@ from rtf.testing.isolation.messages import (
     Frames,
     Job,
 )
-from rtf.testing.measurement import require_limits
+from rtf.testing.measurement import require_limits, wilson_interval
 from rtf.testing.outcome import TestProblem, TestStopped
 from rtf.testing.plugin_spec import may_move
 from rtf.testing.session import Session, text_of
-from rtf.testing.statistics import median, wilson_interval
 from rtf.testing.verdict import Phase, Severity
 
 if TYPE_CHECKING:
@@ -291,6 +290,8 @@ def _repeat(case: TestCase, job: Job, session: Session) -> None:
 
 
 def _report_repetitions(session: Session, passed: int, durations: list[float]) -> None:
+    from statistics import median
+
     ran = len(durations)
     low, high = wilson_interval(passed, ran)
     figures = {"min": min(durations), "median": median(durations), "max": max(durations)}

@@ -18,7 +18,6 @@ Its standard input is empty, its output is the test's output, and it works in th
 from __future__ import annotations
 
 import contextlib
-import mimetypes
 import os
 import re
 import sys
@@ -27,7 +26,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.testing.events import Attached, SubResultEnded
+from rtf.testing import recording
+from rtf.testing.events import SubResultEnded
 from rtf.testing.isolation import processes
 from rtf.testing.languages import core_dumps
 from rtf.testing.languages.program import LineCutter, run_program
@@ -67,7 +67,7 @@ class ExecutableTest(RawParameters):
 
     def run(self) -> None:
         """Run the program to its end and judge it. Called in the worker, once more for each repetition."""
-        junit = self._free_path("junit", ".xml") if self._mode in ("", "junit") else None
+        junit = recording.free_path(self._session, "junit", ".xml") if self._mode in ("", "junit") else None
         output = _Output(self._session, self._mode)
         words = [str(self._path), *self.words]
         if self._session.core_dumps:
@@ -93,7 +93,7 @@ class ExecutableTest(RawParameters):
             if count > _MAX_ATTACHED:
                 self.warn(f"more than {_MAX_ATTACHED} files in {folder}; the others are there and not listed")
                 break
-            self._attach_in_place(path)
+            recording.emit_attached(self._session, path, path.relative_to(folder).as_posix())
         if not count:
             with contextlib.suppress(OSError):
                 folder.rmdir()
@@ -154,17 +154,6 @@ class ExecutableTest(RawParameters):
             raise TestProblem(text, title="hard error")
         if status:
             raise TestFailure(text, title="exit status")
-
-    def _attach_in_place(self, path: Path) -> None:
-        self._session.emit(
-            Attached(
-                test=self._session.test,
-                name=path.relative_to(self._session.folder).as_posix(),
-                path=self._relative(path),
-                media_type=mimetypes.guess_type(path.name)[0] or "application/octet-stream",
-                size=path.stat().st_size,
-            )
-        )
 
 
 class _Output:

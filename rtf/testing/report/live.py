@@ -25,7 +25,6 @@ from rtf.testing.events import (
     TestStarted,
 )
 from rtf.testing.report import text as report_text
-from rtf.testing.statistics import median
 from rtf.testing.verdict import FixtureState, Verdict
 
 if TYPE_CHECKING:
@@ -156,6 +155,8 @@ class Region:
         parts = [part for part in (self._suite, counted, f"{self._left} to go" if self._left > 0 else "") if part]
         durations = [*self._durations]
         if durations and self._left > 0:
+            from statistics import median
+
             parts.append(f"about {report_text.duration(median(durations) * self._left)} left")
         rows.append(Text("  ".join(parts), style="bold", no_wrap=True, overflow="ellipsis"))
         return Group(*rows)

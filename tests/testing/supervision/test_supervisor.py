@@ -221,7 +221,7 @@ def at(what: Callable[[Event], bool], act: Callable[[Run], object]) -> Callable[
 
 def on(what: Callable[[Event], bool], stage: int = 0) -> Callable[[Run], None]:
     """Interrupts a run there."""
-    return at(what, lambda run: run.interrupts.request("a test", stage=stage))
+    return at(what, lambda run: run.control.request("a test", stage=stage))
 
 
 def case(name: str = "t", attributes: str = "", **parameters: object):
@@ -765,7 +765,7 @@ class TestInterrupt:
             def listening(event: Event) -> None:
                 emit(event)
                 if isinstance(event, FixtureChanged) and event.state is STOPPED:
-                    run.interrupts.request("a test")
+                    run.control.request("a test")
 
             run.emit = listening
 
@@ -785,7 +785,7 @@ class TestInterrupt:
             def listening(event: Event) -> None:
                 emit(event)
                 if isinstance(event, FixtureChanged) and event.state is STARTING:
-                    run.interrupts.request("a test")
+                    run.control.request("a test")
 
             run.emit = listening
 

@@ -18,7 +18,7 @@ from harness import read_back, run_suite, write_files
 from live_page import Page
 from rtf import clock
 from rtf.testing.events import Answered, Asked, Attached
-from rtf.testing.operator import AnswerError, automatic, interpret
+from rtf.testing.run_control import AnswerError, Control, interpret
 from rtf.testing.verdict import Verdict
 
 ASKING = """
@@ -87,17 +87,20 @@ def test_nothing_typed_breaks_it(form: str, typed: str):
 def test_an_automatic_answer_is_given_where_it_fits():
     """One answer for a run without people; questions it does not fit get their default."""
     given: list[tuple[str | None, str]] = []
-    operator = automatic("yes")
-    operator(asked("confirm"), lambda answer, source: given.append((answer, source)))
-    operator(asked("number", default="3"), lambda answer, source: given.append((answer, source)))
-    assert given == [("yes", "automatic"), ("3", "automatic")]
+    for answer in ("yes", "default"):
+        control = Control(answer=answer)
+        assert control.attended
+        control.ask(asked("confirm"), lambda answer, source: given.append((answer, source)))
+        control.ask(asked("number", default="3"), lambda answer, source: given.append((answer, source)))
+    assert given == [("yes", "automatic"), ("3", "automatic"), (None, "automatic"), ("3", "automatic")]
 
 
 def test_answers_reach_the_test(tmp_path: Path):
     """A question is an event, its answer another, and the test goes on with it."""
     answers = {"confirm": "yes", "choice": "right", "number": "12.5"}
-    options = {"ask": lambda question, reply: reply(answers[question.form], "automatic")}
-    outcome = run_suite(tmp_path, "<test>asking.py</test>", options=options, asking__py=ASKING)
+    control = Control()
+    control.attend(lambda asked: control.answer(asked.test, asked.question, answers[asked.form], "a program"))
+    outcome = run_suite(tmp_path, "<test>asking.py</test>", options={"control": control}, asking__py=ASKING)
     assert outcome.verdict("asking") is Verdict.PASSED
     assert [event.form for event in outcome.of(Asked)] == ["confirm", "choice", "number"]
     assert [event.answer for event in outcome.of(Answered)] == ["yes", "right", "12.5"]
@@ -125,7 +128,9 @@ class Away(TestCase):
     def run(self):
         self.check_equal(self.ask("who?", timeout=0.2, default="nobody"), "nobody", "the answer")
 """
-    outcome = run_suite(tmp_path, "<test>away.py</test>", options={"ask": lambda *_: None}, away__py=away)
+    control = Control()
+    control.attend()
+    outcome = run_suite(tmp_path, "<test>away.py</test>", options={"control": control}, away__py=away)
     assert outcome.verdict("away") is Verdict.PASSED
     (answered,) = outcome.of(Answered)
     assert answered.source == "timeout"

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtf.testing.statistics import discovery_limit, mann_kendall, theil_sen, wilson_interval
+from rtf.testing.history.trends import discovery_limit, mann_kendall, theil_sen
+from rtf.testing.measurement import wilson_interval
 
 NUMBERS = st.floats(-1e6, 1e6, allow_subnormal=False)
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
-from rtf.testing import journal, replay
+from rtf.testing import journal
 from rtf.testing.events import (
     Event,
     FixtureIncident,
@@ -28,9 +27,6 @@ from rtf.testing.events import (
 )
 from rtf.testing.results import RunResult
 from rtf.testing.verdict import ExitCode, Phase, Severity, Verdict
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 Writer = Callable[..., Path]
 
@@ -64,28 +60,20 @@ def write(tmp_path: Path):
     return put
 
 
-def folded(events: Iterable[Event]) -> RunResult:
-    """The results of events."""
-    results = RunResult()
-    for event in events:
-        results.apply(event)
-    return results
-
-
 @pytest.mark.parametrize(
     ("verdict", "stands"),
     [(verdict, verdict not in (Verdict.NOT_RUN, Verdict.INTERRUPTED, Verdict.BLOCKED)) for verdict in Verdict],
 )
 def test_finished_is_what_has_said_something(verdict: Verdict, stands: bool):
     """A test that was not run, interrupted or blocked is still owed."""
-    assert replay.RunIndex([*PLAN, *ran("s/a", verdict)]).finished == ({"s/a"} if stands else set())
+    assert RunResult.of([*PLAN, *ran("s/a", verdict)]).finished() == ({"s/a"} if stands else set())
 
 
 def test_test_that_was_started_again_is_not_finished():
     """The later start makes the earlier end void."""
-    assert replay.RunIndex([*PLAN, *ran("s/a"), TestStarted(test="s/a")]).finished == set()
+    assert RunResult.of([*PLAN, *ran("s/a"), TestStarted(test="s/a")]).finished() == set()
     retried = TestEnded(test="s/a", verdict=Verdict.FAILED, outcome=Verdict.FAILED, final=False)
-    assert replay.RunIndex([*PLAN, TestStarted(test="s/a"), retried]).finished == set()
+    assert RunResult.of([*PLAN, TestStarted(test="s/a"), retried]).finished() == set()
 
 
 def test_what_was_removed_or_changed_before_a_later_part_is_void(write: Writer):
@@ -96,30 +84,29 @@ def test_what_was_removed_or_changed_before_a_later_part_is_void(write: Writer):
         *(*PLAN[:-1], gone, PLAN[-1], *ran("s/a"), *ran("s/b", words="before"), *CUT, OVER, AGAIN[0]),
         *(PlanChanged(removed=("s/a", "t"), changed=("s/b",)), again, AGAIN[1], *ran("s/b", words="after"), OVER),
     )
-    results = folded(replay.as_one_run(path))
+    results = journal.results_of(path)
     assert [*results.suites] == ["s"]
     assert {test.planned.fingerprint for test in results.tests.values()} == {"2"}
-    assert "before" not in {event.detail for event in replay.as_one_run(path) if isinstance(event, Message)}
-    so_far = replay.RunIndex(journal.read(path))
-    assert (so_far.planned, so_far.finished, so_far.suites) == ({"s/b": "2"}, {"s/b"}, {"s"})
+    assert "before" not in {event.detail for event in journal.as_one_run(path) if isinstance(event, Message)}
+    assert RunResult.of(journal.read(path)).tests.keys() == results.tests.keys() == results.finished() == {"s/b"}
 
 
 def test_run_that_was_not_resumed_is_as_it_was(write: Writer):
     """Nothing is left out of a run of one part."""
     events = [*PLAN, *ran("s/a"), *ran("s/b", Verdict.FAILED), *CUT, OVER]
-    assert [*replay.as_one_run(write(*events))] == events
+    assert [*journal.as_one_run(write(*events))] == events
 
 
 def test_parts_of_a_resumed_run_are_one_run(write: Writer):
     """Ends of earlier parts and all of tests that ran again are left out; the plan and the rest stand once."""
     lost = ran("s/b", Verdict.INTERRUPTED, "first try")
     path = write(*PLAN, *ran("s/a"), *lost, *CUT, OVER, *AGAIN, *ran("s/b", words="second try"), OVER)
-    events = [*replay.as_one_run(path)]
+    events = [*journal.as_one_run(path)]
     assert [event.kind for event in events].count("run_ended") == 1
     assert [event.kind for event in events].count("run_started") == 1
     assert [event.kind for event in events].count("suite_started") == 1
     assert [event.detail for event in events if isinstance(event, Message)] == ["s/a", "second try"]
-    results = folded(events)
+    results = RunResult.of(events)
     assert {test.verdict for test in results.tests.values()} == {Verdict.PASSED}
     assert results.interrupted is None
 
@@ -127,7 +114,7 @@ def test_parts_of_a_resumed_run_are_one_run(write: Writer):
 def test_run_that_is_being_resumed_keeps_what_is_finished_only(write: Writer):
     """What the new part will tell anew is left out of what it is told of the old ones."""
     path = write(*PLAN, *ran("s/a"), TestStarted(test="s/b"))
-    results = folded(replay.as_one_run(path, resuming=True))
+    results = RunResult.of(journal.as_one_run(path, resuming=True))
     assert {test.id: test.verdict for test in results.tests.values()} == {"s/a": Verdict.PASSED, "s/b": None}
     assert not results.tests["s/b"].running
 
@@ -144,7 +131,7 @@ def test_run_that_was_resumed_twice(write: Writer):
         *ran("s/b", Verdict.FAILED),
         OVER,
     )
-    results = folded(replay.as_one_run(path))
+    results = journal.results_of(path)
     assert {test.id: test.verdict for test in results.tests.values()} == {"s/a": Verdict.PASSED, "s/b": Verdict.FAILED}
     assert len(results.tests["s/b"].attempts) == 1
 
@@ -153,13 +140,13 @@ def test_incident_between_tests_is_never_lost(write: Writer):
     """What happened to the rig in an earlier part stays in the record."""
     incident = FixtureIncident(fixture="rig", suite="s", generation=1, phase=Phase.CHECK, cause="x")
     path = write(*PLAN, *ran("s/a"), incident, *AGAIN, *ran("s/b"), OVER)
-    assert len(folded(replay.as_one_run(path)).suites["s"].incidents) == 1
+    assert len(journal.results_of(path).suites["s"].incidents) == 1
 
 
 def test_journal_that_just_stops_gets_its_ends(write: Writer):
     """The run counts as interrupted, and so does the test that was running; what had ended stays as it was."""
     path = write(*PLAN, *ran("s/a"), TestStarted(test="s/b", time=9.0))
-    results = folded(replay.with_ends(replay.as_one_run(path)))
+    results = journal.results_of(path)
     assert {test.id: test.verdict for test in results.tests.values()} == {
         "s/a": Verdict.PASSED,
         "s/b": Verdict.INTERRUPTED,
@@ -171,13 +158,13 @@ def test_journal_that_just_stops_gets_its_ends(write: Writer):
 def test_journal_that_was_closed_in_order_gets_nothing(write: Writer):
     """Not even when something broke while it was being closed."""
     events = [*PLAN, *ran("s/a"), *ran("s/b"), OVER, InternalError(text="reporter x broke")]
-    assert [*replay.with_ends(events)] == events
-    assert [*replay.with_ends([])] == []
+    assert [*journal.as_one_run(write(*events))] == events
+    assert [*journal.as_one_run(write())] == []
 
 
 def test_a_plan_that_was_cut_off_selects_nothing():
     """A run that was killed while it told its plan consists of what its command line says, not of the part it told."""
-    assert not replay.RunIndex(PLAN[:3]).plan_is_whole
-    whole = replay.RunIndex([*PLAN[:4], SuiteStarted(suite="s")])
+    assert not RunResult.of(PLAN[:3]).plan_is_whole
+    whole = RunResult.of([*PLAN[:4], SuiteStarted(suite="s")])
     assert whole.plan_is_whole
-    assert whole.planned.keys() == {"s/a", "s/b"}
+    assert whole.tests.keys() == {"s/a", "s/b"}
