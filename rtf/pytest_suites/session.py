@@ -19,7 +19,8 @@ from rtf.testing.journal import FILE_NAME, Journal
 from rtf.testing.operator import automatic
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files
 from rtf.testing.report.text import near_path
-from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, bounded, let_linger, load_reporter
+from rtf.testing.reporter_thread import bounded, let_linger
+from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, load_reporter
 from rtf.testing.run_control import Control
 from rtf.testing.run_folder import LatestRun, make_run_folder
 from rtf.testing.runner import RunOptions, most_memory
@@ -42,6 +43,7 @@ class SuiteSession:
         self._ids = SuiteIds()
         self._diagnostics: list[Diagnosed] = []
         self._reporters: list[Reporter] = []
+        self._left_behind: list[tuple[Reporter, Exception]] = []
         self._conductor: Conductor | None = None
         self._listener: Listener | None = None
         self._refused = ""
@@ -158,7 +160,7 @@ class SuiteSession:
             raise
 
     def _let_reporters_go(self) -> None:
-        let_linger(self._reporters, threading.Event())
+        self._left_behind += let_linger(self._reporters, threading.Event())
 
     def _open(self, name: str, target: str, folder: Path, control: Control) -> Reporter:
         kind = load_reporter(name)
@@ -206,7 +208,7 @@ class SuiteSession:
     @property
     def broken(self) -> bool:
         """Whether the framework or a reporter broke."""
-        return self._listener is not None and bool(self._listener.broken)
+        return bool(self._left_behind) or (self._listener is not None and bool(self._listener.broken))
 
     def summary(self) -> list[str]:
         """Where the record and the reports are, and what broke."""
@@ -217,4 +219,6 @@ class SuiteSession:
             lines += [f"robot tests: {near_path(os.fspath(path))}" for path in bounded(reporter, "paths")]
         if self._listener is not None:
             lines += [f"robot tests: internal error: {event.text}\n{event.traceback}" for event in self.listener.broken]
+        for reporter, error in self._left_behind:
+            lines.append(f"robot tests: reporter {type(reporter).plugin_name} is left behind: {error}")
         return lines
