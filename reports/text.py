@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import os
-import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING, TextIO
 
@@ -35,9 +34,7 @@ class TextReporter(Reporter):
         """Begin the file anew. Raises OSError when it cannot be written."""
         target = Target(self.options.target)
         target.check()
-        self._stream = sys.stdout
-        if target.path is not None:
-            self._stream = io.TextIOWrapper(target.open(), encoding="utf-8", errors="backslashreplace", newline="\n")
+        self._stream = io.TextIOWrapper(target.open(), encoding="utf-8", errors="backslashreplace", newline="\n")
 
     def handle(self, event: Event, results: RunResult) -> None:
         """Write the lines of one event; at a test's end all that was written leaves the process."""
@@ -54,7 +51,7 @@ class TextReporter(Reporter):
         self._write("", flush=True)
         self._write(summary(results, "summary"), flush=True)
         stream, self._stream = self._stream, None
-        if stream is not None and stream is not sys.stdout:
+        if stream is not None:
             if stream.seekable():
                 os.fsync(stream.fileno())
             stream.close()

@@ -42,21 +42,14 @@ _PROPERTIES_LIMIT = 200
 
 _FAILURES = (Verdict.FAILED, Verdict.UNEXPECTED_PASS)
 
-_ILLEGAL = re.compile(
-    "[\ud800-\udbff][\udc00-\udfff]|[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]",
-)
+_ILLEGAL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _FOREIGN_MARK = re.compile(r"\[\[(?=\s*(?:ATTACHMENT|PROPERTY))", re.IGNORECASE)
 _NOT_IN_A_MARK = re.compile(r"[|\n\r]|\]\]")
 
 
 def legal(text: str) -> str:
     """The text with characters that XML cannot carry, or that only terminals understand, made visible."""
-    return _ILLEGAL.sub(_visible, text)
-
-
-def _visible(match: re.Match[str]) -> str:
-    found = match.group()
-    return joined(found) if len(found) > 1 else f"#x{ord(found):02X}"
+    return _ILLEGAL.sub(lambda found: f"#x{ord(found.group()):02X}", joined(text))
 
 
 def text_of(text: str) -> str:
