@@ -22,6 +22,7 @@ from rtf.testing.events import (
     KINDS,
     Event,
     FixtureIncident,
+    Message,
     Progressed,
     SeriesSampled,
     TestEnded,
@@ -32,6 +33,7 @@ from rtf.testing.events import (
 )
 from rtf.testing.report.text import without_surrogates
 from rtf.testing.reporting import Reporter
+from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -123,6 +125,12 @@ class AttemptEvents:
     started: TestStarted | None = None
     ended: TestEnded | None = None
     events: list[Event] = field(default_factory=list)
+
+    @property
+    def problems(self) -> list[Message]:
+        """The failures and errors that were told."""
+        said = [event for event in self.events if isinstance(event, Message)]
+        return [message for message in said if message.severity in (Severity.FAILURE, Severity.ERROR)]
 
 
 class TestEvents:

@@ -33,7 +33,7 @@ from rtf.testing.events import (
     TestEnded,
     TestStarted,
 )
-from rtf.testing.report.text import incident, measurement, place, shown
+from rtf.testing.report.text import incident, measurement, parameter, place, shown
 from rtf.testing.verdict import FixtureState, MeasurementVerdict, Severity, Verdict
 
 if TYPE_CHECKING:
@@ -141,8 +141,7 @@ def _said_by(event: Event, who: str) -> Iterator[Line]:
             yield _said("info", who, "measures", measurement(event), _where(event.file, event.line))
         case ParametersResolved():
             for row in event.parameters:
-                value = " ".join(part for part in (row.get("value", ""), row.get("unit", "")) if part)
-                yield _said("info", who, "parameter", f"{row.get('name', '')} = {value} ({row.get('source', '')})")
+                yield _said("info", who, "parameter", f"{row.get('name', '')} = {parameter(row)}")
         case SubResultEnded():
             detail = f"{event.verdict}: {event.reason}" if event.reason else event.verdict
             yield _said("info", who, event.subject, detail)

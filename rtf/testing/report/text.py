@@ -110,6 +110,14 @@ def place(file: str, line: int = 0, column: int = 0) -> str:
     return ":".join(parts) if file else ""
 
 
+def cut(text: str, limit: int) -> str:
+    """The two ends of a text that is too long, with a note between them."""
+    if len(text) <= limit:
+        return text
+    half = limit // 2
+    return f"{text[:half]}\n… {len(text) - 2 * half} characters left out; the journal has them …\n{text[-half:]}"
+
+
 def duration(seconds: float) -> str:
     """Write a duration for people, such as ``12 ms``, ``3.4 s``, ``2 min 05 s`` or ``1 h 02 min``."""
     if not math.isfinite(seconds) or seconds < 0:
@@ -167,6 +175,12 @@ def measured(event: Measured) -> str:
     if event.margin is not None:
         text += f", margin {quantity(event.margin, event.unit)}"
     return f"{text}, {event.verdict}"
+
+
+def parameter(row: Mapping[str, str]) -> str:
+    """The value of a parameter with its unit, and where it is from."""
+    value = " ".join(part for part in (row.get("value", ""), row.get("unit", "")) if part)
+    return f"{value} ({row['source']})" if row.get("source") else value
 
 
 def incident(event: FixtureIncident) -> str:
