@@ -2,7 +2,7 @@
 
 A report must neither keep a long run in memory nor be lost with it. So the entry of a test that has ended leaves the
 memory for a temporary file without a name, from which the report is put together at each update; to make it anew from
-the journal would take thirty times as long (``docs/decisions/0031-reports-are-put-together-from-entries.md``).
+the journal would take twenty times as long (``docs/decisions/0031-reports-are-put-together-from-entries.md``).
 """
 
 from __future__ import annotations
@@ -177,6 +177,7 @@ class FileReporter(Reporter):
         folder = self.target.path.parent if self.target.path is not None and self.target.replaceable else None
         self._spool: BinaryIO = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - closed by close()
         self._places: dict[str, tuple[int, int]] = {}
+        self._end = 0
         self._tests = TestEvents()
         self._unfinished: dict[str, bytes] = {}
 
@@ -206,14 +207,14 @@ class FileReporter(Reporter):
 
     def keep(self, name: str, data: bytes) -> None:
         """Put some bytes aside, in place of what had this name."""
-        self._places[name] = self._spool.seek(0, os.SEEK_END), len(data)
-        self._spool.write(data)
+        self._places[name] = self._end, len(data)
+        self._end += self._spool.write(data)
 
     def kept(self, name: str) -> bytes:
         """The bytes that were put aside under this name; none where there are none."""
         start, length = self._places.get(name, (0, 0))
-        self._spool.seek(start)
-        return self._spool.read(length)
+        self._spool.flush()
+        return os.pread(self._spool.fileno(), length, start)
 
     def entries(self, tests: Iterable[str]) -> Iterator[bytes]:
         """The entries of these tests, one after the other."""
