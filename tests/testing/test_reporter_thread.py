@@ -73,7 +73,7 @@ def test_the_others_hear_each_event_once_when_one_hangs(broken: list[tuple[Repor
 
 
 def test_an_expensive_report_is_brought_up_to_date_less_often(broken: list[tuple[Reporter, BaseException]]):
-    """A report that takes a tenth of a second of the processor has to wait for twenty-five seconds, and no other with it."""
+    """A report that takes a tenth of a second of the processor has to wait for many seconds, and no other with it."""
 
     class Expensive(Hearing):
         patience = 10.0
