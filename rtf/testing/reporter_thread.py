@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 CALL_LIMIT, CLOSE_LIMIT, STOPPING_LIMIT, HURRIED_LIMIT = 10.0, 30.0, 3.0, 1.0
 #: Seconds between two updates of a report, and the part of the time that those of one report may use a processor. The
 #: first of all, which may have to import what it needs, is not counted.
-PAUSE, SHARE = 1.0, 0.004
+PAUSE, SHARE = 1.0, 0.003
 
 _BACKLOG = 1000
 #: Seconds in which events gather before the thread wakes up again: to wake it for each one would take the run the
