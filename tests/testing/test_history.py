@@ -15,7 +15,7 @@ from dataclasses import astuple, replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from recorded import BEGAN, put, stored
@@ -175,6 +175,7 @@ TEXT = st.text(st.characters(), max_size=6) | st.text(st.characters(categories=[
 
 
 @settings(max_examples=60, deadline=None)
+@example(("\ud800\udc00", "", "", ""), [("", "\ud800", 0.0, None, MeasurementVerdict.PASSED)])
 @given(
     st.tuples(TEXT, TEXT, TEXT, TEXT),
     st.lists(st.tuples(TEXT, TEXT, st.floats(), st.none() | st.floats(), st.sampled_from(MeasurementVerdict))),

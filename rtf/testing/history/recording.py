@@ -84,21 +84,23 @@ def _attempts(test: TestResult) -> int:
 
 
 def _measurements(events: Iterator[Event], results: RunResult) -> Iterator[MeasurementRow]:
+    tried = {text(test): _attempts(result) for test, result in results.tests.items()}  # a journal has the texts mended
     begun: Counter[str] = Counter()
     repetitions: dict[str, Counter[tuple[str, str]]] = {}  # of the tests that are running
     for event in events:
+        if not isinstance(event, TestStarted | TestEnded | Measured):
+            continue
+        test = text(event.test)
         if isinstance(event, TestStarted):
-            begun[event.test] += 1
-            repetitions[event.test] = Counter()
+            begun[test] += 1
+            repetitions[test] = Counter()
         elif isinstance(event, TestEnded):
-            repetitions.pop(event.test, None)
-        elif isinstance(event, Measured):
-            test = results.tests.get(event.test)
-            if test is not None and begun[event.test] >= _attempts(test):
-                key = (text(event.subject), text(event.name))
-                repeated = repetitions.setdefault(event.test, Counter())
-                yield _measurement(event, *key, repeated[key])
-                repeated[key] += 1
+            repetitions.pop(test, None)
+        elif test in tried and begun[test] >= tried[test]:
+            key = (text(event.subject), text(event.name))
+            repeated = repetitions.setdefault(test, Counter())
+            yield _measurement(event, *key, repeated[key])
+            repeated[key] += 1
 
 
 def _measurement(event: Measured, subject: str, name: str, repetition: int) -> MeasurementRow:
