@@ -25,13 +25,14 @@ from rtf.testing.events import (
     StackDumped,
     SubResultEnded,
 )
-from rtf.testing.report.files import AttemptEvents, FileReporter, members, to_json
+from rtf.testing.report.files import AttemptEvents, FileReporter, members, separated, to_json
 from rtf.testing.report.problems import of_run, of_suite
 from rtf.testing.report.text import near_path, problem_text, shown
 from rtf.testing.verdict import Severity, Verdict
 
 if TYPE_CHECKING:
-    from rtf.testing.report.files import Spool
+    from collections.abc import Iterator
+
     from rtf.testing.report.problems import Problem
     from rtf.testing.results import RunResult, TestResult
 
@@ -72,24 +73,21 @@ class CtrfReporter(FileReporter):
         name = suite.name if suite is not None else ""
         if result.verdict is None and not attempts:
             record = {"name": result.name or "(unnamed)", "status": "pending", "rawStatus": "not run", "duration": 0}
-            return b",\n" + to_json({**record, "suite": [name], "message": _KILLED})
-        return b",\n" + to_json(self._test(result, name, attempts))
+            return to_json({**record, "suite": [name], "message": _KILLED})
+        return to_json(self._test(result, name, attempts))
 
-    def document(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
+    def document(self, stream: BinaryIO, results: RunResult) -> None:
         statuses: Counter[str] = Counter()
         stream.write(to_json(self._head(results))[:-1] + b',\n"results":{"tests":[')
-        skip = 1  # the first entry has no comma before it
+        stream.writelines(separated(self._items(results, statuses)))
+        stream.write(b"],\n" + to_json(self._tail(results, statuses))[1:] + b"}\n")
+
+    def _items(self, results: RunResult, statuses: Counter[str]) -> Iterator[bytes]:
         for suite in results.suites.values():
             statuses.update(_status(result.verdict or Verdict.NOT_RUN) for result in suite.tests.values())
-            spool.copy(suite.tests, stream, skip=skip)
-            skip = 0 if suite.tests else skip
-            for problem in of_suite(suite):
-                stream.write(_problem(problem, suite.name, statuses)[skip:])
-                skip = 0
-        for problem in of_run(results):
-            stream.write(_problem(problem, "run", statuses)[skip:])
-            skip = 0
-        stream.write(b"],\n" + to_json(self._tail(results, statuses))[1:] + b"}\n")
+            yield from self.entries(suite.tests)
+            yield from (_problem(problem, suite.name, statuses) for problem in of_suite(suite))
+        yield from (_problem(problem, "run", statuses) for problem in of_run(results))
 
     def _head(self, results: RunResult) -> dict[str, Any]:
         run = results.started.run if results.started else ""
@@ -235,4 +233,4 @@ def _problem(problem: Problem, suite: str, statuses: Counter[str]) -> bytes:
         "message": problem.message or problem.name,
         "trace": problem.text,
     }
-    return b",\n" + to_json(record)
+    return to_json(record)

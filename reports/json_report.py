@@ -33,11 +33,11 @@ from rtf.testing.events import (
     TestEnded,
     TestStarted,
 )
-from rtf.testing.report.files import FileReporter, members, to_json
+from rtf.testing.report.files import FileReporter, members, separated, to_json
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
-    from rtf.testing.report.files import AttemptEvents, Spool
+    from rtf.testing.report.files import AttemptEvents
     from rtf.testing.results import RunResult, SuiteResult, TestResult
 
 FORMAT = "rtf-result"
@@ -78,11 +78,11 @@ class JsonReporter(FileReporter):
         super().open()
 
     def handle(self, event: Event, results: RunResult) -> None:
-        if isinstance(event, TestStarted) and event.test in self._ended and self._spool is not None:
-            self._earlier[event.test] = json.loads(self._spool.get(event.test)[1:])["attempts"]
+        if isinstance(event, TestStarted) and event.test in self._ended:
+            self._earlier[event.test] = json.loads(self.kept(event.test))["attempts"]
             self._ended.remove(event.test)
         super().handle(event, results)
-        if isinstance(event, TestEnded) and event.final and self._spool is not None and event.test in self._spool:
+        if isinstance(event, TestEnded) and event.final and event.test in results.tests:
             self._ended.add(event.test)
         elif isinstance(event, FixtureChanged | FixtureIncident) or (isinstance(event, _SAID) and not event.test):
             self._beside_tests(event, results)
@@ -94,7 +94,7 @@ class JsonReporter(FileReporter):
     def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:  # noqa: ARG002 - as the base has it
         record = _test(result, attempts)
         record["attempts"] = self._earlier.get(result.id, []) + record["attempts"]
-        return b",\n" + to_json(record)
+        return to_json(record)
 
     # Suites and fixtures -----------------------------------------------------------------------------------------
 
@@ -119,23 +119,21 @@ class JsonReporter(FileReporter):
         """The record of what is beside a suite's tests, to be added to."""
         record = self._suites.get(suite)
         if record is None:
-            record = self._suites[suite] = self._stored(suite, self._spool)
+            record = self._suites[suite] = self._stored(suite)
         return record
 
-    @staticmethod
-    def _stored(suite: str, spool: Spool | None) -> dict[str, Any]:
-        name = f"{suite} suite"
-        kept = json.loads(spool.get(name)) if spool is not None and name in spool else {}
+    def _stored(self, suite: str) -> dict[str, Any]:
+        kept = json.loads(self.kept(f"{suite} suite") or b"{}")
         return {**{member: [] for member in _BESIDE_TESTS}, **kept}
 
     def _put_suite(self, suite: str) -> None:
         record = self._suites.pop(suite, None)
-        if record is not None and self._spool is not None:
-            self._spool.put(f"{suite} suite", to_json(record))
+        if record is not None:
+            self.keep(f"{suite} suite", to_json(record))
 
     # The document ------------------------------------------------------------------------------------------------
 
-    def document(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
+    def document(self, stream: BinaryIO, results: RunResult) -> None:
         head = {
             "format": FORMAT,
             "version": VERSION,
@@ -146,10 +144,10 @@ class JsonReporter(FileReporter):
         }
         stream.write(to_json(head)[:-1] + b',\n"suites":[')
         for index, suite in enumerate(results.suites.values()):
-            beside = self._suites.get(suite.id) or self._stored(suite.id, spool)
+            beside = self._suites.get(suite.id) or self._stored(suite.id)
             record = to_json({**_suite_head(suite), **beside})
-            stream.write((b",\n" if index else b"\n") + record[:-1] + b',\n"tests":[')
-            spool.copy(suite.tests, stream, skip=1)
+            stream.write((b",\n" if index else b"\n") + record[:-1] + b',\n"tests":[\n')
+            stream.writelines(separated(self.entries(suite.tests)))
             stream.write(b"]}")
         stream.write(b"]}\n")
 

@@ -16,15 +16,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, BinaryIO
 
 from rtf import clock
-from rtf.testing.events import TestPlanned
 from rtf.testing.report.files import FileReporter
 from rtf.testing.report.junit import CaseWriter, attributes, element, kind_of, problem_case, properties_of, seconds_of
 from rtf.testing.report.problems import of_run, of_suite
 from rtf.testing.report.text import near_path
 
 if TYPE_CHECKING:
-    from rtf.testing.events import Event
-    from rtf.testing.report.files import AttemptEvents, Spool
+    from rtf.testing.report.files import AttemptEvents
     from rtf.testing.report.problems import Problem
     from rtf.testing.results import RunResult, SuiteResult, TestResult
 
@@ -101,11 +99,6 @@ class JUnitReporter(FileReporter):
         self._names = _Names()
         super().open()
 
-    def handle(self, event: Event, results: RunResult) -> None:
-        if isinstance(event, TestPlanned):
-            self._identity(event.test, results)
-        super().handle(event, results)
-
     def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:
         identity = self._identity(result.id, results)
         if result.verdict is None and not attempts:
@@ -120,7 +113,7 @@ class JUnitReporter(FileReporter):
 
     # The file ----------------------------------------------------------------------------------------------------
 
-    def document(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
+    def document(self, stream: BinaryIO, results: RunResult) -> None:
         suites = [*results.suites.values()]
         problems = of_run(results)
         of_suites = [_totals(suite) for suite in suites]
@@ -136,7 +129,7 @@ class JUnitReporter(FileReporter):
         stream.write(f'<?xml version="1.0" encoding="UTF-8"?>\n<testsuites{attributes(pairs)}>\n'.encode())
         for suite, one in zip(suites, of_suites, strict=True):
             stream.write(self._suite_head(suite, one, results).encode())
-            spool.copy(suite.tests, stream)
+            stream.writelines(self.entries(suite.tests))
             stream.write(self._beside_tests(suite, names, results).encode())
         if problems:
             stream.write(self._run_suite(problems, names, results).encode())

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import io
 import os
-import sys
 from contextlib import suppress
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from rtf.testing.events import SuiteEnded, TestEnded
 from rtf.testing.report.files import Target
@@ -29,46 +28,30 @@ class TextReporter(Reporter):
     plugin_name = "text"
     default_file = "result.txt"
 
-    _stream: TextIO | None = None
-
     def open(self) -> None:
         """Begin the file anew. Raises OSError when it cannot be written."""
         target = Target(self.options.target)
         target.check()
-        self._stream = sys.stdout
-        if target.path is not None:
-            self._stream = io.TextIOWrapper(target.open(), encoding="utf-8", errors="backslashreplace", newline="\n")
+        self._stream = io.TextIOWrapper(target.open(), encoding="utf-8", errors="backslashreplace", newline="\n")
 
     def handle(self, event: Event, results: RunResult) -> None:
         """Write the lines of one event; at a test's end all that was written leaves the process."""
-        if self._stream is None:
-            return
-        for line in lines(event, results):
-            if not line.runner:
-                self._write(formatted(line, detail=self.options.detail))
-        if isinstance(event, TestEnded | SuiteEnded):
-            self._write("", flush=True)
+        try:
+            for line in lines(event, results):
+                if not line.runner:
+                    self._stream.write(formatted(line, detail=self.options.detail))
+            if isinstance(event, TestEnded | SuiteEnded):
+                self._stream.flush()
+        except OSError:
+            with suppress(OSError):  # the same again
+                self._stream.close()
+            raise
 
     def close(self, results: RunResult) -> None:
         """Write the totals, and have the file on the disk."""
-        self._write("", flush=True)
-        self._write(summary(results, "summary"), flush=True)
-        stream, self._stream = self._stream, None
-        if stream is not None and stream is not sys.stdout:
+        with self._stream as stream:
+            stream.flush()
+            stream.write(summary(results, "summary"))
+            stream.flush()
             if stream.seekable():
                 os.fsync(stream.fileno())
-            stream.close()
-
-    def _write(self, text: str, *, flush: bool = False) -> None:
-        stream = self._stream
-        if stream is None:
-            return
-        try:
-            stream.write(text)
-            if flush:
-                stream.flush()
-        except OSError:
-            self._stream = None
-            with suppress(OSError):
-                stream.close()
-            raise

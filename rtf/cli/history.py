@@ -137,20 +137,13 @@ def _import(path: Path, runs: list[Path]) -> ExitCode:
 
 def _import_one(opened: History, path: Path) -> None:
     from rtf.testing import journal
-    from rtf.testing.history.recorder import Recorder
+    from rtf.testing.history.recording import import_run
     from rtf.testing.report.text import counts
-    from rtf.testing.results import RunResult
 
     folder = path if path.is_dir() else path.parent
     if _goes_on(folder / journal.FILE_NAME):
         raise journal.JournalError(f"{folder}: this run is still going on; take it in when it is over")
-    results, recorder = RunResult(), Recorder()
-    for event in journal.as_one_run(path):
-        results.apply(event)
-        recorder.take(event)
-    recorder.save(opened, results, folder)
-    recorder.close()
-    print(f"{folder.name}: {counts(results.counts())}")
+    print(f"{folder.name}: {counts(import_run(opened, path).counts())}")
 
 
 def _goes_on(journal: Path) -> bool:

@@ -10,6 +10,11 @@ from collections import Counter
 from statistics import median
 from typing import TYPE_CHECKING, Any, TextIO
 
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
 from rtf import clock
 from rtf.testing.measurement import limits_text, margin_of, number, quantity
 from rtf.testing.report import text as report_text
@@ -22,7 +27,9 @@ if TYPE_CHECKING:
 _SHOWN_RUNS = 10
 #: A value that uses up this much of the room between its limits is close to one, where its author says nothing.
 _CLOSE = 0.1
-_GOOD, _BAD, _WARNING, _DIM, _BOLD = "32", "31", "33", "2", "1"
+_GOOD, _BAD, _WARNING, _DIM, _BOLD = "green", "red", "yellow", "dim", "bold"
+#: Lines are not broken, on a narrow terminal neither.
+_WIDEST = 1_000_000
 
 #: A glyph a run, and what stands for it where the output cannot carry it.
 _GLYPHS = {
@@ -54,15 +61,19 @@ class Sheet:
     """Writes lines and aligned tables to a stream."""
 
     def __init__(self, stream: TextIO, *, coloured: bool) -> None:
-        self._stream = stream
-        self._coloured = coloured
         self._encoding = stream.encoding or "utf-8"
+        self._console = Console(
+            file=stream,
+            force_terminal=coloured,
+            color_system="standard" if coloured else None,
+            no_color=not coloured,
+            width=_WIDEST,
+        )
         self.plain = report_text.encodable("✓", self._encoding) != "✓"
 
     def line(self, text: str = "", style: str = "") -> None:
         """Write one line that is safe already."""
-        text = report_text.encodable(text.rstrip(), self._encoding)
-        self._stream.write(f"\x1b[{style}m{text}\x1b[0m\n" if self._coloured and style and text else f"{text}\n")
+        self._console.print(self._text((text.rstrip(), style)))
 
     def title(self, text: str) -> None:
         """Begin a section."""
@@ -71,16 +82,13 @@ class Sheet:
 
     def table(self, rows: Iterable[list[Cell]]) -> None:
         """Write rows of cells, each a text and its style, as columns."""
-        rows = [*rows]
-        widths = [max(len(row[column][0]) for row in rows) for column in range(len(rows[0]))] if rows else []
+        grid = Table.grid(padding=(0, 2))
         for row in rows:
-            cells = [self._cell(cell, width) for cell, width in zip(row, widths, strict=True)]
-            self.line(f"  {'  '.join(cells)}")
+            grid.add_row(*map(self._text, row))
+        self._console.print(Padding.indent(grid, 2))
 
-    def _cell(self, cell: Cell, width: int) -> str:
-        text, style = cell
-        filled = f"{text:<{width}}"
-        return f"\x1b[{style}m{filled}\x1b[0m" if self._coloured and style else filled
+    def _text(self, cell: Cell) -> Text:
+        return Text(report_text.encodable(cell[0], self._encoding), style=cell[1], no_wrap=True)
 
     def glyph(self, pair: str) -> str:
         """The glyph, or what stands for it."""

@@ -123,16 +123,15 @@ def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: 
         changes = run.changes
         broadcast.resume(path, void=(*changes.removed, *changes.changed) if changes else ())
     code = Run(plan.suites, run, broadcast, launched).execute(plan.diagnostics)
-    hung = linger_until_asked(reporters)
-    for reporter in hung:
-        name = type(reporter).plugin_name
-        print(f"testrunner: reporter {name} is left behind: linger() did not return within its time", file=sys.stderr)
-    return ExitCode.INTERNAL if hung else code
+    problems = linger_until_asked(reporters)
+    for reporter, error in problems:
+        print(f"testrunner: reporter {type(reporter).plugin_name} is left behind: {error}", file=sys.stderr)
+    return ExitCode.INTERNAL if problems else code
 
 
-def linger_until_asked(reporters: list[Reporter]) -> list[Reporter]:
-    """Let reporters show the finished run until a signal asks this process to end. Returns those that hang."""
-    from rtf.testing.reporting import let_linger
+def linger_until_asked(reporters: list[Reporter]) -> list[tuple[Reporter, Exception]]:
+    """Let reporters show the finished run until a signal asks this process to end. Returns those that broke or hang."""
+    from rtf.testing.reporter_thread import let_linger
 
     stop = threading.Event()
     before = [(signum, signal.signal(signum, lambda *_: stop.set())) for signum in _SIGNALS]
@@ -148,7 +147,8 @@ def open_reporters(options: argparse.Namespace, folder: Path, control: Control |
 
     ``control`` is given to the reporters of a run that can be stopped.
     """
-    from rtf.testing.reporting import ReportError, ReportOptions, bounded, load_reporter
+    from rtf.testing.reporter_thread import bounded
+    from rtf.testing.reporting import ReportError, ReportOptions, load_reporter
 
     colour = {"auto": None, "always": True, "never": False}[options.color]
     verbosity = -1 if options.quiet else min(2, options.verbose)

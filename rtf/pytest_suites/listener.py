@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rtf.testing.events import Event, FixtureIncident, InternalError, Message
-from rtf.testing.report.files import OF_A_TEST, AttemptEvents, TestEvents
+from rtf.testing.report.files import AttemptEvents, TestEvents
 from rtf.testing.reporting import Reporter
 from rtf.testing.verdict import Phase, Severity, Verdict
 
@@ -56,17 +56,16 @@ class Listener(Reporter):
 
     def handle(self, event: Event, results: RunResult) -> None:
         """Take one event."""
-        if type(event) in OF_A_TEST and event.test:  # type: ignore[attr-defined]
-            attempts = self._events.take(event)
-            if attempts is not None:
-                test: str = event.test  # type: ignore[attr-defined]
-                self._ended[test] = (results.tests[test], attempts)
+        attempts = self._events.take(event)
+        if attempts is not None:
+            test: str = event.test  # type: ignore[attr-defined]
+            self._ended[test] = (results.tests[test], attempts)
         elif isinstance(event, FixtureIncident):
             if event.phase is Phase.TEARDOWN:
                 self._suite_problems.append(event)
             else:
                 self._incidents.append(event)
-        elif isinstance(event, Message) and event.severity in (Severity.FAILURE, Severity.ERROR):
+        elif isinstance(event, Message) and not event.test and event.severity in (Severity.FAILURE, Severity.ERROR):
             self._suite_problems.append(event)
         elif isinstance(event, InternalError):
             self.broken.append(event)

@@ -18,7 +18,8 @@ from rtf.pytest_suites.settings import LIVE_PAGE, Settings
 from rtf.testing.journal import FILE_NAME, Journal, make_run_folder
 from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files
 from rtf.testing.report.text import near_path
-from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, bounded, let_linger, load_reporter
+from rtf.testing.reporter_thread import bounded, let_linger
+from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, load_reporter
 from rtf.testing.run_control import Control
 from rtf.testing.runner import RunOptions, most_memory
 from rtf.testing.suite.ids import NameBook
@@ -40,6 +41,7 @@ class SuiteSession:
         self._suite_ids = NameBook("+")
         self._diagnostics: list[Diagnosed] = []
         self._reporters: list[Reporter] = []
+        self._left_behind: list[tuple[Reporter, Exception]] = []
         self._conductor: Conductor | None = None
         self._listener: Listener | None = None
         self._refused = ""
@@ -151,7 +153,7 @@ class SuiteSession:
             raise
 
     def _let_reporters_go(self) -> None:
-        let_linger(self._reporters, threading.Event())
+        self._left_behind += let_linger(self._reporters, threading.Event())
 
     def _open(self, name: str, target: str, folder: Path, control: Control) -> Reporter:
         kind = load_reporter(name)
@@ -199,7 +201,7 @@ class SuiteSession:
     @property
     def broken(self) -> bool:
         """Whether the framework or a reporter broke."""
-        return self._listener is not None and bool(self._listener.broken)
+        return bool(self._left_behind) or (self._listener is not None and bool(self._listener.broken))
 
     def summary(self) -> list[str]:
         """Where the record and the reports are, and what broke."""
@@ -210,4 +212,6 @@ class SuiteSession:
             lines += [f"robot tests: {near_path(os.fspath(path))}" for path in bounded(reporter, "paths")]
         if self._listener is not None:
             lines += [f"robot tests: internal error: {event.text}\n{event.traceback}" for event in self.listener.broken]
+        for reporter, error in self._left_behind:
+            lines.append(f"robot tests: reporter {type(reporter).plugin_name} is left behind: {error}")
         return lines

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from rtf.testing.events import Measured, Message, OutputCaptured, StackDumped, SubResultEnded
 from rtf.testing.report.problems import incident_text
-from rtf.testing.report.text import measurement, one_line, place, problem_text, sentence, shown
-from rtf.testing.verdict import MeasurementVerdict, Severity, Verdict
+from rtf.testing.report.text import cut, measurement, one_line, place, problem_text, sentence, shown
+from rtf.testing.verdict import MeasurementVerdict, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -18,12 +18,11 @@ if TYPE_CHECKING:
 
 #: Characters of one section; the record of the run has the rest.
 _SECTION_LIMIT = 256 * 1024
-_WEIGHTY = (Severity.FAILURE, Severity.ERROR)
 
 
 def headline(told: Told) -> str:
     """The one line by which a test that did not pass is told of."""
-    problems = _problems(told.last)
+    problems = told.last.problems
     if told.verdict is Verdict.FAILED and problems and problems[0].detail in ("", told.ended.detail):
         first = problems[0]
         return one_line(": ".join(part for part in (first.subject, first.detail or first.title) if part))
@@ -35,7 +34,7 @@ def explanation(told: Told) -> str:
     """All that is to be said of a test that did not pass."""
     said = _last_word(told)
     # What the runner itself noted is its last word, too.
-    parts = [problem_text(message) for message in _problems(told.last) if message.file or message.detail != said]
+    parts = [problem_text(message) for message in told.last.problems if message.file or message.detail != said]
     if told.verdict is not Verdict.FAILED:
         parts.insert(0, f"{told.verdict}: {said}")
     elif not any(said in part for part in parts):
@@ -43,7 +42,7 @@ def explanation(told: Told) -> str:
     parts += _parts_not_passed(told)
     parts += [f"{event.cause}:\n{event.text.rstrip()}" for event in told.last.events if isinstance(event, StackDumped)]
     parts += [incident_text(event) for event in told.incidents]
-    return "\n\n".join(_cut(shown(part)) for part in parts)
+    return "\n\n".join(cut(shown(part), _SECTION_LIMIT) for part in parts)
 
 
 def _last_word(told: Told) -> str:
@@ -52,7 +51,7 @@ def _last_word(told: Told) -> str:
 
 def where(told: Told) -> tuple[str, int]:
     """File and line of the first problem, or of the test in its suite."""
-    for message in _problems(told.last):
+    for message in told.last.problems:
         if message.file and message.line:
             return message.file, message.line
     return told.result.planned.file, told.result.planned.line
@@ -70,12 +69,13 @@ def sections(told: Told) -> Iterator[tuple[str, str]]:
     }
     for name, text in parts.items():
         if text:
-            yield name, _cut(shown(text))
+            yield name, cut(shown(text), _SECTION_LIMIT)
 
 
 def suite_problem(event: FixtureIncident | Message) -> str:
     """What went wrong with a suite or its fixtures beside its tests."""
-    return _cut(shown(problem_text(event) if isinstance(event, Message) else incident_text(event)))
+    text = problem_text(event) if isinstance(event, Message) else incident_text(event)
+    return cut(shown(text), _SECTION_LIMIT)
 
 
 def earlier_attempt(attempt: AttemptEvents) -> str:
@@ -83,11 +83,7 @@ def earlier_attempt(attempt: AttemptEvents) -> str:
     number = attempt.started.attempt if attempt.started else "?"
     ended = attempt.ended
     said = f"{ended.outcome}: {ended.detail or ended.reason}" if ended else "it never ended"
-    return "\n".join([f"attempt {number}: {said}", *(f"  {sentence(message)}" for message in _problems(attempt))])
-
-
-def _problems(attempt: AttemptEvents) -> list[Message]:
-    return [event for event in attempt.events if isinstance(event, Message) and event.severity in _WEIGHTY]
+    return "\n".join([f"attempt {number}: {said}", *(f"  {sentence(message)}" for message in attempt.problems)])
 
 
 def _parts_not_passed(told: Told) -> list[str]:
@@ -123,11 +119,3 @@ def _output(attempt: AttemptEvents, stream: str) -> str:
 
 def _lines(lines: Iterable[str]) -> str:
     return "".join(f"{line}\n" for line in lines)
-
-
-def _cut(text: str) -> str:
-    if len(text) <= _SECTION_LIMIT:
-        return text
-    half = _SECTION_LIMIT // 2
-    left_out = len(text) - 2 * half
-    return f"{text[:half]}\n… {left_out} characters left out; the record of the run has them …\n{text[-half:]}"

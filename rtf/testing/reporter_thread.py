@@ -1,8 +1,8 @@
-"""The thread that calls the reporters, and the limits of its calls.
+"""The thread that calls reporters, and the limits of its calls.
 
-Events wait in a queue, so the run does not wait for a reporter unless a thousand of them are waiting. A call that takes
-longer than its limit is left behind, together with its thread: the reporter is named in an ``InternalError`` and hears
-nothing more, and a new thread goes on with the others. Reports that are files are brought up to date while the run
+Events and calls that somebody waits for stand in a queue, so the run does not wait for a reporter unless a thousand
+events are waiting. A call that takes longer than its limit is left behind, together with its thread: its reporter is
+called no more, and a new thread goes on with the others. Reports that are files are brought up to date while the run
 goes on, at most once a second, and less often when that would use more processor time than :data:`SHARE`.
 """
 
@@ -10,16 +10,18 @@ from __future__ import annotations
 
 import resource
 import threading
+from collections import deque
 from dataclasses import dataclass
+from functools import partial
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rtf import clock
 from rtf.testing.events import Event, SuiteStarted
 from rtf.testing.results import RunResult
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from rtf.testing.reporting import Reporter
 
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 #: the run was asked to stop; and when it is asked while it waits for its reports.
 CALL_LIMIT, CLOSE_LIMIT, STOPPING_LIMIT, HURRIED_LIMIT = 10.0, 30.0, 3.0, 1.0
 #: Seconds between two updates of a report, and the part of the time that those of one report may use a processor. The
-#: first of all, which has an entry to make for each test, is not counted.
+#: first of all, which may have to import what it needs, is not counted.
 PAUSE, SHARE = 1.0, 0.003
 
 _BACKLOG = 1000
@@ -38,130 +40,156 @@ _LOOK = 0.05
 _WATCH = 1.0
 
 
-def _cpu_time() -> float:
-    """Seconds of processor time that this thread has used."""
-    used = resource.getrusage(resource.RUSAGE_THREAD)
-    return used.ru_utime + used.ru_stime
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Call:
-    """A call in progress."""
+@dataclass(slots=True, eq=False)
+class _Member:
+    """A reporter: whether it is called no more, when its report may be updated, and as of which event that is."""
 
     reporter: Reporter
-    what: str
-    began: float
-    limit: float
-
-
-@dataclass(slots=True)
-class _Report:
-    """A report that is brought up to date while the run goes on: when at the earliest, and as of which event it is."""
-
-    reporter: Reporter
+    left_out: bool = False
     due: float = 0.0
     shown: int = -1
 
 
+@dataclass(slots=True, eq=False)
+class Call:
+    """A call of a reporter, or of none. ``done`` is set when it is over or left behind, if somebody waits for it."""
+
+    member: _Member | None
+    what: str
+    function: Callable[[], Any]
+    limit: float = CALL_LIMIT
+    began: float = 0.0
+    answer: Any = None
+    error: BaseException | None = None
+    done: threading.Event | None = None
+
+
 class ReporterThread:
-    """Gives events to reporters, in order. ``broke`` is called with a reporter that broke or hangs, and with what.
+    """Calls reporters, one after the other. ``broke`` is called with one that broke or hangs, and with the error.
 
     Reports are brought up to date when the first suite has started, if the run is ``live``.
     """
 
-    def __init__(self, reporters: list[Reporter], broke: Callable[[Reporter, BaseException], None]) -> None:
+    def __init__(self, reporters: Iterable[Reporter], broke: Callable[[Reporter, BaseException], None]) -> None:
         self.live = False
-        self._reporters = reporters
+        self._members = [_Member(reporter) for reporter in reporters]
         self._broke = broke
         self._results = RunResult()
-        self._queue: SimpleQueue[Event | threading.Event | None] = SimpleQueue()
-        self._event = Event()
-        self._told = 0
-        self._rest: list[Reporter] = []  # those that have yet to hear the event in hand
-        self._reports: list[_Report] = []
-        self._call_now: _Call | None = None
+        self._queue: SimpleQueue[Event | Call | None] = SimpleQueue()
+        self._calls: deque[Call] = deque()  # for what was taken from the queue last
+        self._heard = 0
+        self._updating = False
+        self._call: Call | None = None  # in progress
         self._most = clock.FOREVER  # no call may take longer, whatever its own limit
-        self._lock = threading.Lock()
-        self._closing = False
+        self._lock = threading.Lock()  # who ends a call: the thread that made it, or one that leaves it behind
         self._awaited = threading.Event()  # somebody waits for the reporters
-        self._done = threading.Event()
+        self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
-    def put(self, event: Event) -> None:
-        """Have the reporters hear of an event."""
+    def put(self, item: Event | Call | None) -> None:
+        """Have the reporters hear of an event, or make a call, when all before is done; None ends the thread."""
         if self._thread is None:
+            threading.Thread(target=self._watch, name="rtf-reports-watch", daemon=True).start()
             self._start()
-        self._queue.put(event)
+        self._queue.put(item)
 
     def wait_for_room(self) -> None:
         """Wait while too many events are waiting. To be called without any lock that a reporter may need."""
-        while self._queue.qsize() > _BACKLOG and self._reporters and threading.current_thread() is not self._thread:
-            self._done.wait(_LOOK / 10)
+        while self._queue.qsize() > _BACKLOG and threading.current_thread() is not self._thread:
+            self._over.wait(_LOOK / 10)
 
-    def flush(self, asked: Callable[[], int] = lambda: 0) -> None:
-        """Wait until the reporters have heard of everything so far. ``asked`` counts the requests to stop."""
-        if self._thread is not None and threading.current_thread() is not self._thread:
-            passed = threading.Event()
-            self._queue.put(passed)
-            self._awaited.set()
-            self._wait_for(passed, asked)
-
-    def close(self, asked: Callable[[], int] = lambda: 0) -> None:
-        """Let every reporter finish, the first one last: it can still tell of another one that breaks."""
-        if self._done.is_set() or (self._thread is None and not self._reporters):
-            return
-        if self._thread is None:
-            self._start()
-        self._queue.put(None)
+    def wait_for(self, call: Call, most: Callable[[], float] = lambda: clock.FOREVER) -> None:
+        """Have a call made, and wait until it is over. ``most`` says how long any call may take, if less than usual."""
+        done = call.done = threading.Event()
+        self._most = clock.FOREVER
+        self.put(call)
         self._awaited.set()
-        self._wait_for(self._done, asked)
-
-    def _wait_for(self, reached: threading.Event, asked: Callable[[], int]) -> None:
-        before = asked()
-        self._most = STOPPING_LIMIT if before else clock.FOREVER
-        while not reached.wait(_LOOK) and not self._done.is_set():
-            if asked() > before:
-                self._most = HURRIED_LIMIT
+        while not done.wait(_LOOK) and self._thread is not None and self._thread.is_alive():
+            if most() < self._most:
+                with self._lock:
+                    self._most = most()
+                    if self._call is not None:  # it may take so much from now on
+                        self._call.began = clock.monotonic()
             self._leave_what_hangs()
-            if self._thread is not None and not self._thread.is_alive():  # it broke itself; nobody is to wait for it
-                return
+
+    def flush(self, asked: Callable[[], int]) -> None:
+        """Wait until the reporters have heard of everything so far. ``asked`` counts the requests to stop."""
+        if self._thread is not None:
+            self.wait_for(Call(None, "flush", lambda: None), _most_when(asked))
+
+    def close(self, asked: Callable[[], int]) -> None:
+        """Let every reporter finish, the first one last: it can still tell of another one that breaks."""
+        most = _most_when(asked)
+        self.flush(asked)
+        self._updating = False
+        for member in reversed(self._members):
+            if not member.left_out:
+                reporter = member.reporter
+                call = Call(member, "close", partial(reporter.close, self._results), reporter.patience_of_close)
+                self.wait_for(call, most)
+                member.left_out = True
+                if call.error is not None:
+                    self._broke(reporter, call.error)
+        self.put(None)
 
     def _start(self) -> None:
-        if self._thread is None:
-            threading.Thread(target=self._watch, name="rtf-reports-watch", daemon=True).start()
         self._thread = threading.Thread(target=self._work, name="rtf-reports", daemon=True)
         self._thread.start()
 
     def _watch(self) -> None:
-        while not self._done.wait(_WATCH):
+        while not self._over.wait(_WATCH):
             self._leave_what_hangs()
 
     def _leave_what_hangs(self) -> None:
         with self._lock:
-            call = self._call_now
+            call = self._call
             limit = min(call.limit, self._most) if call is not None else clock.FOREVER
             if call is None or clock.monotonic() - call.began < limit:
                 return
-            self._call_now = None
-            self._leave_out(call.reporter)
+            self._call = None
+            if call.member is not None:
+                call.member.left_out = True
             self._start()
-        self._broke(call.reporter, TimeoutError(f"{call.what}() did not return within {limit:g} s"))
+        call.error = TimeoutError(f"{call.what}() did not return within {limit:g} s")
+        self._finish(call)
+
+    def _finish(self, call: Call) -> None:
+        if call.error is not None and call.member is not None:
+            call.member.left_out = True
+            if call.done is None:
+                self._broke(call.member.reporter, call.error)
+        if call.done is not None:
+            call.done.set()
 
     # In the thread ---------------------------------------------------------------------------------------------------
 
     def _work(self) -> None:
-        while not self._done.is_set():
-            if self._rest:
-                self._call(self._rest.pop(0), "handle", self._event, self._results)
-            elif self._closing and self._queue.empty():
-                self._close_next()
+        while not self._over.is_set():
+            if self._calls:
+                self._make(self._calls.popleft())
             else:
-                self._next()
+                self._take_next()
 
-    def _next(self) -> None:
-        wait = self._time_to_update()
-        if wait is not None and wait <= 0:
-            self._update()
+    def _make(self, call: Call) -> None:
+        answer: object = None
+        problem: BaseException | None = None
+        if call.member is None or not call.member.left_out:
+            call.began, self._call = clock.monotonic(), call
+            try:
+                answer = call.function()
+            except BaseException as error:  # noqa: BLE001 - told of; SystemExit of a plug-in ends nothing here
+                problem = error
+            with self._lock:
+                if self._call is not call:
+                    raise SystemExit  # left behind: another thread has gone on
+                self._call = None
+        call.answer, call.error = answer, problem
+        self._finish(call)
+
+    def _take_next(self) -> None:
+        """Find out what is to be called next; waits until there is something."""
+        wait = self._look_for_updates()
+        if self._calls:
             return
         if self._queue.empty():
             self._awaited.wait(_GATHER)
@@ -170,59 +198,74 @@ class ReporterThread:
         except Empty:
             return
         if item is None:
-            self._closing = True
-        elif isinstance(item, threading.Event):
+            self._over.set()
+        elif isinstance(item, Call):
             self._awaited.clear()
-            item.set()
+            self._calls.append(item)
         else:
-            self._take(item)
+            self._results.apply(item)
+            self._heard += 1
+            self._updating |= self.live and isinstance(item, SuiteStarted)
+            for member in self._members:
+                if not member.left_out:
+                    function = partial(member.reporter.handle, item, self._results)
+                    self._calls.append(Call(member, "handle", function, member.reporter.patience))
 
-    def _take(self, event: Event) -> None:
-        self._results.apply(event)
-        self._event = event
-        self._told += 1
-        self._rest = [*self._reporters]
-        if self.live and isinstance(event, SuiteStarted) and not self._reports:
-            self._reports = [_Report(reporter) for reporter in self._reporters]
+    def _look_for_updates(self) -> float | None:
+        """Find the updates that are due; returns the seconds until the next one, or None when there is none to come."""
+        if not self._updating:
+            return None
+        now = clock.monotonic()
+        old = [member for member in self._members if member.shown < self._heard and not member.left_out]
+        for member in old:
+            if member.due <= now:
+                self._calls.append(Call(member, "update", partial(self._update, member), member.reporter.patience))
+        return min((member.due - now for member in old), default=None)
 
-    def _time_to_update(self) -> float | None:
-        due = [report.due for report in self._reports if report.shown != self._told]
-        return min(due) - clock.monotonic() if due and not self._closing else None
+    def _update(self, member: _Member) -> None:
+        first, member.shown = member.shown < 0, self._heard
+        began = _cpu_time()
+        member.reporter.update(self._results)
+        pause = PAUSE if first else max(PAUSE, (_cpu_time() - began) / SHARE)
+        member.due = clock.monotonic() + pause
 
-    def _update(self) -> None:
-        for report in [*self._reports]:
-            if report.due <= clock.monotonic() and report.shown != self._told:
-                first, report.shown = report.shown < 0, self._told
-                began = _cpu_time()
-                self._call(report.reporter, "update", self._results)
-                pause = PAUSE if first else max(PAUSE, (_cpu_time() - began) / SHARE)
-                report.due = clock.monotonic() + pause
 
-    def _close_next(self) -> None:
-        if self._reporters:
-            self._call(self._reporters.pop(), "close", self._results)
-        else:
-            self._done.set()
+def _cpu_time() -> float:
+    """Seconds of processor time that this thread has used."""
+    used = resource.getrusage(resource.RUSAGE_THREAD)
+    return used.ru_utime + used.ru_stime
 
-    def _call(self, reporter: Reporter, what: str, *arguments: object) -> None:
-        limit = reporter.patience_of_close if what == "close" else reporter.patience
-        call = self._call_now = _Call(reporter, what, clock.monotonic(), limit)
-        problem: BaseException | None = None
+
+def _most_when(asked: Callable[[], int]) -> Callable[[], float]:
+    """Tell how long any call may take while a run waits for its reporters, by how often it was asked to stop."""
+    before = asked()
+    return lambda: HURRIED_LIMIT if asked() > before else STOPPING_LIMIT if before else clock.FOREVER
+
+
+def bounded(reporter: Reporter, what: str) -> Any:
+    """Call a reporter outside of a run, and return its answer. Raises TimeoutError when it takes too long."""
+    return _alone(Call(None, what, getattr(reporter, what), reporter.patience))
+
+
+def let_linger(reporters: Iterable[Reporter], stop: threading.Event) -> list[tuple[Reporter, Exception]]:
+    """Let each reporter show the finished run as long as it stays. Returns those that broke or hang, with the error."""
+    problems: list[tuple[Reporter, Exception]] = []
+    for reporter in reporters:
+        limit = clock.FOREVER if reporter.stays else reporter.patience_of_close
         try:
-            getattr(reporter, what)(*arguments)
-        except BaseException as error:  # noqa: BLE001 - told of; SystemExit of a plug-in ends nothing here
-            problem = error
-        with self._lock:
-            if self._call_now is not call:
-                raise SystemExit  # left behind: another thread has gone on
-            self._call_now = None
-            if problem is not None:
-                self._leave_out(reporter)
-        if problem is not None:
-            self._broke(reporter, problem)
+            call = Call(None, "linger", partial(reporter.linger, stop), limit)
+            _alone(call, lambda: STOPPING_LIMIT if stop.is_set() else clock.FOREVER)
+        except Exception as error:  # noqa: BLE001 - given back, and the others have their turn
+            problems.append((reporter, error))
+    return problems
 
-    def _leave_out(self, reporter: Reporter) -> None:
-        for members in (self._reporters, self._rest):
-            if reporter in members:
-                members.remove(reporter)
-        self._reports = [report for report in self._reports if report.reporter is not reporter]
+
+def _alone(call: Call, most: Callable[[], float] = lambda: clock.FOREVER) -> Any:
+    thread = ReporterThread([], lambda _reporter, _error: None)
+    try:
+        thread.wait_for(call, most)
+    finally:
+        thread.put(None)
+    if call.error is not None:
+        raise call.error
+    return call.answer

@@ -10,14 +10,13 @@ import errno
 import threading
 import traceback
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-from rtf import clock
 from rtf.testing import journal
 from rtf.testing.events import Event, InternalError
 from rtf.testing.journal import Journal, JournalError
 from rtf.testing.outcome import TestingError
-from rtf.testing.reporter_thread import CALL_LIMIT, CLOSE_LIMIT, STOPPING_LIMIT, ReporterThread
+from rtf.testing.reporter_thread import CALL_LIMIT, CLOSE_LIMIT, ReporterThread
 from rtf.testing.results import RunResult
 
 if TYPE_CHECKING:
@@ -25,9 +24,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rtf.testing.run_control import Control
-
-
-_LOOK = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,43 +85,6 @@ class Reporter:
         return (self.options.target,) if self.options.target is not None else ()
 
 
-def bounded(reporter: Reporter, what: str, *arguments: object) -> Any:
-    """Call a reporter in a thread of its own and return its answer. Raises TimeoutError when it takes too long."""
-    outcome: list[Any] = []
-
-    def call() -> None:
-        try:
-            outcome.extend((getattr(reporter, what)(*arguments), None))
-        except BaseException as error:  # noqa: BLE001 - raised where it is waited for
-            outcome.extend((None, error))
-
-    thread = threading.Thread(target=call, name=f"rtf-report-{what}", daemon=True)
-    thread.start()
-    thread.join(reporter.patience)
-    if thread.is_alive():
-        raise TimeoutError(f"{what}() did not return within {reporter.patience:g} s")
-    returned, problem = outcome
-    if problem is not None:
-        raise problem
-    return returned
-
-
-def let_linger(reporters: Iterable[Reporter], stop: threading.Event) -> list[Reporter]:
-    """Let each reporter show the finished run as long as it stays. Returns those that did not come back in time."""
-    hung = []
-    for reporter in reporters:
-        thread = threading.Thread(target=reporter.linger, args=(stop,), name="rtf-report-linger", daemon=True)
-        thread.start()
-        deadline = clock.Deadline.after(None if reporter.stays else reporter.patience_of_close)
-        while thread.is_alive() and not stop.is_set() and not deadline.expired:
-            thread.join(_LOOK)
-        if stop.is_set():
-            thread.join(STOPPING_LIMIT)
-        if thread.is_alive():
-            hung.append(reporter)
-    return hung
-
-
 class ReportError(TestingError, OSError):
     """A report that was asked for cannot be written, or no reporter has that name."""
 
@@ -165,7 +124,6 @@ class Broadcast:
 
     def __init__(self, to: Journal | None, reporters: list[Reporter], *, listener: Reporter | None = None) -> None:
         self.results = RunResult()
-        self.reporters = reporters
         self.control: Control | None = None
         self.broken: list[Reporter] = []
         self._journal = to
@@ -231,8 +189,7 @@ class Broadcast:
             self.control.note(event)
         if self._listener is not None:
             self._listener.handle(event, self.results)
-        if self.reporters:
-            self._thread.put(event)
+        self._thread.put(event)
 
     def _write(self, event: Event) -> InternalError | None:
         if self._journal is None:

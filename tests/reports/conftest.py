@@ -21,6 +21,7 @@ from rtf.testing.events import (
     TestPlanned,
     TestStarted,
 )
+from rtf.testing.journal import FILE_NAME, Journal
 from rtf.testing.reporting import Broadcast, ReportOptions, load_reporter
 from rtf.testing.results import RunResult
 from rtf.testing.verdict import FixtureState, Phase, Severity, Verdict
@@ -123,12 +124,17 @@ class Reports:
         self.broadcast = Broadcast(None, [])
 
     def __call__(self, name: str, story: Story, *, close: bool = True, **options: Any) -> Path:
-        """Let one reporter hear a story, and close it or leave that to ``broadcast``; returns its file."""
+        """Let one reporter hear a story, and close it or leave that to ``broadcast``; returns its file.
+
+        With ``journal`` the run has one, as all real ones have.
+        """
         cls = load_reporter(name)
         target = options.pop("target", self.folder / (cls.default_file or "none"))
-        reporter = cls(ReportOptions(target, options.pop("run_folder", self.folder), **options))
+        run_folder = options.pop("run_folder", self.folder)
+        written = Journal(run_folder / FILE_NAME) if options.pop("journal", False) else None
+        reporter = cls(ReportOptions(target, run_folder, **options))
         reporter.open()
-        broadcast = self.broadcast = Broadcast(None, [reporter])
+        broadcast = self.broadcast = Broadcast(written, [reporter])
         self.results = broadcast.results
         for event in story.events:
             broadcast.emit(event)

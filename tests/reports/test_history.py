@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shutil
 import signal
-import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -17,7 +16,9 @@ import pytest
 from harness import Command, run_command, write_files
 from rtf.testing.events import Measured, TestStarted
 from rtf.testing.history import History
+from rtf.testing.journal import FILE_NAME
 from rtf.testing.reporting import ReportOptions, load_reporter
+from rtf.testing.results import RunResult
 from rtf.testing.verdict import ExitCode, Verdict
 
 if TYPE_CHECKING:
@@ -190,26 +191,29 @@ def test_a_history_lost_during_the_run_changes_no_verdict(folder: Path):
     assert kept(folder / "data" / "h.sqlite")[0][2] == {":error": 2.5}
 
 
-def test_no_room_for_what_waits_changes_no_verdict(story: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """The temporary file cannot grow: the run goes on, and nothing of it is put in."""
+def test_a_journal_that_cannot_be_read_changes_no_verdict(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """It is said at the end, and nothing of the run is put in."""
+    (tmp_path / FILE_NAME).write_text('{"event":"run_started","run":"r","version":"1"}\nnothing\nnothing\n')
     reporter = load_reporter("history")(ReportOptions(tmp_path / "h.sqlite", tmp_path))
     reporter.open()
-    spool: sqlite3.Connection = reporter._recorder._spool
-    spool.execute("PRAGMA max_page_count = 4")
-    said = [Measured(test="s/t1", name="error" * 20, value=float(number)) for number in range(2000)]
-    story.begin(("s", 1)).test("s/t1", Verdict.PASSED, *said)
     told: list[str] = []
     monkeypatch.setattr("atexit.register", lambda _print, text, **_: told.append(text))
-    for event in story.events:
-        reporter.handle(event, None)
-    reporter.close(None)
-    assert "no room for measurements that wait for the run's end" in told[0]
+    reporter.close(RunResult())
+    assert f"this run is not in it: {tmp_path / FILE_NAME}:2: not JSON" in told[0]
     assert kept(tmp_path / "h.sqlite") == []
+
+
+def test_without_a_journal_there_is_nothing_to_take_from(tmp_path: Path):
+    """It is said before anything is opened."""
+    with pytest.raises(FileNotFoundError, match=FILE_NAME):
+        load_reporter("history")(ReportOptions(tmp_path / "h.sqlite", tmp_path)).open()
+    assert not [*tmp_path.iterdir()]
 
 
 def test_the_reporter_leaves_nothing_open_during_the_run(tmp_path: Path):
     """A file that is moved, pruned or copied meanwhile is nobody's problem."""
     path = tmp_path / "h.sqlite"
+    (tmp_path / FILE_NAME).touch()
     reporter = load_reporter("history")(ReportOptions(path, tmp_path))
     reporter.open()
     assert str(path) not in {file.path for file in psutil.Process().open_files()}
@@ -222,7 +226,7 @@ def test_a_story_is_kept_whole(reports: Any, story: Any, tmp_path: Path):
     story.start("s").test("s/t1", Verdict.FAILED, final=False).test("s/t1", Verdict.FLAKY, attempt=2)
     story.test("s/t2", Verdict.PASSED, Measured(test="s/t2", name="error", value=float("inf")))
     story.end("s").finish()
-    path = reports("history", story, target=tmp_path / "h.sqlite")
+    path = reports("history", story, target=tmp_path / "h.sqlite", journal=True)
     ((run, tests, measured),) = kept(path)
     assert run.robot == "\\udc80"
     assert tests == {"s/t1": "flaky", "s/t2": "passed", "s/t3": "not run"}

@@ -165,11 +165,11 @@ def test_a_test_that_is_run_again_keeps_its_earlier_attempts(
 
 
 def test_it_goes_to_standard_output_without_a_target(
-    story: Story, reports: Reports, capsysbinary: pytest.CaptureFixture[bytes]
+    story: Story, reports: Reports, capfdbinary: pytest.CaptureFixture[bytes]
 ):
     """One document, and nothing else."""
     reports("json", story.begin(("arm", 1)).start("arm").test("arm/t1").end("arm").finish(), target=None)
-    assert json.loads(capsysbinary.readouterr().out)["format"] == "rtf-result"
+    assert json.loads(capfdbinary.readouterr().out)["format"] == "rtf-result"
 
 
 def test_a_report_is_whole_or_not_there(story: Story, reports: Reports):

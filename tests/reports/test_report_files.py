@@ -1,21 +1,24 @@
-"""What the reporters share: texts, targets, the spool, and that memory stays small."""
+"""What the reporters share: texts, targets, documents that grow, and that memory stays small."""
 
 from __future__ import annotations
 
 import math
 import tracemalloc
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import pytest
 
-from rtf.testing.events import FixtureIncident, InternalError, Message, TestPlanned
+from rtf.testing.events import FixtureIncident, InternalError, Message, TestEnded, TestPlanned, TestStarted
 from rtf.testing.report import text as report_text
-from rtf.testing.report.files import Spool, Target, to_json
+from rtf.testing.report.files import FileReporter, Target, to_json
 from rtf.testing.reporting import Broadcast, ReportOptions, load_reporter
+from rtf.testing.results import RunResult
 from rtf.testing.verdict import Phase, Severity, Verdict
 
 if TYPE_CHECKING:
+    from rtf.testing.report.files import AttemptEvents
+    from rtf.testing.results import TestResult
     from tests.reports.conftest import Story
 
 
@@ -75,15 +78,34 @@ def test_json_is_strict():
     assert to_json(record) == '{"a":["NaN","Infinity",1.5,true],"b":"\\\\ud800\U0001f480é"}'.encode()
 
 
-def test_the_latest_piece_of_a_name_counts(tmp_path: Path):
-    """And the file of the spool has no name that could stay behind."""
-    spool = Spool(tmp_path)
-    spool.put("a", b"one")
-    spool.put("b", b"two")
-    spool.put("a", b"three")
-    assert (spool.get("a"), spool.get("b"), "c" in spool) == (b"three", b"two", False)
-    assert [*tmp_path.iterdir()] == []
-    spool.close()
+class Words(FileReporter):
+    """A document that has the verdict of each test."""
+
+    def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:
+        return f"{result.id} {result.verdict} {len(attempts)}\n".encode()
+
+    def document(self, stream: BinaryIO, results: RunResult) -> None:
+        stream.writelines(self.entries(results.tests))
+
+
+def test_a_document_is_complete_at_any_time(story: Story, tmp_path: Path):
+    """With an entry for each test that is planned, the latest; what was put aside has no name that could stay."""
+    report = tmp_path / "report"
+    reporter, results = Words(ReportOptions(report, tmp_path)), RunResult()
+    reporter.open()
+    story.begin(("arm", 3)).start("arm").failing("arm/t2", final=False).failing("arm/t2").test("arm/t1")
+    written = []
+    for event in story.events:
+        results.apply(event)
+        reporter.handle(event, results)
+        if isinstance(event, TestStarted | TestEnded):
+            reporter.update(results)
+            written.append(report.read_text())
+    assert written[0] == "arm/t1 None 0\narm/t2 None 1\narm/t3 None 0\n"
+    assert written[2] == "arm/t1 None 0\narm/t2 None 2\narm/t3 None 0\n"
+    assert written[-1] == "arm/t1 passed 1\narm/t2 failed 2\narm/t3 None 0\n"
+    reporter.close(results)
+    assert [*tmp_path.iterdir()] == [report]
 
 
 def test_a_target_that_failed_leaves_the_old_file(tmp_path: Path):

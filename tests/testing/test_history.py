@@ -15,14 +15,15 @@ from dataclasses import astuple, replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from recorded import BEGAN, put, stored
-from rtf.testing.events import Event, Measured, RunEnded, RunStarted, TestEnded, TestPlanned, TestStarted
+from rtf.testing.events import Event, Measured, RunEnded, RunStarted, TestEnded, TestPlanned, TestStarted, to_line
 from rtf.testing.history import History, HistoryError, database
-from rtf.testing.history.recorder import Recorder
-from rtf.testing.history.schema import STEPS, migrate
+from rtf.testing.history.database import STEPS, migrate
+from rtf.testing.history.recording import import_run, record_run
+from rtf.testing.journal import FILE_NAME
 from rtf.testing.results import RunResult
 from rtf.testing.verdict import MeasurementVerdict, Verdict
 
@@ -33,15 +34,21 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "data" / "history.sqlite"
 
 
-def record(path: Path, *events: Event, folder: Path = Path("/runs/run-1")) -> None:
-    """Let a recorder hear the events, and put the run in."""
-    results, recorder = RunResult(), Recorder()
+def write_journal(folder: Path, *events: Event) -> Path:
+    """Write the journal of a run into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / FILE_NAME).open("wb") as stream:
+        stream.writelines(to_line(event) for event in events)
+    return folder
+
+
+def record(path: Path, *events: Event) -> None:
+    """Put a run in that has these events, and results that are known already."""
+    results = RunResult()
     for event in events:
         results.apply(event)
-        recorder.take(event)
-    with History(path, create=True) as history:
-        recorder.save(history, results, folder)
-    recorder.close()
+    with tempfile.TemporaryDirectory() as folder, History(path, create=True) as history:
+        record_run(history, write_journal(Path(folder) / "run-1", *events), results)
 
 
 def started(**more: object) -> RunStarted:
@@ -87,7 +94,7 @@ def test_a_run_is_kept_with_its_tests_and_measurements(path: Path):
         RunEnded(time=BEGAN + 9, verdict=Verdict.FAILED, exit_code=1, duration=8.5),
     )
     run, tests, measurements = only_run(path)
-    assert (run.run, run.folder, run.started, run.ended) == ("run-1", "/runs/run-1", BEGAN, BEGAN + 9)
+    assert (run.run, Path(run.folder).name, run.started, run.ended) == ("run-1", "run-1", BEGAN, BEGAN + 9)
     assert (run.duration, run.verdict, run.exit_code, run.seed) == (8.5, "failed", 1, 7)
     assert (run.robot, run.station, run.version, run.host, run.user) == ("icub01", "bench", "0.1", "h", "u")
     assert json.loads(run.command) == ["--suite", "s.xml"]
@@ -168,6 +175,7 @@ TEXT = st.text(st.characters(), max_size=6) | st.text(st.characters(categories=[
 
 
 @settings(max_examples=60, deadline=None)
+@example(("\ud800\udc00", "", "", ""), [("", "\ud800", 0.0, None, MeasurementVerdict.PASSED)])
 @given(
     st.tuples(TEXT, TEXT, TEXT, TEXT),
     st.lists(st.tuples(TEXT, TEXT, st.floats(), st.none() | st.floats(), st.sampled_from(MeasurementVerdict))),
@@ -214,16 +222,28 @@ def test_a_megabyte_in_every_text_is_kept(path: Path):
     assert (run.robot, tests[0][1], measurements[0][2]) == (long, long, long)
 
 
-def test_memory_does_not_grow_with_the_run():
-    """Fifty thousand measurements wait in a file."""
-    recorder = Recorder()
-    recorder.take(started())
-    tracemalloc.start()
-    for number in range(50_000):
-        recorder.take(measured(number, name=f"error {number % 100}"))
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    recorder.close()
+def test_an_archived_run_is_put_in_as_it_was_at_its_end(path: Path, tmp_path: Path):
+    """From its journal alone, that of a killed runner, too; what was running then was interrupted."""
+    events = [started(), planned(), planned("s/u"), *attempt("s/t", Verdict.PASSED, measured(1.0))]
+    events += [TestStarted(test="s/u"), measured(2.0, test="s/u")]
+    with History(path, create=True) as history:
+        results = import_run(history, write_journal(tmp_path / "run-1", *events))
+    run, tests, measurements = only_run(path)
+    assert (run.verdict, run.folder) == ("interrupted", str(tmp_path / "run-1"))
+    assert [row[3] for row in tests] == ["passed", "interrupted"] == [test.verdict for test in results.tests.values()]
+    assert [row[4] for row in measurements] == [1.0, 2.0]
+
+
+def test_memory_does_not_grow_with_the_run(path: Path, tmp_path: Path):
+    """Fifty thousand measurements go from one file to the other."""
+    said = [measured(number, name=f"error {number % 100}") for number in range(50_000)]
+    run = write_journal(tmp_path / "run-1", started(), planned(), *attempt("s/t", Verdict.PASSED, *said))
+    del said
+    with History(path, create=True) as history:
+        tracemalloc.start()
+        import_run(history, run)
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
     assert peak < 2_000_000
 
 

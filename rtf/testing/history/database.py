@@ -1,7 +1,10 @@
 """The file of the history: opened by several testrunners at a time, and readable by any SQLite tool.
 
 A run is put in whole, in one transaction, or not at all; a run that is put in again takes the place of what was there.
-What the rows mean over time is the matter of ``trends``; where they come from is that of ``recorder``.
+What the rows mean over time is the matter of ``trends``; where they come from is that of ``recording``.
+
+The version of the tables stands in ``user_version``, and ``application_id`` tells our files from other people's. A step
+from one version to the next, once released, is never changed; a new version is a new step.
 """
 
 from __future__ import annotations
@@ -14,17 +17,84 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from rtf import clock
-from rtf.testing.history.schema import STEPS, ForeignFileError, migrate, version_of
 from rtf.testing.outcome import TestingError
+from rtf.testing.suite.ids import renewed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
     from types import TracebackType
 
 FILE_NAME = "history.sqlite"
 
 #: Seconds to wait for another writer. The largest runs take one or two to be put in.
 _PATIENCE = 10.0
+
+
+#: "RTFH" in the header of the file.
+_APPLICATION = 0x52544648
+
+#: What leads from version 0, an empty file, to 1, and so on. Rows lie in the order of their keys, so that what belongs
+#: to a run, a test or a measurement is read in one go and needs no index beside it.
+STEPS: tuple[tuple[str, ...], ...] = (
+    (
+        """CREATE TABLE runs (
+            id INTEGER PRIMARY KEY,
+            run TEXT NOT NULL,          -- name of the run's folder
+            folder TEXT NOT NULL,       -- where it was when the run was recorded
+            started REAL NOT NULL,      -- seconds since 1970
+            ended REAL,
+            duration REAL,              -- seconds
+            verdict TEXT NOT NULL,
+            exit_code INTEGER NOT NULL,
+            robot TEXT NOT NULL,
+            station TEXT NOT NULL,
+            version TEXT NOT NULL,      -- of RTF
+            seed INTEGER,
+            host TEXT NOT NULL,
+            user TEXT NOT NULL,
+            command TEXT NOT NULL,      -- JSON array of words
+            UNIQUE (run, started, station)
+        )""",
+        "CREATE INDEX runs_of_a_robot ON runs (robot, station, started)",
+        """CREATE TABLE tests (
+            run INTEGER NOT NULL REFERENCES runs ON DELETE CASCADE,
+            test TEXT NOT NULL,         -- suite/test
+            name TEXT NOT NULL,
+            suite TEXT NOT NULL,
+            verdict TEXT NOT NULL,
+            outcome TEXT NOT NULL,      -- of the last attempt
+            attempts INTEGER NOT NULL,
+            duration REAL,              -- seconds over all attempts
+            reason TEXT NOT NULL,
+            PRIMARY KEY (run, test)
+        ) WITHOUT ROWID""",
+        """CREATE TABLE measurements (
+            run INTEGER NOT NULL REFERENCES runs ON DELETE CASCADE,
+            test TEXT NOT NULL,
+            subject TEXT NOT NULL,
+            name TEXT NOT NULL,
+            repetition INTEGER NOT NULL, -- counts from 0 what was measured more than once
+            value REAL,                  -- NULL if it was no finite number, and then
+            not_finite TEXT,             -- NaN, Infinity or -Infinity
+            unit TEXT NOT NULL,
+            low REAL,
+            high REAL,
+            marginal REAL,
+            verdict TEXT NOT NULL,
+            PRIMARY KEY (run, test, subject, name, repetition)
+        ) WITHOUT ROWID""",
+    ),
+    (  # ids were made of names alone, in lower case; ``renewed_id`` is the function of ``rtf.testing.suite.ids``
+        """CREATE TEMPORARY TABLE renewed AS
+            SELECT run, test AS old, renewed_id(test, suite, name) AS new FROM tests""",
+        "DELETE FROM temp.renewed WHERE old = new",
+        """UPDATE OR IGNORE measurements SET test = renewed.new FROM temp.renewed
+            WHERE measurements.run = renewed.run AND measurements.test = renewed.old""",
+        """UPDATE OR IGNORE tests SET test = renewed.new FROM temp.renewed
+            WHERE tests.run = renewed.run AND tests.test = renewed.old""",
+        "DROP TABLE temp.renewed",
+    ),
+)
 
 
 class HistoryError(TestingError, OSError):
@@ -93,7 +163,12 @@ class History:
     def _prepare(self) -> None:
         connection = self._connection
         connection.execute("PRAGMA foreign_keys = ON")
-        version = version_of(connection, len(STEPS))
+        version = _version(connection)
+        if version is None:
+            raise self._error("it is a database of something else; name another file")
+        if version > len(STEPS):
+            known = f"it is of version {version}, and this RTF knows {len(STEPS)}"
+            raise self._error(f"{known}; use the newer RTF that made it, or another file")
         if version == len(STEPS) or (version and self._read_only):  # older rows can be read, under their older ids
             return
         _write_ahead(connection)
@@ -130,7 +205,7 @@ class History:
                 ((number, *row) for row in tests),
             )
             many(
-                "INSERT INTO measurements VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                "INSERT OR REPLACE INTO measurements VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 ((number, *row) for row in measurements),
             )
 
@@ -222,14 +297,15 @@ class History:
         """Say of what goes wrong with the file which one it is, and what fixes it."""
         try:
             yield
-        except ForeignFileError as error:
-            raise HistoryError(f"cannot use the history {self.path}: {error}") from None
         except sqlite3.Error as error:
-            raise HistoryError(f"cannot use the history {self.path}: {error}; {_hint(error)}") from error
-        except HistoryError:
+            raise self._error(f"{error}; {_hint(error)}") from error
+        except TestingError:
             raise
         except OSError as error:
-            raise HistoryError(f"cannot use the history {self.path}: {error.strerror}; {_ELSEWHERE}") from None
+            raise self._error(f"{error.strerror}; {_ELSEWHERE}") from None
+
+    def _error(self, reason: str) -> HistoryError:
+        return HistoryError(f"cannot use the history {self.path}: {reason}")
 
 
 _ELSEWHERE = "name a file that can be written with --history FILE"
@@ -281,3 +357,31 @@ def _write_ahead(connection: sqlite3.Connection) -> None:
             clock.sleep(0.01)
         else:
             return
+
+
+def _version(connection: sqlite3.Connection) -> int | None:
+    """The version of an open file: 0 when there is nothing in it, None when it is not ours."""
+    began = not connection.in_transaction
+    if began:
+        connection.execute("BEGIN")  # one look at all three: somebody else may be making the file right now
+    try:
+        (application,) = connection.execute("PRAGMA application_id").fetchone()
+        (version,) = connection.execute("PRAGMA user_version").fetchone()
+        (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    finally:
+        if began and connection.in_transaction:
+            connection.execute("ROLLBACK")
+    return None if application != _APPLICATION and (application or version or tables) else int(version)
+
+
+def migrate(connection: sqlite3.Connection, steps: Sequence[Sequence[str]]) -> None:
+    """Bring a file of ours up to the version of the last step. To be called in a transaction that may write."""
+    done = _version(connection) or 0
+    if done >= len(steps):  # another one was faster
+        return
+    connection.create_function("renewed_id", 3, renewed, deterministic=True)
+    for step in steps[done:]:
+        for statement in step:
+            connection.execute(statement)
+    connection.execute(f"PRAGMA application_id = {_APPLICATION}")
+    connection.execute(f"PRAGMA user_version = {len(steps)}")

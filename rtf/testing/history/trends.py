@@ -40,40 +40,6 @@ _UNJUDGED = frozenset(verdict.value for verdict in Verdict if not verdict.ran) |
 Point = tuple[int, float | None, float | None, float | None, str]
 
 
-@dataclass(frozen=True, slots=True)
-class Selection:
-    """Which tests and measurements are asked for: all, those of some suites, those whose names match.
-
-    A name with ``*``, ``?`` or ``[`` is a pattern for the whole of a test's id, a subject, a measurement's name or all
-    of them joined by ``/``; any other is looked for anywhere in them, in capitals or not.
-    """
-
-    names: Sequence[str] = ()
-    suites: Collection[str] | None = None
-
-    @property
-    def everything(self) -> bool:
-        """Whether nothing is left out."""
-        return not self.names and self.suites is None
-
-    def test(self, row: TestRow) -> bool:
-        """Whether a test is asked for."""
-        return (self.suites is None or row[2] in self.suites) and self._matches((row[0],))
-
-    def measurement(self, row: MeasurementRow, tests: Collection[str]) -> bool:
-        """Whether a measurement is asked for; ``tests`` are those of the suites."""
-        return (self.suites is None or row[0] in tests) and self._matches(row[:3])
-
-    def _matches(self, parts: tuple[str, ...]) -> bool:
-        whole = "/".join(part for part in parts if part)
-        return not self.names or any(
-            any(fnmatch.fnmatchcase(text, name) for text in (whole, *parts))
-            if any(character in name for character in "*?[")
-            else name.casefold() in whole.casefold()
-            for name in self.names
-        )
-
-
 @dataclass(slots=True)
 class _Measured:
     """All values of one measurement."""
@@ -97,14 +63,17 @@ def trends(
 ) -> dict[str, Any]:
     """The last runs in which there is something that is asked for, and what became of it in them.
 
+    A name with ``*``, ``?`` or ``[`` is a pattern for the whole of a test's id, a subject, a measurement's name or all
+    of them joined by ``/``; any other is looked for anywhere in them, in capitals or not. Without names and suites
+    everything is asked for, runs in which there is nothing too.
+
     Robot and station are those of the newest run unless they are given; ``*`` mixes all. Raises HistoryError.
     """
-    selection = Selection(names, suites)
     tests: dict[str, dict[int, str]] = {}
     measured: dict[tuple[str, str, str], _Measured] = {}
     with history.snapshot():
         robot, station = _of_the_newest(history, robot, station)
-        found = [*itertools.islice(_selected(history, history.runs(robot, station), selection), last)]
+        found = [*itertools.islice(_selected(history, history.runs(robot, station), names, suites), last)]
     found.reverse()
     for index, (_, of_tests, of_measurements) in enumerate(found):
         for row in of_tests:
@@ -133,15 +102,27 @@ def _of_the_newest(history: History, robot: str | None, station: str | None) -> 
 _Found = tuple["StoredRun", "list[TestRow]", "list[MeasurementRow]"]
 
 
-def _selected(history: History, runs: Iterable[tuple[int, StoredRun]], selection: Selection) -> Iterator[_Found]:
+def _selected(
+    history: History, runs: Iterable[tuple[int, StoredRun]], names: Sequence[str], suites: Collection[str] | None
+) -> Iterator[_Found]:
     for number, run in runs:
-        tests, measurements = history.tests(number), history.measurements(number)
-        if not selection.everything:
-            in_suites = {row[0] for row in tests if selection.suites is None or row[2] in selection.suites}
-            tests = [row for row in tests if selection.test(row)]
-            measurements = [row for row in measurements if selection.measurement(row, in_suites)]
-        if selection.everything or tests or measurements:
+        tests = [row for row in history.tests(number) if suites is None or row[2] in suites]
+        ids = {row[0] for row in tests}
+        measurements = [row for row in history.measurements(number) if suites is None or row[0] in ids]
+        tests = [row for row in tests if _named(names, row[:1])]
+        measurements = [row for row in measurements if _named(names, row[:3])]
+        if tests or measurements or (not names and suites is None):
             yield run, tests, measurements
+
+
+def _named(names: Sequence[str], parts: tuple[str, ...]) -> bool:
+    whole = "/".join(part for part in parts if part)
+    return not names or any(
+        any(fnmatch.fnmatchcase(text, name) for text in (whole, *parts))
+        if any(character in name for character in "*?[")
+        else name.casefold() in whole.casefold()
+        for name in names
+    )
 
 
 def _run(run: StoredRun) -> dict[str, Any]:

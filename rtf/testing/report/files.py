@@ -1,12 +1,14 @@
-"""What reporters that write a file need: a target that is whole or not there, a spool, and the events of each test.
+"""What reporters that write a file need: a target that is whole or not there, and the entry of each test.
 
-A report must neither keep a long run in memory nor be lost with it. So what is known of a test leaves the memory when
-the test has ended, for a temporary file without a name, and the report is put together from there.
+A report must neither keep a long run in memory nor be lost with it. So the entry of a test that has ended leaves the
+memory for a temporary file without a name, from which the report is put together at each update; to make it anew from
+the journal would take twenty times as long (``docs/decisions/0031-reports-are-put-together-from-entries.md``).
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import sys
@@ -17,46 +19,33 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from rtf.testing.events import (
-    Answered,
-    Asked,
-    Attached,
+    KINDS,
     Event,
-    Measured,
+    FixtureIncident,
     Message,
-    OutputCaptured,
-    ParametersResolved,
-    PhaseStarted,
-    SeriesRecorded,
-    StackDumped,
-    SubResultEnded,
+    Progressed,
+    SeriesSampled,
     TestEnded,
+    TestPlanned,
+    TestRenamed,
     TestStarted,
     to_record,
 )
-from rtf.testing.report.text import joined
+from rtf.testing.report.text import without_surrogates
 from rtf.testing.reporting import Reporter
+from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from rtf.testing.results import RunResult, TestResult
 
-#: The events that tell of one attempt at a test, each with the id of the test.
-OF_A_TEST = (
-    TestStarted,
-    PhaseStarted,
-    ParametersResolved,
-    Message,
-    Measured,
-    SeriesRecorded,
-    SubResultEnded,
-    Attached,
-    Asked,
-    Answered,
-    OutputCaptured,
-    StackDumped,
-    TestEnded,
-)
+#: The events that tell of one attempt at a test.
+_OF_AN_ATTEMPT = {cls for cls in KINDS.values() if "test" in cls.__struct_fields__}
+_OF_AN_ATTEMPT -= {TestPlanned, TestRenamed, FixtureIncident, Progressed, SeriesSampled}
+
+_STDOUT = 1
+_STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
 
 
 class Target:
@@ -67,26 +56,18 @@ class Target:
     """
 
     def __init__(self, path: Path | None) -> None:
-        self.path = None if path is None or str(path) == "-" else path
-        self._descriptor = _STDOUT if self.path is None else _descriptor_of(self.path)
-        if self.path is not None and self._descriptor is None:
-            self.path = Path(os.path.realpath(self.path))
+        named = None if path is None or str(path) == "-" else path
+        self._descriptor = _STDOUT if named is None else _descriptor_of(named)
+        self.path = Path(os.path.realpath(named)) if named is not None and self._descriptor is None else None
 
     @property
     def replaceable(self) -> bool:
         """Whether it can be written more than once: it is a file, or not there yet."""
-        if self.path is None or self._descriptor is not None:
-            return False
-        return self.path.is_file() or not self.path.exists()
-
-    @property
-    def folder(self) -> Path | None:
-        """The folder of the file, where there is one and temporary files can be put."""
-        return self.path.parent if self.path is not None and self.replaceable else None
+        return self.path is not None and (self.path.is_file() or not self.path.exists())
 
     def check(self) -> None:
         """Raise OSError when the report could never be written. Makes the folder."""
-        if self.path is None or self._descriptor is not None:
+        if self.path is None:
             return
         if self.path.is_dir():
             raise IsADirectoryError(f"cannot write a report to {self.path}: it is a folder")
@@ -101,11 +82,7 @@ class Target:
     @contextmanager
     def writing(self, *, last: bool = True) -> Iterator[BinaryIO]:
         """A stream whose content is in place when the block is left in order; ``last`` puts it on the disk, too."""
-        if self.path is None:
-            yield sys.stdout.buffer
-            sys.stdout.buffer.flush()
-            return
-        if not self.replaceable:
+        if self.path is None or not self.replaceable:
             with self.open() as stream:
                 yield stream
             return
@@ -124,90 +101,21 @@ class Target:
 
     def open(self) -> BinaryIO:
         """A stream to the place itself, for what is written while the run goes on."""
-        if self.path is None or self._descriptor is not None:
-            sys.stdout.flush()
-            return os.fdopen(os.dup(_STDOUT if self._descriptor is None else self._descriptor), "wb")
-        return self.path.open("wb")
+        if self.path is not None:
+            return self.path.open("wb")
+        sys.stdout.flush()
+        return os.fdopen(os.dup(self._descriptor or _STDOUT), "wb")
 
     @staticmethod
     def _beside(path: Path) -> Path:
         return path.with_name(f".{path.name}.{os.getpid()}.part")
 
 
-_STDOUT = 1
-_STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
-
-
 def _descriptor_of(path: Path) -> int | None:
     """The open file of this process that a path such as ``/dev/stdout`` or ``/dev/fd/5`` stands for."""
     name = os.path.normpath(path)
-    if name in _STREAMS:
-        return _STREAMS[name]
     found = re.fullmatch(r"/(?:dev|proc/self)/fd/(\d+)", name)
-    return int(found[1]) if found else None
-
-
-class Spool:
-    """Pieces of bytes by name, in a temporary file that vanishes with the process; the latest of a name counts."""
-
-    def __init__(self, folder: Path | None) -> None:
-        self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115 - closed by close()
-        self._places: dict[str, tuple[int, int]] = {}
-        self._room: dict[str, int] = {}  # of pieces that are put more often
-        self._end = 0
-
-    def put(self, name: str, data: bytes, *, again: bool = False) -> None:
-        """Keep a piece. One that will be put ``again`` gets room to grow, so that the file does not grow each time."""
-        start = self._end
-        room = self._room.get(name, 0)
-        if again and len(data) <= room:
-            start = self._places[name][0]
-        elif again:
-            self._room[name] = room = 2 * len(data)
-            self._end += room
-        else:
-            self._room.pop(name, None)
-            self._end += len(data)
-        view, place = memoryview(data), start
-        while view:
-            written = os.pwrite(self._file.fileno(), view, place)
-            view, place = view[written:], place + written
-        self._places[name] = (start, len(data))
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._places
-
-    def get(self, name: str) -> bytes:
-        """The piece of this name; KeyError where there is none."""
-        start, length = self._places[name]
-        return os.pread(self._file.fileno(), length, start)
-
-    def copy(self, names: Iterable[str], stream: BinaryIO, *, skip: int = 0) -> None:
-        """Write pieces one after the other, the first without its first ``skip`` bytes.
-
-        Pieces that were put one after the other are read at one go.
-        """
-        begin = end = 0
-        for name in names:
-            start, length = self._places[name]
-            if start != end or not end:
-                self._copy(begin, end, stream)
-                begin, skip = start + skip, 0
-            end = start + length
-        self._copy(begin, end, stream)
-
-    def _copy(self, begin: int, end: int, stream: BinaryIO) -> None:
-        while begin < end:
-            data = os.pread(self._file.fileno(), min(end - begin, _CHUNK), begin)
-            stream.write(data)
-            begin += len(data)
-
-    def close(self) -> None:
-        """Give the space back."""
-        self._file.close()
-
-
-_CHUNK = 1 << 20
+    return int(found[1]) if found else _STREAMS.get(name)
 
 
 @dataclass(slots=True)
@@ -217,6 +125,12 @@ class AttemptEvents:
     started: TestStarted | None = None
     ended: TestEnded | None = None
     events: list[Event] = field(default_factory=list)
+
+    @property
+    def problems(self) -> list[Message]:
+        """The failures and errors that were told."""
+        said = [event for event in self.events if isinstance(event, Message)]
+        return [message for message in said if message.severity in (Severity.FAILURE, Severity.ERROR)]
 
 
 class TestEvents:
@@ -228,24 +142,20 @@ class TestEvents:
         self._open: dict[str, list[AttemptEvents]] = {}
 
     def take(self, event: Event) -> list[AttemptEvents] | None:
-        """Take one of the events :data:`OF_A_TEST`; with the final end come all attempts, which are then forgotten."""
-        test: str = event.test  # type: ignore[attr-defined]
-        attempts = self._open.get(test)
-        if attempts is None:
-            attempts = self._open[test] = [AttemptEvents()]
-        current = attempts[-1]
-        if isinstance(event, TestStarted):
-            if current.started is not None:  # the runner died and the run was resumed
-                attempts.append(AttemptEvents(started=event))
-            else:
-                current.started = event
-        elif isinstance(event, TestEnded):
-            current.ended = event
-            if event.final:
-                return self._open.pop(test)
+        """Take any event; with a test's final end come all its attempts, which are then forgotten."""
+        test: str = getattr(event, "test", "") if type(event) in _OF_AN_ATTEMPT else ""
+        if not test:
+            return None
+        attempts = self._open.setdefault(test, [])
+        if not attempts or attempts[-1].ended is not None or (isinstance(event, TestStarted) and attempts[-1].started):
             attempts.append(AttemptEvents())
+        if isinstance(event, TestStarted):
+            attempts[-1].started = event
+        elif isinstance(event, TestEnded):
+            attempts[-1].ended = event
+            return self._open.pop(test) if event.final else None
         else:
-            current.events.append(event)
+            attempts[-1].events.append(event)
         return None
 
     def unfinished(self) -> dict[str, list[AttemptEvents]]:
@@ -258,54 +168,65 @@ class FileReporter(Reporter):
     """Base of reporters that write a document with an entry for each test.
 
     The document is complete at any time: ``update`` writes it anew while the run goes on, with an entry for each test
-    that is planned. What is known of a test that has ended is kept in a spool, as it will stand in the document.
+    that is planned.
     """
-
-    _spool: Spool | None = None
 
     def open(self) -> None:
         self.target = Target(self.options.target)
         self.target.check()
-        self._spool = Spool(self.target.folder)
+        folder = self.target.path.parent if self.target.path is not None and self.target.replaceable else None
+        self._spool: BinaryIO = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - closed by close()
+        self._places: dict[str, tuple[int, int]] = {}
+        self._end = 0
         self._tests = TestEvents()
+        self._unfinished: dict[str, bytes] = {}
 
     def handle(self, event: Event, results: RunResult) -> None:
-        if type(event) in OF_A_TEST and event.test:  # type: ignore[attr-defined]
+        if isinstance(event, TestPlanned):
+            attempts: list[AttemptEvents] | None = None if event.test in self._places else []
+        else:
             attempts = self._tests.take(event)
+        if attempts is not None:
             result = results.tests.get(event.test)  # type: ignore[attr-defined]
-            if attempts is not None and result is not None and self._spool is not None:
-                self._spool.put(result.id, self.entry(result, attempts, results))
+            if result is not None:
+                self.keep(result.id, self.entry(result, attempts, results))
 
     def update(self, results: RunResult) -> None:
-        if self._spool is not None and self.target.replaceable:
-            self._write(self._spool, results, last=False)
+        if self.target.replaceable:
+            self._write(results, last=False)
 
     def close(self, results: RunResult) -> None:
-        spool, self._spool = self._spool, None
-        if spool is None:
-            return
-        try:
-            self._write(spool, results, last=True)
-        finally:
-            spool.close()
+        with self._spool:
+            self._write(results, last=True)
 
-    def _write(self, spool: Spool, results: RunResult, *, last: bool) -> None:
-        for test, attempts in self._tests.unfinished().items():
-            result = results.tests.get(test)
-            if result is not None:
-                spool.put(test, self.entry(result, attempts, results), again=True)
-        for test, result in results.tests.items():
-            if test not in spool:
-                spool.put(test, self.entry(result, [], results))
+    def _write(self, results: RunResult, *, last: bool) -> None:
+        begun = {test: attempts for test, attempts in self._tests.unfinished().items() if test in results.tests}
+        self._unfinished = {test: self.entry(results.tests[test], begun[test], results) for test in begun}
         with self.target.writing(last=last) as stream:
-            self.document(stream, spool, results)
+            self.document(stream, results)
+
+    def keep(self, name: str, data: bytes) -> None:
+        """Put some bytes aside, in place of what had this name."""
+        self._places[name] = self._end, len(data)
+        self._end += self._spool.write(data)
+
+    def kept(self, name: str) -> bytes:
+        """The bytes that were put aside under this name; none where there are none."""
+        start, length = self._places.get(name, (0, 0))
+        self._spool.flush()
+        return os.pread(self._spool.fileno(), length, start)
+
+    def entries(self, tests: Iterable[str]) -> Iterator[bytes]:
+        """The entries of these tests, one after the other."""
+        for test in tests:
+            yield self._unfinished[test] if test in self._unfinished else self.kept(test)
 
     def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:
         """Make the entry of a test from its attempts; of one that has not begun there are none."""
         raise NotImplementedError
 
-    def document(self, stream: BinaryIO, spool: Spool, results: RunResult) -> None:
-        """Write the document. The spool has the entries of all tests."""
+    def document(self, stream: BinaryIO, results: RunResult) -> None:
+        """Write the document, with the ``entries`` of all tests."""
         raise NotImplementedError
 
 
@@ -315,31 +236,29 @@ def members(event: Event, *without: str) -> dict[str, Any]:
 
 
 _encode = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"), check_circular=False, allow_nan=False).encode
-_SURROGATE = re.compile("[\ud800-\udbff][\udc00-\udfff]|[\ud800-\udfff]")
 
 
 def to_json(record: object) -> bytes:
     """Write strict JSON in UTF-8: numbers that JSON lacks as words, as in the journal, lone surrogates written out."""
     try:
-        text = _encode(record)
+        return _encode(record).encode()
     except ValueError:
-        text = _encode(_finite(record))
-    try:
-        return text.encode()
-    except UnicodeEncodeError:
-        return _SURROGATE.sub(_repaired, text).encode()
+        return _encode(_strict(record)).encode()
 
 
-def _repaired(match: re.Match[str]) -> str:
-    found = match.group()
-    return joined(found) if len(found) > 1 else f"\\\\u{ord(found):04x}"
-
-
-def _finite(value: object) -> object:
-    if isinstance(value, float):
-        if value != value:  # noqa: PLR0124 - the shortest way to say: not a number
-            return "NaN"
-        return value if abs(value) != float("inf") else "Infinity" if value > 0 else "-Infinity"
+def _strict(value: object) -> object:
+    if isinstance(value, str):
+        return without_surrogates(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
     if isinstance(value, dict):
-        return {name: _finite(member) for name, member in value.items()}
-    return [_finite(item) for item in value] if isinstance(value, list | tuple) else value
+        return {without_surrogates(name): _strict(member) for name, member in value.items()}
+    return [_strict(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def separated(parts: Iterable[bytes]) -> Iterator[bytes]:
+    """The items of a JSON array as they are written: a comma and a line end between two."""
+    mark = b""
+    for part in parts:
+        yield mark + part
+        mark = b",\n"

@@ -23,8 +23,8 @@ from rtf.testing.events import (
 )
 from rtf.testing.report.files import AttemptEvents
 from rtf.testing.report.problems import PASSED_OVER, incident_text
-from rtf.testing.report.text import joined, measured, near_path, place, problem_text, sentence
-from rtf.testing.verdict import Severity, Verdict
+from rtf.testing.report.text import cut, joined, measured, near_path, parameter, place, problem_text, sentence
+from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -42,21 +42,14 @@ _PROPERTIES_LIMIT = 200
 
 _FAILURES = (Verdict.FAILED, Verdict.UNEXPECTED_PASS)
 
-_ILLEGAL = re.compile(
-    "[\ud800-\udbff][\udc00-\udfff]|[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]",
-)
+_ILLEGAL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _FOREIGN_MARK = re.compile(r"\[\[(?=\s*(?:ATTACHMENT|PROPERTY))", re.IGNORECASE)
 _NOT_IN_A_MARK = re.compile(r"[|\n\r]|\]\]")
 
 
 def legal(text: str) -> str:
     """The text with characters that XML cannot carry, or that only terminals understand, made visible."""
-    return _ILLEGAL.sub(_visible, text)
-
-
-def _visible(match: re.Match[str]) -> str:
-    found = match.group()
-    return joined(found) if len(found) > 1 else f"#x{ord(found):02X}"
+    return _ILLEGAL.sub(lambda found: f"#x{ord(found.group()):02X}", joined(text))
 
 
 def text_of(text: str) -> str:
@@ -85,14 +78,6 @@ def seconds_of(seconds: float) -> str:
     return f"{seconds:.3f}" if 0 <= seconds < float("inf") else "0.000"
 
 
-def _cut(text: str, limit: int) -> str:
-    """The two ends of a text that is too long, with a note between them."""
-    if len(text) <= limit:
-        return text
-    half = limit // 2
-    return f"{text[:half]}\n… {len(text) - 2 * half} characters left out; the journal has them …\n{text[-half:]}"
-
-
 def kind_of(result: TestResult) -> str:
     """The element that a test's verdict becomes; none for a pass. A test without one is lost with its runner."""
     verdict = result.verdict
@@ -114,18 +99,17 @@ def properties_of(pairs: Iterable[tuple[str, str]]) -> str:
 def problem_case(problem: Problem, identity: list[tuple[str, object]]) -> str:
     """A case for what is no test. What RTF got over is shown as an earlier, failed attempt of a case that passed."""
     parts = [f"<testcase{attributes([*identity, ('time', '0.000')])}>\n"]
-    message = _cut(_filled(problem.message, problem.name), _MESSAGE_LIMIT)
+    message = cut(_filled(problem.message, problem.name), _MESSAGE_LIMIT)
     if problem.red:
-        text = _cut(_filled(problem.text, message), _FAILING_LIMIT)
+        text = cut(_filled(problem.text, message), _FAILING_LIMIT)
         parts.append(element("error", text, ("type", problem.kind), ("message", message)))
     else:
         for event in problem.incidents:
-            head = attributes(
-                [("type", problem.kind), ("message", _cut(_filled(event.cause, message), _MESSAGE_LIMIT))]
-            )
-            trace = element("stackTrace", _cut(incident_text(event), _EARLIER_LIMIT))
+            cause = cut(_filled(event.cause, message), _MESSAGE_LIMIT)
+            head = attributes([("type", problem.kind), ("message", cause)])
+            trace = element("stackTrace", cut(incident_text(event), _EARLIER_LIMIT))
             parts.append(f"<flakyFailure{head}>{trace}</flakyFailure>\n")
-    parts.append(element("system-out", _defused(_cut(problem.text, _PASSING_LIMIT))))
+    parts.append(element("system-out", _defused(cut(problem.text, _PASSING_LIMIT))))
     return "".join([*parts, "</testcase>\n"])
 
 
@@ -136,61 +120,50 @@ class CaseWriter:
         self._folder = run_folder
         self._strict = strict
 
-    def place(self, result: TestResult) -> list[tuple[str, object]]:
-        """The attributes of the place, in the family that has them."""
-        planned = result.planned
-        if self._strict or not planned.file:
-            return []
-        return [("file", near_path(planned.file)), *([("line", planned.line)] if planned.line else [])]
-
     def case(self, result: TestResult, attempts: list[AttemptEvents], identity: list[tuple[str, object]]) -> str:
-        """A test case whole."""
-        head = attributes([*identity, ("time", seconds_of(result.duration)), *self.place(result)])
-        return f"<testcase{head}>\n{self.body(result, attempts)}</testcase>\n"
-
-    def body(self, result: TestResult, attempts: list[AttemptEvents]) -> str:
-        """The elements of a case: verdict, earlier attempts, output."""
+        """A test case whole: verdict, earlier attempts, properties, output."""
         attempts = [attempt for attempt in attempts if attempt.ended is not None] or attempts
         last = attempts[-1] if attempts else AttemptEvents()
-        kind = kind_of(result)
-        parts = [self._verdict(result, last, kind)] if kind else []
-        parts += [self._earlier(attempt, "rerunFailure" if kind else "flakyFailure") for attempt in attempts[:-1]]
+        kind, planned = kind_of(result), result.planned
         properties = self._facts(result, last, len(attempts))
+        head = [*identity, ("time", seconds_of(result.duration))]
+        parts = []
         if not self._strict:
-            parts.insert(0, properties_of(properties))
-        limit = _FAILING_LIMIT if kind else _PASSING_LIMIT
+            head += [("file", near_path(planned.file))] if planned.file else []
+            head += [("line", planned.line)] if planned.file and planned.line else []
+            parts.append(properties_of(properties))
+        parts += [self._verdict(result, last, kind)] if kind else []
+        parts += [self._earlier(attempt, "rerunFailure" if kind else "flakyFailure") for attempt in attempts[:-1]]
         marks = self._marks(attempts, properties if self._strict else [])
-        out, err = _outputs(last, limit)
-        for name, text in (("system-out", marks + out), ("system-err", err)):
-            if text:
-                parts.append(element(name, text))
-        return "".join(parts)
+        out, err = _outputs(last, _FAILING_LIMIT if kind else _PASSING_LIMIT)
+        parts += [element("system-out", marks + out) if marks + out else "", element("system-err", err) if err else ""]
+        return f"<testcase{attributes(head)}>\n{''.join(parts)}</testcase>\n"
 
     @staticmethod
     def _verdict(result: TestResult, last: AttemptEvents, kind: str) -> str:
         verdict = result.verdict or (Verdict.NOT_RUN if last.started is None else Verdict.INTERRUPTED)
         ended = last.ended or result.last
         reason, detail = (ended.reason, ended.detail) if ended is not None else ("", _lost(last))
-        found = _problems(last) or result.problems
+        found = last.problems or result.problems
         problems = [problem_text(one) for one in found]
         message = _filled(detail, problems[0].partition("\n")[0] if problems else "", reason, verdict)
         if verdict not in (Verdict.FAILED, Verdict.ERROR, Verdict.SKIPPED):
             message = f"{verdict}: {message}" if message != verdict else message
         named = verdict is not Verdict.ERROR or not reason
-        pairs = [("type", verdict if named else reason), ("message", _cut(message, _MESSAGE_LIMIT))]
+        pairs = [("type", verdict if named else reason), ("message", cut(message, _MESSAGE_LIMIT))]
         text = "\n".join(problems if found and _says(found[0], detail) else [message, *problems])
-        return element(kind, _cut(_filled(text, message), _FAILING_LIMIT // 4), *pairs)
+        return element(kind, cut(_filled(text, message), _FAILING_LIMIT // 4), *pairs)
 
     @staticmethod
     def _earlier(attempt: AttemptEvents, name: str) -> str:
         ended = attempt.ended
         if ended is None:
             return ""
-        problems = "\n".join(problem_text(event) for event in _problems(attempt))
+        problems = "\n".join(problem_text(event) for event in attempt.problems)
         message = _filled(ended.detail, problems.partition("\n")[0], ended.reason, ended.outcome)
         out, err = _outputs(attempt, _EARLIER_LIMIT)
-        head = attributes([("type", ended.outcome), ("message", _cut(message, _MESSAGE_LIMIT))])
-        inner = element("stackTrace", _cut(_filled(problems, message), _EARLIER_LIMIT))
+        head = attributes([("type", ended.outcome), ("message", cut(message, _MESSAGE_LIMIT))])
+        inner = element("stackTrace", cut(_filled(problems, message), _EARLIER_LIMIT))
         inner += element("system-out", out) if out else ""
         inner += element("system-err", err) if err else ""
         return f"<{name}{head}>\n{inner}</{name}>\n"
@@ -213,7 +186,7 @@ class CaseWriter:
             elif isinstance(event, SubResultEnded):
                 facts.append((f"part.{event.subject}", f"{event.verdict}: {event.reason}".rstrip(": ")))
             elif isinstance(event, ParametersResolved):
-                facts += [(f"parameter.{row.get('name', '')}", _parameter(row)) for row in event.parameters]
+                facts += [(f"parameter.{row.get('name', '')}", parameter(row)) for row in event.parameters]
         facts = [(name, value) for name, value in facts if value]
         if len(facts) > _PROPERTIES_LIMIT:
             left_out = f"{len(facts) - _PROPERTIES_LIMIT} more are in the journal"
@@ -229,7 +202,7 @@ class CaseWriter:
                     path = _relative(os.path.join(self._folder, event.path))  # noqa: PTH118 - no need of a Path
                     lines.append(_defused(path) if _NOT_IN_A_MARK.search(path) else f"[[ATTACHMENT|{path}]]")
         for name, value in properties:
-            pair = _defused(_cut(f"{name}={value}", _MESSAGE_LIMIT))
+            pair = _defused(cut(f"{name}={value}", _MESSAGE_LIMIT))
             lines.append(f"[[PROPERTY|{pair.replace(']]', '] ]').translate(_ONE_LINE)}]]")
         return "".join(f"{line}\n" for line in lines)
 
@@ -250,16 +223,6 @@ def _filled(*texts: str) -> str:
 def _relative(path: str) -> str:
     """Relative to the working directory where it lies below, which is what GitLab and Jenkins look from."""
     return near_path(os.path.normpath(os.path.abspath(path)))  # noqa: PTH100 - links stay as they are
-
-
-def _parameter(row: dict[str, str]) -> str:
-    value = " ".join(part for part in (row.get("value", ""), row.get("unit", "")) if part)
-    return f"{value} ({row['source']})" if row.get("source") else value
-
-
-def _problems(attempt: AttemptEvents) -> list[Message]:
-    weighty = (Severity.FAILURE, Severity.ERROR)
-    return [event for event in attempt.events if isinstance(event, Message) and event.severity in weighty]
 
 
 def _says(message: Message, detail: str) -> bool:
@@ -283,7 +246,7 @@ def _outputs(attempt: AttemptEvents, limit: int) -> tuple[str, str]:
             part.append(event.text)
         elif isinstance(event, StackDumped):
             err.append(f"{event.cause}\n{event.text.rstrip()}\n")
-    return _defused(_cut("".join(out), limit)), _defused(_cut("".join(err), limit))
+    return _defused(cut("".join(out), limit)), _defused(cut("".join(err), limit))
 
 
 def _defused(text: str) -> str:

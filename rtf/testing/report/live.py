@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from statistics import median
 from typing import TYPE_CHECKING, TextIO
 
 from rich.console import Console, Group
@@ -24,7 +25,7 @@ from rtf.testing.events import (
     TestPlanned,
     TestStarted,
 )
-from rtf.testing.report import text as report_text
+from rtf.testing.report.text import counts, duration, one_line
 from rtf.testing.verdict import FixtureState, Verdict
 
 if TYPE_CHECKING:
@@ -93,24 +94,35 @@ class Region:
 
     def take(self, event: Event, results: RunResult) -> None:
         """Take one event in."""
-        if isinstance(event, TestPlanned):
-            self._left += 1
-        elif isinstance(event, TestStarted):
-            self._test_started(event, results)
-        elif isinstance(event, TestEnded):
-            self._test_ended(event)
-        elif isinstance(event, PhaseStarted | Progressed):
-            self._test_went_on(event)
-        elif isinstance(event, FixtureChanged):
-            self._fixture_changed(event)
-        elif isinstance(event, Asked | Answered):
-            self._question(event)
+        match event:
+            case TestPlanned():
+                self._left += 1
+            case TestStarted():
+                test, suite = results.tests.get(event.test), results.suite_of(event.test)
+                self._suite = one_line(suite.name) if suite is not None else ""
+                name = one_line(test.name if test is not None else event.test)
+                self._running[event.test] = _Running(name, event.time, phase_began=event.time)
+            case PhaseStarted() if event.test in self._running:
+                running = self._running[event.test]
+                running.phase, running.phase_began, running.limit = event.phase, event.time, event.limit
+            case Progressed() if event.test in self._running:
+                progress = f"{100 * event.fraction:.0f} % {one_line(event.text)}"
+                self._running[event.test].progress = progress.rstrip()
+            case TestEnded():
+                self._test_ended(event)
+            case FixtureChanged(state=FixtureState.STOPPED):
+                self._fixtures.pop((event.suite, event.fixture), None)
+            case FixtureChanged():
+                self._fixtures[event.suite, event.fixture] = event
+            case Asked() | Answered():
+                self._question(event)
 
-    def _fixture_changed(self, event: FixtureChanged) -> None:
-        if event.state is FixtureState.STOPPED:
-            self._fixtures.pop((event.suite, event.fixture), None)
-        else:
-            self._fixtures[event.suite, event.fixture] = event
+    def _test_ended(self, event: TestEnded) -> None:
+        self._running.pop(event.test, None)
+        if event.final:
+            self._durations.append(event.duration)
+            self._counts[event.verdict] += 1
+            self._left -= 1
 
     def _question(self, event: Asked | Answered) -> None:
         """Be away while somebody is to type an answer."""
@@ -122,57 +134,32 @@ class Region:
         if not self._questions:
             self._live = self._start()
 
-    def _test_started(self, event: TestStarted, results: RunResult) -> None:
-        test = results.tests.get(event.test)
-        name = test.name if test is not None else event.test
-        suite = results.suite_of(event.test)
-        self._suite = report_text.one_line(suite.name) if suite is not None else ""
-        self._running[event.test] = _Running(report_text.one_line(name), event.time, phase_began=event.time)
-
-    def _test_went_on(self, event: PhaseStarted | Progressed) -> None:
-        running = self._running.get(event.test)
-        if running is None:
-            return
-        if isinstance(event, PhaseStarted):
-            running.phase, running.phase_began, running.limit = str(event.phase), event.time, event.limit
-        else:
-            running.progress = f"{100 * event.fraction:.0f} % {report_text.one_line(event.text)}".rstrip()
-
-    def _test_ended(self, event: TestEnded) -> None:
-        self._running.pop(event.test, None)
-        if event.final:
-            self._durations.append(event.duration)
-            self._counts[event.verdict] += 1
-            self._left -= 1
-
     # In the drawing thread ---------------------------------------------------------------------------------------
 
     def _render(self) -> RenderableType:
         now = clock.now()
         rows = [self._fixture_row(changed) for changed in [*self._fixtures.values()][:_ROWS]]
         rows += [self._test_row(running, now) for running in [*self._running.values()][:_ROWS]]
-        counted = report_text.counts(self._counts.copy())
+        counted = counts(self._counts.copy())
         parts = [part for part in (self._suite, counted, f"{self._left} to go" if self._left > 0 else "") if part]
         durations = [*self._durations]
         if durations and self._left > 0:
-            from statistics import median
-
-            parts.append(f"about {report_text.duration(median(durations) * self._left)} left")
+            parts.append(f"about {duration(median(durations) * self._left)} left")
         rows.append(Text("  ".join(parts), style="bold", no_wrap=True, overflow="ellipsis"))
         return Group(*rows)
 
     @staticmethod
     def _fixture_row(changed: FixtureChanged) -> Text:
-        text = f"  {report_text.one_line(changed.fixture)} #{changed.generation} {changed.state}"
+        text = f"  {one_line(changed.fixture)} #{changed.generation} {changed.state}"
         good = changed.state in (FixtureState.READY, FixtureState.STARTING, FixtureState.STOPPING)
         return Text(text, style="dim" if good else "red", no_wrap=True, overflow="ellipsis")
 
     @staticmethod
     def _test_row(running: _Running, now: float) -> Text:
-        elapsed = report_text.duration(max(0.0, now - running.began))
+        elapsed = duration(max(0.0, now - running.began))
         limit = ""
         if running.limit is not None:
-            spent = report_text.duration(max(0.0, now - running.phase_began))
-            limit = f", {running.phase} {spent} of {report_text.duration(running.limit)}"
+            spent = duration(max(0.0, now - running.phase_began))
+            limit = f", {running.phase} {spent} of {duration(running.limit)}"
         text = f"  {running.name}  {elapsed}{limit}  {running.progress}"
         return Text(text.rstrip(), style="cyan", no_wrap=True, overflow="ellipsis")

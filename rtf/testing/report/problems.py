@@ -28,7 +28,7 @@ from rtf.testing.report.text import counts, incident, place, problem_text
 from rtf.testing.verdict import ExitCode, FixtureState, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
-    from rtf.testing.events import Diagnosed, FixtureIncident, Message
+    from rtf.testing.events import Diagnosed, FixtureIncident
     from rtf.testing.results import RunResult, SuiteResult
 
 #: Verdicts of tests that a consumer of tests shows as not carried out; they alone do not make it red.
@@ -56,49 +56,35 @@ def of_suite(suite: SuiteResult) -> list[Problem]:
     """The problems of one suite: each fixture that had one, then the suite itself."""
     found: dict[str, Problem] = {}
     for event in suite.incidents:
-        _incident(found, event)
+        problem = _of_fixture(found, event.fixture)
+        problem.red |= event.phase is Phase.TEARDOWN
+        problem.message = incident(event)
+        problem.incidents.append(event)
+        problem.texts.append(incident_text(event))
     for message in suite.problems:
-        _message(found, message, suite.name)
+        kind = "SuiteFailure" if message.severity is Severity.FAILURE else "SuiteError"
+        whole = Problem(f"suite: {suite.name}", kind)
+        problem = _of_fixture(found, message.fixture) if message.fixture else found.setdefault("suite", whole)
+        problem.red = True
+        problem.message = problem.message or message.detail or message.title
+        problem.texts.append(problem_text(message))
     for name, changed in suite.fixtures.items():
         if changed.state is FixtureState.FAILED:
-            problem = _fixture(found, name)
+            problem = _of_fixture(found, name)
             problem.red = True
             problem.message = f"given up: {changed.detail}" if changed.detail else "given up"
             problem.texts.append(problem.message)
     return list(found.values())
 
 
-def _fixture(found: dict[str, Problem], name: str) -> Problem:
+def _of_fixture(found: dict[str, Problem], name: str) -> Problem:
     return found.setdefault(f"fixture {name}", Problem(f"fixture: {name}", "FixtureCollapsed"))
-
-
-def _incident(found: dict[str, Problem], event: FixtureIncident) -> None:
-    problem = _fixture(found, event.fixture)
-    problem.red |= event.phase is Phase.TEARDOWN
-    problem.message = incident(event)
-    problem.incidents.append(event)
-    problem.texts.append(incident_text(event))
 
 
 def incident_text(event: FixtureIncident) -> str:
     """An incident in full: the sentence, the traceback, the last output."""
-    parts = [incident(event)]
-    if event.traceback:
-        parts.append(event.traceback.rstrip("\n"))
-    if event.output:
-        parts += ["last output:", event.output.rstrip("\n")]
-    return "\n".join(parts)
-
-
-def _message(found: dict[str, Problem], message: Message, suite: str) -> None:
-    if message.fixture:
-        problem = _fixture(found, message.fixture)
-    else:
-        kind = "SuiteFailure" if message.severity is Severity.FAILURE else "SuiteError"
-        problem = found.setdefault("suite", Problem(f"suite: {suite}", kind))
-    problem.red = True
-    problem.message = problem.message or message.detail or message.title
-    problem.texts.append(problem_text(message))
+    last = f"last output:\n{event.output}" if event.output else ""
+    return "\n".join(part.rstrip("\n") for part in (incident(event), event.traceback, last) if part)
 
 
 def of_run(results: RunResult) -> list[Problem]:

@@ -21,9 +21,7 @@ if TYPE_CHECKING:
     from rtf.testing.events import FixtureIncident, Measured, Message
 
 #: Control characters but tab and line feed, characters that turn the direction of writing, and lone surrogates.
-_UNSAFE = re.compile(
-    "[\ud800-\udbff][\udc00-\udfff]|[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]",
-)
+_UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 #: The order in which counts are told: what needs attention first.
 _ORDER = (
@@ -48,24 +46,26 @@ _PLURALS = {
 }
 
 
+def joined(text: str) -> str:
+    """The text with each pair of surrogates as the one character that it stands for, as JSON readers make of it."""
+    return text if text.isascii() else text.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "surrogatepass")
+
+
+def without_surrogates(text: str) -> str:
+    """The text with pairs of surrogates joined and lone ones written out, for what holds nothing but Unicode."""
+    return encodable(joined(text), "utf-8")
+
+
 def _escaped(match: re.Match[str]) -> str:
-    found = match.group()
-    if len(found) > 1:
-        return joined(found)
-    code = ord(found)
+    code = ord(match.group())
     return f"\\x{code:02x}" if code <= 0xFF else f"\\u{code:04x}"  # noqa: PLR2004 - one byte
-
-
-def joined(pair: str) -> str:
-    """The one character that two surrogates stand for, as every JSON reader makes of them."""
-    return pair.encode("utf-16-le", "surrogatepass").decode("utf-16-le")
 
 
 def shown(text: str) -> str:
     r"""The text with what would harm a terminal written out, such as ``\x1b``; line feeds and tabs stay."""
     if text.isascii() and text.isprintable():
         return text
-    return _UNSAFE.sub(_escaped, text.replace("\r\n", "\n"))
+    return _UNSAFE.sub(_escaped, joined(text).replace("\r\n", "\n"))
 
 
 def encodable(text: str, encoding: str | None) -> str:
@@ -108,6 +108,14 @@ def place(file: str, line: int = 0, column: int = 0) -> str:
     """A place the way compilers write it, ``path:line:column``, as far as it is known."""
     parts = [shown(near_path(file)), *(str(number) for number in ((line, column) if line else ()) if number)]
     return ":".join(parts) if file else ""
+
+
+def cut(text: str, limit: int) -> str:
+    """The two ends of a text that is too long, with a note between them."""
+    if len(text) <= limit:
+        return text
+    half = limit // 2
+    return f"{text[:half]}\n… {len(text) - 2 * half} characters left out; the journal has them …\n{text[-half:]}"
 
 
 def duration(seconds: float) -> str:
@@ -167,6 +175,12 @@ def measured(event: Measured) -> str:
     if event.margin is not None:
         text += f", margin {quantity(event.margin, event.unit)}"
     return f"{text}, {event.verdict}"
+
+
+def parameter(row: Mapping[str, str]) -> str:
+    """The value of a parameter with its unit, and where it is from."""
+    value = " ".join(part for part in (row.get("value", ""), row.get("unit", "")) if part)
+    return f"{value} ({row['source']})" if row.get("source") else value
 
 
 def incident(event: FixtureIncident) -> str:

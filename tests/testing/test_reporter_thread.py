@@ -1,0 +1,157 @@
+"""Calls of reporters: bounded, in order, and updates of reports that cost no more than their share."""
+
+from __future__ import annotations
+
+import resource
+import threading
+from pathlib import Path
+
+import pytest
+
+from rtf.testing import reporter_thread
+from rtf.testing.events import Event, SuiteStarted
+from rtf.testing.reporter_thread import ReporterThread, bounded, let_linger
+from rtf.testing.reporting import Reporter, ReportOptions
+from rtf.testing.results import RunResult
+from tests.waiting import eventually
+
+
+class Hearing(Reporter):
+    """Keeps what it hears, and how often it was updated."""
+
+    plugin_name = "hearing"
+    patience = 0.2
+
+    def __init__(self) -> None:
+        super().__init__(ReportOptions(None, Path()))
+        self.heard: list[Event] = []
+        self.updates = 0
+
+    def handle(self, event: Event, results: RunResult) -> None:
+        self.heard.append(event)
+
+    def update(self, results: RunResult) -> None:
+        self.updates += 1
+
+
+class Hanging(Hearing):
+    """Does not come back from its second event."""
+
+    plugin_name = "hanging"
+
+    def handle(self, event: Event, results: RunResult) -> None:
+        super().handle(event, results)
+        if len(self.heard) == 2:
+            threading.Event().wait()
+
+
+@pytest.fixture
+def broken() -> list[tuple[Reporter, BaseException]]:
+    """What was told of reporters."""
+    return []
+
+
+def thread_of(broken: list[tuple[Reporter, BaseException]], *reporters: Reporter) -> ReporterThread:
+    """A thread that calls these reporters, of a run that is going on."""
+    thread = ReporterThread(reporters, lambda reporter, error: broken.append((reporter, error)))
+    thread.live = True
+    return thread
+
+
+def test_the_others_hear_each_event_once_when_one_hangs(broken: list[tuple[Reporter, BaseException]]):
+    """Those before it and those behind it, the event in hand too; nobody has to ask or to wait for that."""
+    before, hanging, behind = Hearing(), Hanging(), Hearing()
+    thread = thread_of(broken, before, hanging, behind)
+    events = [SuiteStarted(suite=f"s{number}") for number in range(4)]
+    for event in events:
+        thread.put(event)
+    eventually(lambda: before.heard == behind.heard == events, "the others do not hear of everything")
+    assert hanging.heard == events[:2]
+    ((who, error),) = broken
+    assert (who, str(error)) == (hanging, "handle() did not return within 0.2 s")
+    thread.close(lambda: 0)
+
+
+def test_an_expensive_report_is_brought_up_to_date_less_often(broken: list[tuple[Reporter, BaseException]]):
+    """A report that takes a tenth of a second of the processor has to wait for many seconds, and no other with it."""
+
+    class Expensive(Hearing):
+        patience = 10.0
+
+        def update(self, results: RunResult) -> None:
+            super().update(results)
+            began = resource.getrusage(resource.RUSAGE_THREAD).ru_utime
+            while resource.getrusage(resource.RUSAGE_THREAD).ru_utime < began + 0.1:
+                pass
+
+    cheap, expensive = Hearing(), Expensive()
+    thread = thread_of(broken, cheap, expensive)
+    thread.put(SuiteStarted(suite="s"))
+
+    def updated_often() -> bool:
+        thread.put(SuiteStarted(suite="s"))
+        return cheap.updates >= 4
+
+    eventually(updated_often, "the report is not brought up to date each second", limit=20.0)
+    assert expensive.updates == 2
+    thread.close(lambda: 0)
+    assert broken == []
+
+
+def test_a_report_that_is_up_to_date_is_not_written_again(broken: list[tuple[Reporter, BaseException]]):
+    """Nothing has happened since."""
+    reporter, other = Hearing(), Hearing()
+    thread = thread_of(broken, reporter, other)
+    thread.put(SuiteStarted(suite="s"))
+    eventually(lambda: other.updates == 1, "the report is not written")
+    thread.flush(lambda: 0)
+    assert reporter.updates == 1
+    thread.close(lambda: 0)
+
+
+def test_answers_and_errors_of_a_bounded_call_come_back():
+    """As if it had been called in the usual way."""
+
+    class Refusing(Hearing):
+        def open(self) -> None:
+            raise OSError("no room")
+
+    assert bounded(Hearing(), "paths") == ()
+    with pytest.raises(OSError, match="no room"):
+        bounded(Refusing(), "open")
+
+
+def test_what_goes_wrong_while_reporters_linger_is_given_back():
+    """The others have their turn; who stays has time to go when that is asked."""
+
+    class Leaving(Hearing):
+        def linger(self, stop: threading.Event) -> None:
+            raise RuntimeError("gone")
+
+    class Staying(Hearing):
+        stays = True
+
+        def linger(self, stop: threading.Event) -> None:
+            stop.set()  # as a signal would do it
+            self.updates += 1
+
+    leaving, staying = Leaving(), Staying()
+    ((who, error),) = let_linger([leaving, staying], threading.Event())
+    assert (who, str(error), staying.updates) == (leaving, "gone", 1)
+
+
+@pytest.mark.parametrize(("asked", "limit"), [([1], 0.3), ([0, 1], 0.1)])
+def test_a_run_that_is_to_stop_waits_less_for_its_reports(
+    broken: list[tuple[Reporter, BaseException]], monkeypatch: pytest.MonkeyPatch, asked: list[int], limit: float
+):
+    """Less when it was asked before, and least when it is asked again meanwhile."""
+    monkeypatch.setattr(reporter_thread, "STOPPING_LIMIT", 0.3)
+    monkeypatch.setattr(reporter_thread, "HURRIED_LIMIT", 0.1)
+
+    class Endless(Hearing):
+        def close(self, results: RunResult) -> None:
+            threading.Event().wait()
+
+    thread = thread_of(broken, Endless())
+    thread.close(lambda: asked.pop(0) if len(asked) > 1 else asked[0])
+    assert [str(error) for _, error in broken] == [f"close() did not return within {limit:g} s"]
