@@ -26,7 +26,7 @@ import sys
 from typing import TYPE_CHECKING, ClassVar
 
 from rtf.testing.fixture_values import FixtureValueError, UsesFixtures, Value, checked
-from rtf.testing.isolation.messages import STOP_LIMIT
+from rtf.testing.isolation.messages import STOP_LIMIT, Provided
 from rtf.testing.outcome import FixtureCollapsed
 from rtf.testing.parameters import Declared
 from rtf.testing.verdict import Severity
@@ -122,7 +122,7 @@ class FixtureManager(Declared, UsesFixtures):
 
         ``exit_status`` or ``signal_name`` say how a program ended, ``output`` holds the last it said.
         """
-        self._host.announce_collapse(reason, exit_status=exit_status, signal_name=signal_name, output=output)
+        self._host.collapse(reason, exit_status=exit_status, signal_name=signal_name, output=output)
 
     def provide(self, **variables: str) -> None:
         """Set environment variables for the tests that stand on this fixture, and for the fixtures that depend on it.
@@ -133,7 +133,7 @@ class FixtureManager(Declared, UsesFixtures):
         for name, value in variables.items():
             if not name.isidentifier() or not name.isascii() or "\0" in value:
                 raise ValueError(f"the environment cannot hold {name}={value!r}")
-        self._host.say("provides", variables=variables)
+        self._host.emit(Provided(variables=variables))
 
     def provide_value(self, key: str, value: object) -> None:
         """Hand a declared value to the tests, and the fixtures, that stand on this one; to be called in ``setup``.

@@ -156,10 +156,12 @@ class SuiteWorker:
         suite = planned.suite
         self._suite = planned
         self._suite_folder = str(Path(suite.file).parent) if suite.file else ""
-        self._supervisor.suite = suite.id
         self._supervisor.adopt(
-            Fixture(entry, ref if not isinstance(ref, str) else None, ref if isinstance(ref, str) else "")
-            for entry, ref in planned.fixtures
+            suite.id,
+            (
+                Fixture(entry, ref if not isinstance(ref, str) else None, ref if isinstance(ref, str) else "")
+                for entry, ref in planned.fixtures
+            ),
         )
         first, self._suite_deadline = self._dispatcher.enter(suite, self._reactor.wake)
         if self._run.options.terminal:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Union
 
 import msgspec
 
-from rtf.testing.events import KINDS
+from rtf.testing.events import KINDS, FixtureIncident, OutputCaptured
+from rtf.testing.events import Message as TestMessage
 from rtf.testing.outcome import TestingError
 from rtf.testing.plugins import PluginRef
 
@@ -151,7 +152,10 @@ class Answer(Message, frozen=True):
 
 
 class Command(Message, frozen=True):
-    """What a fixture's process is to do. ``detail`` is the path for ``stacks``, or the reason for ``teardown``."""
+    """What a fixture's process is to do: ``check``, ``enter_safe_state`` or ``teardown``, after ``stacks``.
+
+    ``detail`` is the reason for ``teardown``, or the path for ``stacks``.
+    """
 
     command: str
     detail: str = ""
@@ -169,11 +173,40 @@ class Finished(msgspec.Struct, frozen=True, tag_field="event", tag="finished"):
     stopped: str = ""
 
 
-class Said(msgspec.Struct, frozen=True, tag_field="event", tag="said"):
-    """What the process of a fixture says of its life: a word, and what belongs to it."""
+# From a fixture's process to the runner, beside events; see ``supervision.fixture_process`` --------------------------
 
-    word: str
-    members: dict[str, Any] = {}
+
+class Doing(msgspec.Struct, frozen=True, tag_field="event", tag="doing"):
+    """The step that begins now, such as ``teardown()``; ``nothing`` when all is done."""
+
+    step: str
+
+
+class Provided(msgspec.Struct, frozen=True, tag_field="event", tag="provided"):
+    """What this generation hands to the tests on it: variables of their environment, and values by key."""
+
+    variables: dict[str, str] = {}
+    values: dict[str, Any] = {}
+
+
+class Ready(msgspec.Struct, frozen=True, tag_field="event", tag="ready"):
+    """It is set up. It may put a robot back, or the like; its ``stop_limit`` is in seconds."""
+
+    secures_robot: bool
+    stop_limit: float
+
+
+class Alive(msgspec.Struct, frozen=True, tag_field="event", tag="alive"):
+    """A check has held, or a command has been carried out: ``answered``."""
+
+    answered: bool = False
+
+
+class Lost(msgspec.Struct, frozen=True, tag_field="event", tag="lost"):
+    """It is not usable any more; ``hopeless`` says that another try would come to the same."""
+
+    incident: FixtureIncident
+    hopeless: bool = False
 
 
 # On the wire ---------------------------------------------------------------------------------------------------------
@@ -237,4 +270,7 @@ class Frames:
 to_fork_server = msgspec.msgpack.Decoder(Fork | Signal | MarkHost | Preload).decode
 to_runner = msgspec.msgpack.Decoder(Forked | Exited | Loaded).decode
 to_child = msgspec.msgpack.Decoder(Job | Answer | Command).decode
-from_child = msgspec.msgpack.Decoder(Union[(Finished, Said, *KINDS.values())]).decode
+from_child = msgspec.msgpack.Decoder(Union[(Finished, *KINDS.values())]).decode
+from_fixture = msgspec.msgpack.Decoder(
+    Doing | Provided | Ready | Alive | Lost | FixtureIncident | TestMessage | OutputCaptured
+).decode

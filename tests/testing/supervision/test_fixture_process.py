@@ -10,7 +10,7 @@ import pytest
 
 from rtf import clock
 from rtf.testing.events import Event, FixtureIncident
-from rtf.testing.isolation.messages import DUMP_SIGNAL, SAFE_STATE_LIMIT, Command, Frames, Job, Said, pack
+from rtf.testing.isolation.messages import DUMP_SIGNAL, SAFE_STATE_LIMIT, Command, Doing, Frames, Job, Ready, pack
 from rtf.testing.isolation.worker_pool import End
 from rtf.testing.plugins import PluginRef
 from rtf.testing.suite.model import FixtureEntry
@@ -21,10 +21,10 @@ from rtf.testing.verdict import FixtureState
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import msgspec
+
 PLUGIN = PluginRef("fixture", "fx", "fx.py", "python")
-TEARDOWN = {"host": "doing", "what": "teardown()"}
-PARK = {"host": "doing", "what": "enter_safe_state()"}
-DONE = {"host": "done"}
+TEARDOWN, PARK, DONE = Doing("teardown()"), Doing("enter_safe_state()"), Doing("nothing")
 
 
 class Scripted:
@@ -34,7 +34,7 @@ class Scripted:
     it ends.
     """
 
-    def __init__(self, *plan: tuple[float, dict[str, str] | End], in_dump: tuple[dict[str, str] | End, ...] = ()):
+    def __init__(self, *plan: tuple[float, msgspec.Struct | End], in_dump: tuple[msgspec.Struct | End, ...] = ()):
         self.time = 0.0
         self.plan = [*plan]
         self.in_dump = [*in_dump]
@@ -62,9 +62,8 @@ class Scripted:
         if message.command == "stacks":
             self.path = message.detail
 
-    def say(self, said: dict[str, object]) -> None:
-        word, members = str(said["host"]), {name: value for name, value in said.items() if name != "host"}
-        self.on_message(b"".join(Frames().feed(pack(Said(word, members)))))
+    def say(self, said: msgspec.Struct) -> None:
+        self.on_message(b"".join(Frames().feed(pack(said))))
 
     def signal(self, signum: int, *, group: bool = False) -> None:
         self.signals.append(int(signum))
@@ -103,8 +102,8 @@ def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[]
     fixture.process = generation
     fixture.state = FixtureState.STARTING
     generation.begin(Job(kind="fixture", id="fx", name="fx", plugin=PLUGIN, folder="", run_folder=""))
-    child.say({"host": "listening"})
-    child.say({"host": "ready", "of_robot": True, "stop_limit": 5.0})
+    child.say(Doing("setup()"))
+    child.say(Ready(secures_robot=True, stop_limit=5.0))
     fixture.state = FixtureState.STOPPING
     generation.stop("")
     return [event.cause for event in events if isinstance(event, FixtureIncident)]
@@ -140,8 +139,8 @@ def test_teardown_that_hangs_is_killed_however_late_it_began(monkeypatch: pytest
     assert child.time < SAFE_STATE_LIMIT + TEARDOWN_LIMIT + 4.0
 
 
-@pytest.mark.parametrize("said", [PARK, TEARDOWN, {"host": "doing", "what": "nothing much"}, {"host": "listening"}])
-def test_each_of_the_last_things_begins_once(said: dict[str, str], monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("said", [PARK, TEARDOWN, Doing("nothing much"), Doing("setup()")])
+def test_each_of_the_last_things_begins_once(said: Doing, monkeypatch: pytest.MonkeyPatch):
     """A process that says again and again what it is doing lives no longer for that."""
     child = Scripted((0.5, PARK), (1.0, TEARDOWN), *((float(second), said) for second in range(2, 300)))
     assert stop(child, monkeypatch) == ["teardown() did not come back within 30 s; killed"]
