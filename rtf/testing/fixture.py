@@ -22,13 +22,13 @@ Whatever takes too long is interrupted by an exception that is not for catching 
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, ClassVar
 
 from rtf.testing.fixture_values import FixtureValueError, UsesFixtures, Value, checked
 from rtf.testing.isolation.messages import STOP_LIMIT, Provided
 from rtf.testing.outcome import FixtureCollapsed
 from rtf.testing.parameters import Declared
+from rtf.testing.source_location import calling_place
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
@@ -148,11 +148,11 @@ class FixtureManager(Declared, UsesFixtures):
 
     def report(self, text: str) -> None:
         """Say something."""
-        self._host.message(Severity.INFO, "reports", text, _place())
+        self._host.message(Severity.INFO, "reports", text, calling_place(__file__))
 
     def warn(self, text: str) -> None:
         """Say something that somebody should look at."""
-        self._host.message(Severity.WARNING, "warns", text, _place())
+        self._host.message(Severity.WARNING, "warns", text, calling_place(__file__))
 
     def output(self, line: str, stream: str = "stdout") -> None:
         """Put a line, or several, that a program of the fixture wrote into the journal. From any thread.
@@ -166,8 +166,3 @@ class FixtureManager(Declared, UsesFixtures):
         """Connect the fixture to its host. For the host, before anything else is called."""
         self._host = host
         self._environment = environment
-
-
-def _place() -> tuple[str, int]:
-    frame = sys._getframe(2)  # noqa: SLF001 - inspect.stack() reads source files and takes milliseconds
-    return frame.f_code.co_filename, frame.f_lineno
