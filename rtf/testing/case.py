@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 from rtf.testing.events import Asked, Attached, Measured, Progressed, SeriesRecorded, TestRenamed
-from rtf.testing.fixture_values import UsesFixtures
+from rtf.testing.fixture import UsesFixtures
 from rtf.testing.measurement import Measurement, Unit, limits_text, margin_of, quantity, require_limits, unit
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
 from rtf.testing.parameters import Declared, Parameter

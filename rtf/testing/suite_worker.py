@@ -10,6 +10,7 @@ import json
 from collections import Counter
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import starmap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -156,13 +157,7 @@ class SuiteWorker:
         suite = planned.suite
         self._suite = planned
         self._suite_folder = str(Path(suite.file).parent) if suite.file else ""
-        self._supervisor.adopt(
-            suite.id,
-            (
-                Fixture(entry, ref if not isinstance(ref, str) else None, ref if isinstance(ref, str) else "")
-                for entry, ref in planned.fixtures
-            ),
-        )
+        self._supervisor.adopt(suite.id, starmap(Fixture, planned.fixtures))
         first, self._suite_deadline = self._dispatcher.enter(suite, self._reactor.wake)
         if self._run.options.terminal:
             self._suite_deadline = clock.Deadline()
@@ -487,8 +482,7 @@ class SuiteWorker:
     def _fixture_job(self, fixture: Fixture) -> Job:
         entry = fixture.entry
         options = self._run.options
-        if fixture.plugin is None:
-            raise RuntimeError(f"fixture {entry.name} has no plug-in and cannot be set up")
+        assert not isinstance(fixture.plugin, str)  # one without a plug-in is never started
         return Job(
             kind="fixture",
             id=entry.name,

@@ -37,7 +37,6 @@ from rtf.testing.isolation.messages import (
     Alive,
     Command,
     Doing,
-    Lost,
     Provided,
     Ready,
 )
@@ -67,7 +66,7 @@ _PART_OF_STOP = 0.75
 _OUTPUT_RATE = 8192.0
 #: Beyond these, what a fixture says is counted and left out.
 _MESSAGE_BYTES = 16 << 20
-_PROBLEMS = 100
+_INCIDENTS = 100
 _COMPLAINTS = 5
 #: The steps on the way down, each of which begins once.
 _LAST_STEPS = ("on_collapse()", "enter_safe_state()", "teardown()")
@@ -105,9 +104,8 @@ class FixtureProcess:
         self._phase = Phase.SETUP
         self._last_steps: set[str] = set()  # those that have begun
         self._interrupted = False  # it has been sent a signal to leave this step
-        self._killed = False
         self._done = False
-        self._end_told = False
+        self._end_told = False  # its end is known to people already
         self._cut_off = clock.Deadline()  # when a process that has closed its channel should have ended
         # its own, so that its stacks are never taken for those of the test that runs meanwhile
         self._stacks = StackFile()
@@ -116,7 +114,7 @@ class FixtureProcess:
         self._capture = Capture(self._captured, refill=_OUTPUT_RATE)
         self._bytes = 0
         self._left_out = 0
-        self._problems = 0
+        self._incidents = 0
         self._nonsense = 0
 
     def begin(self, job: Job) -> None:
@@ -198,7 +196,7 @@ class FixtureProcess:
                 self.deadline = clock.Deadline.after(GRACE)
                 if self._step == "setup()" or (self._step and self._overdue):
                     self._interrupt()
-            while child.end is None and not self._killed:
+            while child.end is None and not self._end_told:
                 self._wait_a_moment()
                 if child.end is None and self._time_is_up():
                     self._press_on(self._phase if reason else Phase.TEARDOWN)
@@ -247,7 +245,7 @@ class FixtureProcess:
                 self._problem(f"{self._step} could not be interrupted; killed without teardown()", phase)
 
     def _kill(self) -> None:
-        self._killed = True
+        self._end_told = True
         child = self._child
         child.signal(signal.SIGKILL, group=True)
         deadline = self.deadline = clock.Deadline.after(_VANISH)
@@ -257,7 +255,7 @@ class FixtureProcess:
 
     def _conclude(self, end: End) -> None:
         """Tell of a process that did not live to the end of its teardown, unless that is known."""
-        if self._killed or self._end_told:
+        if self._end_told:
             return
         if not self._done and not (end.status == 0 and self._cut_off.expired):
             where = "in" if self._step == "teardown()" else "before"
@@ -292,6 +290,10 @@ class FixtureProcess:
             self._written(message.stream, message.text.encode("utf-8", "backslashreplace"))
         elif isinstance(message, Message):
             self._pass_on(message, len(data))
+        elif isinstance(message, FixtureIncident):
+            self._incidents += 1
+            if self._incidents <= _INCIDENTS:
+                self._notes.incident(fixture, self._completed(message))
         elif isinstance(message, Alive):
             self._alive(answered=message.answered)
         elif isinstance(message, Doing):
@@ -300,12 +302,10 @@ class FixtureProcess:
             fixture.variables |= message.variables
             fixture.values |= message.values
         elif isinstance(message, Ready):
-            fixture.secures_robot, fixture.stop_limit = message.secures_robot, message.stop_limit
-            if fixture.state is FixtureState.STARTING:
-                self._enter("check()", Phase.CHECK)
-                self._notes.change(fixture, FixtureState.READY)
-        else:
-            self._hear_of_problem(message)
+            self._ready(message)
+        elif fixture.active:
+            fixture.hopeless = message.hopeless
+            self._notes.collapse(fixture, self._completed(message.incident))
 
     def _complain(self, problem: str) -> None:
         self._nonsense += 1
@@ -320,6 +320,13 @@ class FixtureProcess:
             self._left_out += 1
         else:
             self._notes.tell(self._fixture, message)
+
+    def _ready(self, message: Ready) -> None:
+        fixture = self._fixture
+        fixture.secures_robot, fixture.stop_limit = message.secures_robot, message.stop_limit
+        if fixture.state is FixtureState.STARTING:
+            self._enter("check()", Phase.CHECK)
+            self._notes.change(fixture, FixtureState.READY)
 
     def _alive(self, *, answered: bool) -> None:
         if self._fixture.ready:
@@ -339,22 +346,14 @@ class FixtureProcess:
             self._interrupted = False
             self._enter(step, Phase.TEARDOWN)
 
-    def _hear_of_problem(self, message: Lost | FixtureIncident) -> None:
-        fixture = self._fixture
-        found = message.incident if isinstance(message, Lost) else message
-        incident = replace(
-            found,
-            cause=bounded(found.cause),
-            output=bounded(found.output) or self._last_lines(),
-            traceback=bounded(found.traceback),
+    def _completed(self, incident: FixtureIncident) -> FixtureIncident:
+        """The incident with the last lines of its output, and no longer than an event may be."""
+        return replace(
+            incident,
+            cause=bounded(incident.cause),
+            output=bounded(incident.output) or self._last_lines(),
+            traceback=bounded(incident.traceback),
         )
-        if isinstance(message, Lost):
-            fixture.hopeless = message.hopeless if fixture.active else fixture.hopeless
-            self._notes.collapse(fixture, incident)
-            return
-        self._problems += 1
-        if self._problems <= _PROBLEMS:
-            self._notes.incident(fixture, incident)
 
     # What is told of it ------------------------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ import signal
 import subprocess
 import threading
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -23,6 +24,7 @@ from rtf import clock
 from rtf.testing.fixture import FixtureUnusable
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.capture import Tail
+from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.languages.program import LineCutter, why_not_started
 from rtf.testing.outcome import FixtureCollapsed
 
@@ -83,6 +85,7 @@ class FixtureProgram:
         self._heard = heard
         self._tail = Tail()
         self._process: subprocess.Popen[bytes] | None = None
+        self._streams: list[_Stream] = []
         self._pidfd = -1
         self._thread = threading.Thread(target=self._attend, name=f"rtf-program-{self.name}", daemon=True)
         self._ended = threading.Event()
@@ -196,31 +199,20 @@ class FixtureProgram:
 
     def _attend(self) -> None:
         """Read what it writes until it has ended and nobody holds its pipes any more."""
-        process = self._process
-        assert process is not None
-        assert process.stdout is not None
-        assert process.stderr is not None
-        files: dict[str, IO[bytes]] = {"stdout": process.stdout, "stderr": process.stderr}
-        streams = {file.fileno(): _Stream(name, file) for name, file in files.items()}
-        poll = select.poll()
-        for descriptor in (self._pidfd, *streams):
-            poll.register(descriptor, select.POLLIN)
-        while streams or self.end is None:
-            for descriptor, _ in poll.poll():
-                if descriptor == self._pidfd:
-                    poll.unregister(descriptor)
-                    self._drain([*streams.values()])
-                    self._note_end()
-                else:
-                    self._read(streams[descriptor])
-            for descriptor in [number for number, stream in streams.items() if stream.file.closed]:
-                poll.unregister(descriptor)
-                del streams[descriptor]
+        assert self._process is not None
+        assert self._process.stdout is not None
+        assert self._process.stderr is not None
+        self._streams = [_Stream("stdout", self._process.stdout), _Stream("stderr", self._process.stderr)]
+        self._reactor = Reactor()
+        for stream in self._streams:
+            self._reactor.watch(stream.file.fileno(), partial(self._read, stream))
+        self._reactor.watch(self._pidfd, self._note_end)
+        while self._streams or self.end is None:
+            self._reactor.run_once(clock.Deadline())
+        self._reactor.close()
 
     def _read(self, stream: _Stream) -> bool:
-        """Read once. False when there is nothing at the moment, or nothing more: then the file is closed."""
-        if stream.file.closed:
-            return False
+        """Read once. False when there is nothing at the moment, or nothing more."""
         try:
             data = os.read(stream.file.fileno(), _CHUNK)
         except BlockingIOError:
@@ -231,18 +223,18 @@ class FixtureProgram:
             self._fixture.output(text, stream.name)
             self._heard(text)
         if not data:
+            self._reactor.unwatch(stream.file.fileno())
             stream.file.close()
+            self._streams.remove(stream)
         return bool(data)
-
-    def _drain(self, streams: Sequence[_Stream]) -> None:
-        """Read what it left in its pipes, and no more: a grandchild may write for ever."""
-        for stream in streams:
-            for _ in range(_PIPE // _CHUNK):
-                if not self._read(stream):
-                    break
 
     def _note_end(self) -> None:
         """Look how it ended, without reaping it: until that is done nobody else can get its number."""
+        self._reactor.unwatch(self._pidfd)
+        for stream in [*self._streams]:
+            for _ in range(_PIPE // _CHUNK):  # what it left in its pipe, and no more: a grandchild may write for ever
+                if not self._read(stream):
+                    break
         result = os.waitid(os.P_PIDFD, self._pidfd, os.WEXITED | os.WNOWAIT)
         status = result.si_status if result is not None else 0
         exited = result is not None and result.si_code == os.CLD_EXITED

@@ -25,11 +25,10 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Fixture:
-    """One fixture of the plan, over all of its generations. ``problem`` says why there is no plug-in."""
+    """One fixture of the plan, over all of its generations, with its plug-in or the reason why there is none."""
 
     entry: FixtureEntry
-    plugin: PluginRef | None
-    problem: str = ""
+    plugin: PluginRef | str
     state: FixtureState = FixtureState.STOPPED
     generation: int = 0
     restarts_left: int = 0

@@ -82,7 +82,7 @@ class Supervisor:
         self._stop_by = stop_by
         self._fixtures: dict[str, Fixture] = {}
         self._settling = False  # what a test left is being put right, which only force keeps from being done
-        self._unsettled: set[tuple[str, PluginRef | None]] = set()  # forgotten while they owed a safe state
+        self._unsettled: set[tuple[str, PluginRef | str]] = set()  # forgotten while they owed a safe state
 
     # What the suite's run asks for -------------------------------------------------------------------------------
 
@@ -237,10 +237,10 @@ class Supervisor:
 
     def _start(self, fixture: Fixture) -> None:
         """Start the next generation of a stopped fixture, if it may have one; what it depends on is up."""
-        if fixture.plugin is None:
-            fixture.last_cause = fixture.problem
-            self._notes.incident(fixture, fixture.incident(fixture.problem, Phase.LOAD))
-        if fixture.plugin is None or fixture.used_up:
+        if isinstance(fixture.plugin, str):
+            fixture.last_cause = fixture.plugin
+            self._notes.incident(fixture, fixture.incident(fixture.plugin, Phase.LOAD))
+        if isinstance(fixture.plugin, str) or fixture.used_up:
             self._notes.change(fixture, FixtureState.FAILED, fixture.failure)
         elif not fixture.owes_restart:
             self._start_once(fixture)
