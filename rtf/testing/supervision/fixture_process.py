@@ -22,7 +22,7 @@ much, die or refuse to. Whatever it does ends here as an incident, an event or a
 from __future__ import annotations
 
 import signal
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
 
@@ -100,6 +100,9 @@ class FixtureProcess:
         self.pid = self._child.pid
         self.answered = False
         self.deadline = clock.Deadline()
+        #: What it provides for the tests and fixtures on it: variables of their environment, and values by key.
+        self.variables: dict[str, str] = {}
+        self.values: dict[str, Any] = {}
         self._step = ""  # what it is doing; nothing yet: SIGTERM would only kill it
         self._phase = Phase.SETUP
         self._last_steps: set[str] = set()  # those that have begun
@@ -299,8 +302,8 @@ class FixtureProcess:
         elif isinstance(message, Doing):
             self._begins(message.step)
         elif isinstance(message, Provided):
-            fixture.variables |= message.variables
-            fixture.values |= message.values
+            self.variables |= message.variables
+            self.values |= message.values
         elif isinstance(message, Ready):
             self._ready(message)
         elif fixture.active:
@@ -350,7 +353,7 @@ class FixtureProcess:
         """The incident with the last lines of its output, and no longer than an event may be."""
         return replace(
             incident,
-            cause=bounded(incident.cause),
+            cause=bounded(incident.cause) or "no reason was given",
             output=bounded(incident.output) or self._last_lines(),
             traceback=bounded(incident.traceback),
         )

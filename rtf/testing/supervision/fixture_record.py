@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
@@ -31,10 +31,10 @@ class Fixture:
     plugin: PluginRef | str
     state: FixtureState = FixtureState.STOPPED
     generation: int = 0
-    restarts_left: int = 0
-    #: Whether the last generation failed by itself, so that the next one counts as a restart. One that came down only
-    #: because something below it collapsed does not.
-    owes_restart: bool = False
+    restarts: int = 0
+    #: Why the last generation was lost, so that the next one counts as a restart. One that came down only because
+    #: something below it collapsed has no cause of its own.
+    last_cause: str = ""
     #: Whether it said itself that trying again is no use.
     hopeless: bool = False
     #: Whether a test on it was cut short, and no generation has put right since what that one left.
@@ -43,13 +43,7 @@ class Fixture:
     secures_robot: bool = False
     #: Seconds it may take to come down when the run has to end at once; it says so when it is up.
     stop_limit: float = STOP_LIMIT
-    #: Why the last generation was lost.
-    last_cause: str = ""
     process: FixtureProcess | None = None
-    #: Environment variables that this generation provides for tests and fixtures on it.
-    variables: dict[str, str] = field(default_factory=dict)
-    #: Values that it hands to them, as JSON has them.
-    values: dict[str, Any] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -69,13 +63,12 @@ class Fixture:
     @property
     def used_up(self) -> bool:
         """Whether it may not have another generation."""
-        return self.owes_restart and (self.restarts_left <= 0 or self.hopeless)
+        return bool(self.last_cause) and (self.restarts >= self.entry.restarts or self.hopeless)
 
     @property
     def failure(self) -> str:
         """Why it is not usable any more, with the restarts it took."""
-        used = self.entry.restarts - self.restarts_left
-        times = f" ({used} restart{'s' if used != 1 else ''} used up)" if used else ""
+        times = f" ({self.restarts} restart{'s' if self.restarts > 1 else ''} used up)" if self.restarts else ""
         return f"{self.last_cause}{times}"
 
     @property
@@ -130,7 +123,6 @@ class Notes:
         """A fixture that was up or coming up is no longer usable. The first cause counts."""
         if fixture.active:
             fixture.last_cause = incident.cause
-            fixture.owes_restart = True
             self.incident(fixture, incident)
             self.change(fixture, FixtureState.COLLAPSED, incident.cause)
 

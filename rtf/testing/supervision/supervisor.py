@@ -99,7 +99,6 @@ class Supervisor:
             if known is not None:  # another fixture of that name, from an earlier suite of the run
                 self.take_down([dependent.name for dependent in self._dependents(known)])
                 self.forget([fixture.name])
-            fixture.restarts_left = fixture.entry.restarts
             if (fixture.name, fixture.plugin) in self._unsettled:
                 self._unsettled.remove((fixture.name, fixture.plugin))
                 fixture.owes_safe_state = fixture.secures_robot = True
@@ -116,13 +115,18 @@ class Supervisor:
     def variables(self, names: Iterable[str]) -> tuple[tuple[str, str], ...]:
         """The environment variables that these fixtures, and those they depend on, provide; the last one wins."""
         found: dict[str, str] = {}
-        for fixture in self._with_dependencies(names):
-            found |= fixture.variables
+        for process in self._processes(names).values():
+            found |= process.variables
         return tuple(found.items())
 
     def values(self, names: Iterable[str]) -> dict[str, dict[str, Any]]:
         """The values that these fixtures, and those they depend on, provide, by fixture."""
-        return {fixture.name: fixture.values for fixture in self._with_dependencies(names)}
+        return {name: process.values for name, process in self._processes(names).items()}
+
+    def _processes(self, names: Iterable[str]) -> dict[str, FixtureProcess]:
+        return {
+            fixture.name: fixture.process for fixture in self._with_dependencies(names) if fixture.process is not None
+        }
 
     def lost(self, names: Iterable[str]) -> str:
         """Say what happened to the first of these fixtures that is not up; empty when all are."""
@@ -242,18 +246,15 @@ class Supervisor:
             self._notes.incident(fixture, fixture.incident(fixture.plugin, Phase.LOAD))
         if isinstance(fixture.plugin, str) or fixture.used_up:
             self._notes.change(fixture, FixtureState.FAILED, fixture.failure)
-        elif not fixture.owes_restart:
+        elif not fixture.last_cause:
             self._start_once(fixture)
         elif self._backed_off(fixture):
-            fixture.restarts_left -= 1
-            fixture.owes_restart = False
+            fixture.restarts += 1
             self._start_once(fixture)
 
     def _start_once(self, fixture: Fixture) -> None:
         fixture.generation += 1
         fixture.last_cause = ""
-        fixture.variables.clear()
-        fixture.values.clear()
         try:
             process = FixtureProcess(fixture, self._notes, self._fork_server, self._wait, self._kill_now, self._stop_by)
         except ForkServerLostError as error:
@@ -285,8 +286,7 @@ class Supervisor:
 
     def _backed_off(self, fixture: Fixture) -> bool:
         """Let the time before a restart pass. False when meanwhile the run is to stop, or what it needs collapsed."""
-        used = fixture.entry.restarts - fixture.restarts_left
-        pause = clock.Deadline.after(min(_LONGEST_BACK_OFF, fixture.entry.backoff * 2.0**used))
+        pause = clock.Deadline.after(min(_LONGEST_BACK_OFF, fixture.entry.backoff * 2.0**fixture.restarts))
         self._wait(lambda: pause.expired or self._no_longer_startable(fixture), pause)
         return not self._no_longer_startable(fixture)
 
