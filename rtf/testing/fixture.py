@@ -105,17 +105,17 @@ class FixtureValue(Generic[T]):
 
 
 class UsesFixtures:
-    """What tests and fixtures have in common: they read the values of the fixtures that they stand on."""
+    """What tests and fixtures have in common: they read the values of their fixtures."""
 
     #: The needed values by the name of the attribute; filled by :class:`FixtureValue`.
     needed_values: Mapping[str, FixtureValue[Any]] = {}
     _fixture_values: Mapping[str, Mapping[str, Any]] = {}
 
     def fixture(self, name: str) -> Mapping[str, Any]:
-        """The values that a fixture provides, by key. Raises FixtureValueError when this does not stand on it."""
+        """The values that a fixture provides, by key. Raises FixtureValueError for one that it does not use."""
         if name not in self._fixture_values:
             known = ", ".join(self._fixture_values) or "none"
-            raise FixtureValueError(f"it does not stand on a fixture {name!r}; its fixtures are: {known}")
+            raise FixtureValueError(f"it has no fixture {name!r}; its fixtures are: {known}")
         return self._fixture_values[name]
 
     def take_fixture_values(self, text: str) -> None:
@@ -127,7 +127,7 @@ class UsesFixtures:
 
 
 def checked_value(value: Any, kind: type, what: str) -> Any:
-    """The value, which is of a type. A whole number is a ``float`` as well; a ``bool`` is no number."""
+    """Return a value of a type, or raise FixtureValueError. An ``int`` is a ``float`` as well, a ``bool`` is neither."""
     if kind is float and type(value) is int:
         return float(value)
     if type(value) is not kind:
@@ -178,7 +178,7 @@ class FixtureManager(Declared, UsesFixtures):
     # What an author writes -------------------------------------------------------------------------------------
 
     def setup(self) -> bool | None:
-        """Bring it up, and return when tests can stand on it. Returning False, or raising, means it is not usable.
+        """Bring it up, and return when tests can use it. Returning False, or raising, means it is not usable.
 
         It is then torn down and tried again, as often as the suite's ``restarts`` say; after FixtureUnusable it is not.
         """
@@ -199,9 +199,9 @@ class FixtureManager(Declared, UsesFixtures):
         """Bring what a test left into a safe state: after a test that was cut short, and before ``teardown``.
 
         That is one that was stopped or killed, or in whose teardown or clean-ups something went wrong. Called only
-        while the fixture is up: when it collapsed under such a test, the next generation is asked before anything
-        else stands on it. If it raises, or takes more than 45 seconds, between tests, the fixture is taken for
-        collapsed: nobody knows what the next test would stand on. After a runner that was killed it has this time, too.
+        while the fixture is up: when it collapsed under such a test, the next generation is asked before anything else
+        uses it. If it raises, or takes more than 45 seconds, between tests, the fixture counts as collapsed: its state
+        is unknown. After a runner that was killed it has this time, too.
         """
 
     def on_collapse(self, reason: str) -> None:
@@ -225,14 +225,14 @@ class FixtureManager(Declared, UsesFixtures):
     def collapsed(
         self, reason: str, *, exit_status: int | None = None, signal_name: str = "", output: str = ""
     ) -> None:
-        """Announce that the fixture can no longer be stood on. From any thread; the first announcement counts.
+        """Announce that the fixture is not usable any more. From any thread; the first announcement counts.
 
-        ``exit_status`` or ``signal_name`` say how a program ended, ``output`` holds the last it said.
+        ``exit_status`` or ``signal_name`` say how a program ended, ``output`` holds its last lines.
         """
         self._host.collapse(reason, exit_status=exit_status, signal_name=signal_name, output=output)
 
     def provide(self, **variables: str) -> None:
-        """Set environment variables for the tests that stand on this fixture, and for the fixtures that depend on it.
+        """Set environment variables for the tests on this fixture, and for the fixtures that depend on it.
 
         To be called in ``setup``; what a generation provides is forgotten with it. Raises ValueError for what no
         environment can hold.
@@ -243,7 +243,7 @@ class FixtureManager(Declared, UsesFixtures):
         self._host.emit(Provided(variables=variables))
 
     def provide_value(self, key: str, value: object) -> None:
-        """Hand a declared value to the tests, and the fixtures, that stand on this one; to be called in ``setup``.
+        """Hand a declared value to the tests on this fixture, and to the fixtures that depend on it; for ``setup``.
 
         A new generation has new ones. Raises FixtureValueError for one that is not declared, or of another type.
         """
@@ -254,11 +254,11 @@ class FixtureManager(Declared, UsesFixtures):
         self._host.provide_value(key, value)
 
     def report(self, text: str) -> None:
-        """Say something."""
+        """Write a message into the journal."""
         self._host.message(Severity.INFO, "reports", text, calling_place(__file__))
 
     def warn(self, text: str) -> None:
-        """Say something that somebody should look at."""
+        """Write a warning into the journal."""
         self._host.message(Severity.WARNING, "warns", text, calling_place(__file__))
 
     def output(self, line: str, stream: str = "stdout") -> None:
