@@ -127,7 +127,7 @@ class UsesFixtures:
 
 
 def checked_value(value: Any, kind: type, what: str) -> Any:
-    """Return a value of a type, or raise FixtureValueError. An ``int`` is a ``float`` as well, a ``bool`` is neither."""
+    """Return a value of a type, or raise FixtureValueError. An ``int`` is a ``float`` as well, a ``bool`` is not."""
     if kind is float and type(value) is int:
         return float(value)
     if type(value) is not kind:
