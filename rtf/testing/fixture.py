@@ -229,7 +229,12 @@ class FixtureManager(Declared, UsesFixtures):
 
         ``exit_status`` or ``signal_name`` say how a program ended, ``output`` holds its last lines.
         """
-        self._host.collapse(reason, exit_status=exit_status, signal_name=signal_name, output=output)
+        self._host.collapse(
+            reason,
+            exit_status=exit_status if isinstance(exit_status, int) else None,
+            signal=str(signal_name),
+            output=str(output),
+        )
 
     def provide(self, **variables: str) -> None:
         """Set environment variables for the tests on this fixture, and for the fixtures that depend on it.

@@ -75,34 +75,24 @@ class Host(Stoppable[msgspec.Struct]):
         """Send what a program of the fixture wrote: a line, or several."""
         self.emit(OutputCaptured(stream=stream, text=bounded(str(text)) + "\n", fixture=self.name))
 
-    def collapse(
-        self,
-        cause: object,
-        *,
-        exit_status: object = None,
-        signal_name: object = "",
-        output: object = "",
-        traceback: str = "",
-        hopeless: bool = False,
-    ) -> None:
+    def collapse(self, cause: object, *, hopeless: bool = False, **details: Any) -> None:
         """Say that the fixture is not usable any more, and why; only the first cause is sent. From any thread."""
-        text = bounded(str(cause)) or "no reason was given"
+        text = str(cause) or "no reason was given"
         with self._cause_lock:
             if self._cause:
                 return
             self._cause = text
-        incident = self._incident(
-            text,
-            exit_status=exit_status if isinstance(exit_status, int) else None,
-            signal=str(signal_name),
-            output=bounded(str(output)),
-            traceback=traceback,
-        )
-        self.emit(Lost(incident, hopeless))
+        self.emit(Lost(self._incident(text, **details), hopeless))
 
-    def _incident(self, cause: str, **details: Any) -> FixtureIncident:
+    def _incident(self, cause: str, output: str = "", **details: Any) -> FixtureIncident:
         return FixtureIncident(
-            fixture=self.name, suite="", generation=self.generation, phase=self.phase, cause=cause, **details
+            fixture=self.name,
+            suite="",
+            generation=self.generation,
+            phase=self.phase,
+            cause=bounded(cause),
+            output=bounded(output),
+            **details,
         )
 
     def provide_value(self, key: str, value: object) -> None:
@@ -118,7 +108,7 @@ class Host(Stoppable[msgspec.Struct]):
         self._redirect_stacks()
         self.emit(Doing("setup()"))
         manager = self._load()
-        if manager is not None:
+        if manager is not None and not self.stopped:
             up = self._set_up(manager)
             if up:
                 self._watch(manager)
@@ -193,8 +183,7 @@ class Host(Stoppable[msgspec.Struct]):
         while not (self.stopped or self._runner_gone):
             command = self._next_command()
             kind = "check" if command is None else command.command
-            if command is not None and kind == "teardown":
-                self._cause = self._cause or command.detail
+            if kind == "teardown":
                 return
             if kind == "enter_safe_state":
                 self._attempt(manager.enter_safe_state, self._not_safe)
@@ -202,23 +191,29 @@ class Host(Stoppable[msgspec.Struct]):
                 self._check(manager)
             if not (self.stopped or self._cause):
                 self.emit(Alive(answered=command is not None))
-        if not self.stopped:  # without a runner, the fork server says whose turn it is, dependents first
-            self._attempt(
-                lambda: clock.sleep(ORPHAN_PATIENCE), lambda _: None
-            )  # the robot is put right however it ends
+        if not self.stopped:
+            # without a runner, the fork server says whose turn it is; however the wait ends, the robot is put right
+            self._attempt(lambda: clock.sleep(ORPHAN_PATIENCE), lambda _: None)
 
     def _not_safe(self, error: BaseException) -> None:
         """A fixture whose state after a test is unknown is as good as gone."""
         self.collapse(f"enter_safe_state() raised {named_text_of(error)}", traceback=author_traceback(error))
 
     def _next_command(self) -> Command | None:
-        received: list[object] = [None]
+        """Wait for a command until the next check is due; None without one."""
+        received: list[Command | None] = []
+        # an error: the author's code has closed the channel
+        self._attempt(lambda: received.append(self._receive(self._job.check_period)), lambda _: self.lost_runner())
+        return received[0] if received else None
 
-        def receive() -> None:
-            received[0] = self._channel.receive(self._job.check_period)
-
-        self._attempt(receive, lambda _: self.lost_runner())  # the author's code has closed the channel
-        return received[0] if isinstance(received[0], Command) else None
+    def _receive(self, timeout: float) -> Command | None:
+        """Wait for a command. Why the fixture has collapsed, where the runner found that out, is kept."""
+        command = self._channel.receive(timeout)
+        if not isinstance(command, Command):
+            return None
+        if command.command == "teardown":
+            self._cause = self._cause or command.detail
+        return command
 
     def _check(self, manager: FixtureManager) -> None:
         def check() -> None:
@@ -231,7 +226,9 @@ class Host(Stoppable[msgspec.Struct]):
 
     def _come_down(self, manager: FixtureManager, *, up: bool) -> None:
         self.phase = Phase.TEARDOWN
-        self._read_pending_reason()
+        with contextlib.suppress(OSError):  # the author's code has closed the channel
+            while self._receive(0) is not None:  # a runner that interrupts says before why
+                pass
         cause = self._cause
         if up and cause:
             self._last_step("on_collapse()", lambda: manager.on_collapse(cause))
@@ -239,13 +236,6 @@ class Host(Stoppable[msgspec.Struct]):
             with processes.named(SAFE_STATE_NAME):
                 self._last_step("enter_safe_state()", manager.enter_safe_state)
         self._last_step("teardown()", manager.teardown, stoppable=False)
-
-    def _read_pending_reason(self) -> None:
-        """The runner that interrupts says before why."""
-        with contextlib.suppress(OSError):  # the author's code has closed the channel
-            while (command := self._channel.receive(0)) is not None:
-                if isinstance(command, Command) and command.command == "teardown":
-                    self._cause = self._cause or command.detail
 
     def _last_step(self, step: str, function: Callable[[], object], *, stoppable: bool = True) -> None:
         """Do something on the way down: what goes wrong is told, and a stop that came before has no effect."""
@@ -258,8 +248,7 @@ class Host(Stoppable[msgspec.Struct]):
         except TestStopped:
             self.emit(self._incident(f"{step} did not come back and was interrupted"))
         except BaseException as error:  # noqa: BLE001 - told; even sys.exit() must not skip what follows
-            cause = bounded(f"{step} raised {named_text_of(error)}")
-            self.emit(self._incident(cause, traceback=author_traceback(error)))
+            self.emit(self._incident(f"{step} raised {named_text_of(error)}", traceback=author_traceback(error)))
 
     # Being stopped from outside ----------------------------------------------------------------------------------
 
