@@ -192,7 +192,7 @@ class FixtureManager(Declared, UsesFixtures):
     def teardown(self) -> None:
         """Bring it down, as far as ``setup`` came. Called whenever ``setup`` was begun, exactly once.
 
-        What it raises is told, makes the run fail, and keeps nothing else from being torn down.
+        What it raises is reported, makes the run fail, and keeps nothing else from being torn down.
         """
 
     def enter_safe_state(self) -> None:

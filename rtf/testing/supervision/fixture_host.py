@@ -167,7 +167,7 @@ class Host(Stoppable[msgspec.Struct]):
         done = self._attempt(set_up, lambda error: self._raised(error, hopeless=isinstance(error, FixtureUnusable)))
         if not done or self._cause:
             return False
-        self.phase = Phase.CHECK  # before anybody knows that it is ready: a test may break it at once
+        self.phase = Phase.CHECK  # first, because a test may break it as soon as it is ready
         self.emit(ready[0])
         return True
 
@@ -238,7 +238,7 @@ class Host(Stoppable[msgspec.Struct]):
         self._last_step("teardown()", manager.teardown, stoppable=False)
 
     def _last_step(self, step: str, function: Callable[[], object], *, stoppable: bool = True) -> None:
-        """Do something on the way down: what goes wrong is told, and a stop that came before has no effect."""
+        """Do something on the way down: what goes wrong is reported, and a stop that came before has no effect."""
         self.emit(Doing(step))
         try:
             if stoppable:
@@ -247,7 +247,7 @@ class Host(Stoppable[msgspec.Struct]):
                 function()
         except TestStopped:
             self.emit(self._incident(f"{step} did not come back and was interrupted"))
-        except BaseException as error:  # noqa: BLE001 - told; even sys.exit() must not skip what follows
+        except BaseException as error:  # noqa: BLE001 - reported; even sys.exit() must not skip what follows
             self.emit(self._incident(f"{step} raised {named_text_of(error)}", traceback=author_traceback(error)))
 
     # Being stopped from outside ----------------------------------------------------------------------------------
@@ -272,7 +272,7 @@ class Host(Stoppable[msgspec.Struct]):
         super()._raise_stop()
 
     def lost_runner(self) -> None:
-        """There is nobody left to work for, and still something to tear down. Called by the channel, in any thread."""
+        """Note that the runner is gone; the fixture still has to come down. Called by the channel in any thread."""
         self._runner_gone = True
 
 

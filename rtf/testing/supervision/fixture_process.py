@@ -108,7 +108,7 @@ class FixtureProcess:
         self._last_steps: set[str] = set()  # those that have begun
         self._interrupted = False  # it has been sent a signal to leave this step
         self._done = False
-        self._end_told = False  # its end is known to people already
+        self._end_reported = False
         self._cut_off = clock.Deadline()  # when a process that has closed its channel should have ended
         # its own, so that its stacks are never taken for those of the test that runs meanwhile
         self._stacks = StackFile()
@@ -166,7 +166,7 @@ class FixtureProcess:
             return
         phase, end = self._phase, self._child.end
         if end is not None:
-            self._end_told = True
+            self._end_reported = True
             self._collapse(f"the fixture's process ended: {_how(end)}", phase, end)
         elif self._cut_off.expired:
             self._collapse("the fixture's process closed the channel to its runner", phase)
@@ -199,7 +199,7 @@ class FixtureProcess:
                 self.deadline = clock.Deadline.after(GRACE)
                 if self._step == "setup()" or (self._step and self._overdue):
                     self._interrupt()
-            while child.end is None and not self._end_told:
+            while child.end is None and not self._end_reported:
                 self._wait_a_moment()
                 if child.end is None and self._time_is_up():
                     self._press_on(self._phase if reason else Phase.TEARDOWN)
@@ -248,7 +248,7 @@ class FixtureProcess:
                 self._problem(f"{self._step} could not be interrupted; killed without teardown()", phase)
 
     def _kill(self) -> None:
-        self._end_told = True
+        self._end_reported = True
         child = self._child
         child.signal(signal.SIGKILL, group=True)
         deadline = self.deadline = clock.Deadline.after(_VANISH)
@@ -257,8 +257,8 @@ class FixtureProcess:
             self._fork_server.abandon()
 
     def _conclude(self, end: End) -> None:
-        """Tell of a process that did not live to the end of its teardown, unless that is known."""
-        if self._end_told:
+        """Report a process that did not live to the end of its teardown, unless that has been done."""
+        if self._end_reported:
             return
         if not self._done and not (end.status == 0 and self._cut_off.expired):
             where = "in" if self._step == "teardown()" else "before"
@@ -297,6 +297,8 @@ class FixtureProcess:
             self._incidents += 1
             if self._incidents <= _INCIDENTS:
                 self._notes.incident(fixture, self._completed(message))
+            else:
+                self._left_out += 1
         elif isinstance(message, Alive):
             self._alive(answered=message.answered)
         elif isinstance(message, Doing):
@@ -322,7 +324,7 @@ class FixtureProcess:
         if self._bytes > _MESSAGE_BYTES:
             self._left_out += 1
         else:
-            self._notes.tell(self._fixture, message)
+            self._notes.pass_on(self._fixture, message)
 
     def _ready(self, message: Ready) -> None:
         fixture = self._fixture
@@ -358,7 +360,7 @@ class FixtureProcess:
             traceback=bounded(incident.traceback),
         )
 
-    # What is told of it ------------------------------------------------------------------------------------------
+    # Events --------------------------------------------------------------------------------------------------------
 
     def _collapse(self, cause: str, phase: Phase, end: End | None = None) -> None:
         self._notes.collapse(self._fixture, self._fixture.incident(cause, phase, end, self._last_lines()))
@@ -368,7 +370,7 @@ class FixtureProcess:
 
     def _say(self, severity: Severity, title: str, text: str) -> None:
         message = Message(severity=severity, title=title, detail=bounded(text), phase=self._phase)
-        self._notes.tell(self._fixture, message)
+        self._notes.pass_on(self._fixture, message)
 
     def _last_lines(self) -> str:
         self._child.drain()
@@ -379,7 +381,7 @@ class FixtureProcess:
         self._capture.feed(stream, data)
 
     def _captured(self, stream: str, text: str, omitted: int) -> None:
-        self._notes.tell(self._fixture, OutputCaptured(stream=stream, text=text, omitted=omitted))
+        self._notes.pass_on(self._fixture, OutputCaptured(stream=stream, text=text, omitted=omitted))
 
 
 def _how(end: End) -> str:

@@ -198,7 +198,7 @@ class FixtureProgram:
     # The thread --------------------------------------------------------------------------------------------------
 
     def _attend(self) -> None:
-        """Read what it writes until it has ended and nobody holds its pipes any more."""
+        """Read what it writes until it has ended and its pipes are closed."""
         assert self._process is not None
         assert self._process.stdout is not None
         assert self._process.stderr is not None
@@ -229,7 +229,7 @@ class FixtureProgram:
         return bool(data)
 
     def _note_end(self) -> None:
-        """Look how it ended, without reaping it: until that is done nobody else can get its number."""
+        """Look how it ended, without reaping it: until then no other process can get its number."""
         self._reactor.unwatch(self._pidfd)
         for stream in [*self._streams]:
             for _ in range(_PIPE // _CHUNK):  # what it left in its pipe, and no more: a grandchild may write for ever

@@ -1,4 +1,4 @@
-"""What the runner knows of a fixture over all of its generations, and how it is told to the run."""
+"""The record of a fixture over all of its generations, and the events that it gives rise to."""
 
 from __future__ import annotations
 
@@ -139,6 +139,6 @@ class Notes:
             )
         )
 
-    def tell(self, fixture: Fixture, event: Message | OutputCaptured) -> None:
+    def pass_on(self, fixture: Fixture, event: Message | OutputCaptured) -> None:
         """Pass on what a fixture said or wrote, in its name and that of the suite."""
         self.emit(replace(event, fixture=fixture.name, suite=self.suite))

@@ -326,9 +326,9 @@ class Supervisor:
     # Down --------------------------------------------------------------------------------------------------------
 
     def _settle(self, fixture: Fixture) -> None:
-        """Have a fixture that owes its safe state come up once more for it, and tell of one that cannot.
+        """Have a fixture that owes its safe state come up once more for it, and report one that cannot.
 
-        One that was only handed the debt of an earlier suite's, and that nobody needed, passes it on untold.
+        One that took over the debt of an earlier suite's, and that no test needed, hands it on without a report.
         """
         if not fixture.robot_unsafe or fixture.generation == 0 or fixture.ready:
             return  # one that is up enters its safe state when it is stopped
