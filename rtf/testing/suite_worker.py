@@ -22,7 +22,8 @@ from rtf.testing.events import (
     TestEnded,
 )
 from rtf.testing.interrupts import KILL_STAGE, alarm
-from rtf.testing.isolation.attempt import Attempt, Outcome, Stop
+from rtf.testing.isolation.attempt import Attempt
+from rtf.testing.isolation.judge import Outcome, Stop
 from rtf.testing.isolation.messages import STOP_LIMIT, Job
 from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.isolation.worker_pool import ForkServerClient
@@ -34,7 +35,7 @@ from rtf.testing.verdict import Severity, Verdict
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from rtf.testing.isolation.worker_pool import Child
+    from rtf.testing.isolation.child import Child
     from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.runner import Run
     from rtf.testing.suite.model import FixtureEntry, TestSuite

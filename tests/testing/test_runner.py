@@ -34,7 +34,7 @@ from rtf.testing.verdict import ExitCode, FixtureState, Verdict
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rtf.testing.isolation.worker_pool import Child
+    from rtf.testing.isolation.child import Child
     from rtf.testing.plugins import PluginRef
     from rtf.testing.results import RunResult
 

@@ -1,23 +1,18 @@
-"""What a process writes, bounded: its beginning and its end are kept, the middle is counted; and its stacks.
+"""What a process writes, bounded: its beginning and its end are kept, the middle is counted.
 
 Used in the thread that reads the process, one object a process.
 """
 
 from __future__ import annotations
 
-import contextlib
-import os
 from collections import deque
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.testing.isolation.messages import DUMP_SIGNAL
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.testing.isolation.reactor import Reactor
-    from rtf.testing.isolation.worker_pool import Child
 
 #: Bytes of each stream that are handed on as they come, and bytes that are held back once these are used up.
 HEAD_LIMIT = 256 * 1024
@@ -171,60 +166,3 @@ def _complete(data: bytes) -> int:
             wanted = 1 if byte < 0xC0 else 2 if byte < 0xE0 else 3 if byte < 0xF0 else 4  # noqa: PLR2004 - RFC 3629
             return len(data) if back >= wanted else len(data) - back
     return len(data)
-
-
-# Stacks --------------------------------------------------------------------------------------------------------------
-
-#: At most so much of what was dumped is kept.
-_STACKS_KEPT = 1 << 18
-#: A dump that has not grown for so many seconds is written; and so long is waited for one at most.
-_SETTLED = 0.02
-_PATIENCE = 1.0
-
-
-class StackFile:
-    """A nameless file of the runner; readable when the process that dumps into it has died.
-
-    ``descriptor`` is one that is there already, and becomes the object's own.
-    """
-
-    def __init__(self, descriptor: int | None = None) -> None:
-        self._descriptor = os.memfd_create("rtf-stacks", os.MFD_CLOEXEC) if descriptor is None else descriptor
-        self._read = 0
-
-    @property
-    def path(self) -> str:
-        """Where another process of this user opens it, as long as the runner lives."""
-        return f"/proc/{os.getpid()}/fd/{self._descriptor}"
-
-    def new(self) -> str:
-        """What has been dumped since the last call, at most 256 KiB of it."""
-        size = self._size()
-        data = os.pread(self._descriptor, min(size - self._read, _STACKS_KEPT), self._read)
-        self._read = size
-        return data.decode("utf-8", "backslashreplace")
-
-    def dump(self, child: Child, reactor: Reactor) -> None:
-        """Have a process dump its stacks, and wait until that is written: at most a second, if it does not answer.
-
-        Nothing else may be asked of it meanwhile: the dump reads the frames of threads that go on, and a thread that
-        leaves its frames at that moment, because it was told to stop, takes the process with it.
-        """
-        before = size = self._size()
-        patience = clock.Deadline.after(_PATIENCE)
-        child.signal(DUMP_SIGNAL)
-        while not patience.expired and child.end is None:
-            pause = clock.Deadline.after(_SETTLED)
-            while not pause.expired:
-                reactor.run_once(pause)
-            last, size = size, self._size()
-            if before < size == last:
-                return
-
-    def _size(self) -> int:
-        return os.fstat(self._descriptor).st_size
-
-    def close(self) -> None:
-        """Give it back."""
-        with contextlib.suppress(OSError):
-            os.close(self._descriptor)

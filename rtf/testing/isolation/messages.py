@@ -34,10 +34,6 @@ STOP_LIMIT = 4.0
 #: What a fixture's process calls itself meanwhile (at most 15 bytes), so that its fork server knows without the runner.
 SAFE_STATE_NAME = "rtf parking"
 
-#: The files of our processes beside 0, 1 and 2: the channel to the runner, and the file for stacks.
-CHANNEL_FD = 3
-DUMP_FD = 4
-
 #: The exit status of a process of ours that cannot reach its runner any more.
 CUT_OFF = 71
 
@@ -57,7 +53,7 @@ class Message(msgspec.Struct, frozen=True, array_like=True, tag=True):
 
 
 class Fork(Message, frozen=True):
-    """Fork a child. Its channel, standard output and standard error come with the message, as descriptors."""
+    """Fork a child. Its channel, output, error output and the file for its stacks come with it, as descriptors."""
 
 
 class Signal(Message, frozen=True):
@@ -151,7 +147,7 @@ class Answer(Message, frozen=True):
 
 
 class Command(Message, frozen=True):
-    """What a fixture's process is to do. ``detail`` is the path for ``stacks``, or the reason for ``teardown``."""
+    """What a fixture's process is to do. ``detail`` is the reason for ``teardown``."""
 
     command: str
     detail: str = ""

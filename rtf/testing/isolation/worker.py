@@ -21,9 +21,8 @@ from rtf.testing import plugins
 from rtf.testing.case import TestCase
 from rtf.testing.events import Measured, ParametersResolved
 from rtf.testing.isolation import messages, processes
+from rtf.testing.isolation.launch import CHANNEL_FD, DUMP_FD
 from rtf.testing.isolation.messages import (
-    CHANNEL_FD,
-    DUMP_FD,
     DUMP_SIGNAL,
     NUDGE_SIGNAL,
     STOP_SIGNAL,
@@ -137,13 +136,14 @@ def _end_without_runner() -> NoReturn:
     os._exit(messages.CUT_OFF)
 
 
-def child_main(channel_fd: int, out_fd: int, err_fd: int) -> int:
+def child_main(channel_fd: int, out_fd: int, err_fd: int, dump_fd: int) -> int:
     """Live as a worker: tie this fresh fork to its parent, then do jobs until the last. Returns the exit status."""
     os.setpgid(0, 0)
     processes.tie_to_parent()
     os.dup2(out_fd, 1)
     os.dup2(err_fd, 2)
     os.dup2(channel_fd, CHANNEL_FD, inheritable=False)
+    os.dup2(dump_fd, DUMP_FD, inheritable=False)
     os.closerange(DUMP_FD + 1, _ALL_FILES)
     _seed_anew()
     channel = Channel(CHANNEL_FD)
@@ -164,7 +164,7 @@ def child_main(channel_fd: int, out_fd: int, err_fd: int) -> int:
         else:
             from rtf.testing.isolation import fork_server
 
-            return fork_server.serve_plugin(job.plugin, CHANNEL_FD)
+            return fork_server.serve_plugin(job.plugin)
 
 
 def _seed_anew() -> None:

@@ -22,7 +22,7 @@ from rtf.testing import plugins
 from rtf.testing.events import Message, OutputCaptured
 from rtf.testing.fixture import FixtureManager, FixtureUnusable
 from rtf.testing.isolation import processes
-from rtf.testing.isolation.messages import DUMP_FD, SAFE_STATE_NAME, Command, Said
+from rtf.testing.isolation.messages import SAFE_STATE_NAME, Command, Said
 from rtf.testing.outcome import FixtureCollapsed, TestStopped
 from rtf.testing.session import author_traceback, bounded
 from rtf.testing.source_location import raised_place
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 #: Seconds to wait for the order in which the fork server has fixtures torn down when the runner is gone: it has those
 #: that stand on this one park first. A fork server that is gone as well makes itself felt at once.
 ORPHAN_PATIENCE = 600.0
-_FIRST_COMMAND_LIMIT = 10.0
 
 
 class Host:
@@ -122,7 +121,6 @@ class Host:
 
     def live(self) -> None:
         """Load, set up, watch and tear down."""
-        self._redirect_stacks()
         self.say("listening")
         manager = self._load()
         if manager is not None:
@@ -134,16 +132,6 @@ class Host:
                 self._watch(manager)
             self._come_down(manager, up=up)
         self.say("done")
-
-    def _redirect_stacks(self) -> None:
-        """Have the stacks of this process dumped where its runner says, apart from those of tests."""
-        command = self._channel.receive(_FIRST_COMMAND_LIMIT)
-        if not isinstance(command, Command) or command.command != "stacks":
-            return
-        with contextlib.suppress(OSError):  # without it they go where those of tests go
-            descriptor = os.open(command.detail, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC)
-            os.dup2(descriptor, DUMP_FD, inheritable=False)
-            os.close(descriptor)
 
     def _load(self) -> FixtureManager | None:
         made: list[FixtureManager] = []

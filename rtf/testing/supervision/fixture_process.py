@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from rtf import clock
 from rtf.testing.events import Message, OutputCaptured
 from rtf.testing.isolation import messages, processes
-from rtf.testing.isolation.capture import Capture, StackFile, Tail
-from rtf.testing.isolation.messages import NUDGE_PERIOD, NUDGE_SIGNAL, SAFE_STATE_LIMIT, Command, Said
+from rtf.testing.isolation.capture import Capture, Tail
+from rtf.testing.isolation.messages import SAFE_STATE_LIMIT, Command, Said
 from rtf.testing.permission import seconds_to_wait
 from rtf.testing.session import bounded
 from rtf.testing.supervision.fixture_record import Cause
@@ -23,8 +23,9 @@ from rtf.testing.verdict import FixtureState, Phase, Severity
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rtf.testing.isolation.child import Child, End
     from rtf.testing.isolation.messages import Job
-    from rtf.testing.isolation.worker_pool import Child, End, ForkServerClient
+    from rtf.testing.isolation.worker_pool import ForkServerClient
     from rtf.testing.supervision.fixture_record import Fixture, Notes
 
 #: Seconds that are allowed where the suite says nothing.
@@ -87,8 +88,6 @@ class FixtureProcess:
         self._done = False
         self._end_told = False
         self._silence = clock.Deadline()
-        # its own, so that its stacks are never taken for those of the test that runs meanwhile
-        self._stacks = StackFile()
         self._tail = Tail()
         self._capture = Capture(
             lambda stream, text, omitted: notes.output(fixture, stream, text, omitted), refill=_OUTPUT_RATE
@@ -105,7 +104,6 @@ class FixtureProcess:
         limit = self._fixture.entry.timeouts.setup or SETUP_LIMIT
         self.deadline = clock.Deadline.after(limit + seconds_to_wait())
         child.begin(job, self._hear, self._written)
-        self._child.send(Command("stacks", self._stacks.path))
 
     # While tests run ---------------------------------------------------------------------------------------------
 
@@ -154,11 +152,9 @@ class FixtureProcess:
     def _did_not_come_back(self) -> str:
         """Have the stacks dumped, and say what takes too long."""
         cause = f"{self._doing} did not come back within {self.deadline.limit:g} s"
-        if "(stopped)" in processes.kernel_state(self.pid):
-            cause += "; the process had been stopped by a signal"
-        self._child.signal(signal.SIGCONT)
-        self._dump_cause = cause
-        self._stacks.dump(self._child, self._fork_server.reactor)
+        self._dump_cause = cause  # what it says meanwhile is said too late
+        if "(stopped)" in self._child.dump_stacks():
+            cause = self._dump_cause = f"{cause}; the process had been stopped by a signal"
         return cause
 
     def _patience(self) -> clock.Deadline:
@@ -178,7 +174,7 @@ class FixtureProcess:
                 if self._listening and (self._doing == "setup()" or self._dump_cause):
                     self._interrupt()
             while child.end is None and not self._killed:
-                self._wait_for_end(child)
+                self._wait(self._is_to_press_on, clock.Deadline())
                 if child.end is None:
                     self._press_on(self._phase if reason else Phase.TEARDOWN)
             if child.end is not None:
@@ -186,23 +182,13 @@ class FixtureProcess:
         finally:
             self._close()
 
-    def _wait_for_end(self, child: Child) -> None:
-        """Wait for it, or for the moment to press on; what has been interrupted is nudged until it notices."""
-
-        def over() -> bool:
-            return child.end is not None or self.deadline.expired or self._kill_now()
-
-        while not over():
-            nudge = clock.Deadline.after(NUDGE_PERIOD)
-            self._wait(lambda nudge=nudge: over() or nudge.expired, nudge)  # type: ignore[misc]
-            if self._pressed:
-                child.signal(NUDGE_SIGNAL)
+    def _is_to_press_on(self) -> bool:
+        return self._child.end is not None or self.deadline.expired or self._kill_now()
 
     def _interrupt(self) -> None:
         """Have it leave what it is doing, so that it gets to its teardown."""
         self._pressed = True
-        self._child.signal(signal.SIGCONT)
-        self._child.signal(signal.SIGTERM)
+        self._child.interrupt(signal.SIGTERM)
         self.deadline = clock.Deadline.after(GRACE)
 
     def _press_on(self, phase: Phase) -> None:
@@ -230,7 +216,7 @@ class FixtureProcess:
     def _kill(self) -> None:
         self._killed = True
         child = self._child
-        child.signal(signal.SIGKILL, group=True)
+        child.kill()
         deadline = clock.Deadline.after(_VANISH)
         self.deadline = deadline
         self._wait(lambda: child.end is not None or deadline.expired, deadline)
@@ -253,12 +239,11 @@ class FixtureProcess:
     def _close(self) -> None:
         self._capture.close()
         fixture = self._fixture
-        stacks = self._stacks.new()
+        stacks = self._child.new_stacks()
         if not stacks and self._dump_cause:
             stacks = "the process did not answer the request for its stacks\n"
         if stacks:
             self._notes.stacks(fixture, stacks, self._dump_cause or "crash")
-        self._stacks.close()
         for count, what in ((self._left_out, "messages"), (max(0, self._nonsense - _COMPLAINTS), "lines of nonsense")):
             if count:
                 text = f"{count} {what} left out: the fixture said too much"
@@ -355,6 +340,7 @@ class FixtureProcess:
         self._doing = what
         self._phase = Phase.TEARDOWN
         self._pressed = False
+        self._child.stop_nudging()
         limit = self._fixture.entry.timeouts.teardown or TEARDOWN_LIMIT
         limit = SAFE_STATE_LIMIT if what == "enter_safe_state()" else limit
         if self._stop_by().at != clock.FOREVER:  # a part is left for what comes after it
