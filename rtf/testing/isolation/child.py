@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.testing.isolation import messages, processes
-from rtf.testing.isolation.messages import DUMP_SIGNAL, NUDGE_PERIOD, NUDGE_SIGNAL, Frames, Job, MessageError
+from rtf.testing.isolation.messages import DUMP_SIGNAL, NUDGE_PERIOD, NUDGE_SIGNAL, Frames, Inspect, Job, MessageError
 from rtf.testing.isolation.messages import Signal as SendSignal
 
 if TYPE_CHECKING:
@@ -94,7 +94,9 @@ class Child:
 
     # Work --------------------------------------------------------------------------------------------------------
 
-    def begin(self, job: Job, on_message: Callable[[bytes], None], on_output: Callable[[str, bytes], None]) -> None:
+    def begin(
+        self, job: Job | Inspect, on_message: Callable[[bytes], None], on_output: Callable[[str, bytes], None]
+    ) -> None:
         """Give the child its job, and have its messages and its output handed over as they come."""
         first = self._on_message is None
         self._on_message = on_message

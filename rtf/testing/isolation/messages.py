@@ -138,6 +138,13 @@ class Job(Message, frozen=True, kw_only=True):
     core_dumps: bool = False
 
 
+class Inspect(Message, frozen=True):
+    """Load plug-ins, try each use of them, and ``ask`` tests which fixtures they need; see ``inspection``."""
+
+    plugins: tuple[tuple[PluginRef, list[Any]], ...]
+    ask: bool
+
+
 class Answer(Message, frozen=True):
     """What the operator answered to a test's question, and who or what answered for them."""
 
@@ -163,6 +170,12 @@ class Finished(msgspec.Struct, frozen=True, tag_field="event", tag="finished"):
     reason: str = ""
     detail: str = ""
     stopped: str = ""
+
+
+class Found(msgspec.Struct, frozen=True, tag_field="event", tag="found"):
+    """What an inspection has found, see ``inspection``."""
+
+    inspections: list[Any]
 
 
 class Said(msgspec.Struct, frozen=True, tag_field="event", tag="said"):
@@ -232,5 +245,5 @@ class Frames:
 
 to_fork_server = msgspec.msgpack.Decoder(Fork | Signal | MarkHost | Preload).decode
 to_runner = msgspec.msgpack.Decoder(Forked | Exited | Loaded).decode
-to_child = msgspec.msgpack.Decoder(Job | Answer | Command).decode
-from_child = msgspec.msgpack.Decoder(Union[(Finished, Said, *KINDS.values())]).decode
+to_child = msgspec.msgpack.Decoder(Job | Inspect | Answer | Command).decode
+from_child = msgspec.msgpack.Decoder(Union[(Finished, Found, Said, *KINDS.values())]).decode

@@ -75,23 +75,16 @@ def reap(pid: int) -> tuple[int, float, int]:
     return status, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
 
 
-def keep(child: int, lifeline: int | None = None) -> int:
-    """Wait for a child, then end all descendants of this process, a subreaper; return the child's wait status.
-
-    The child is ended, too, when ``lifeline`` is closed by its other end.
-    """
-    ended = os.pidfd_open(child)
-    select.select([ended] if lifeline is None else [ended, lifeline], [], [])
-    status = 0
+def keep(child: int) -> None:
+    """Wait for a child, then end all descendants of this process, a subreaper."""
+    os.waitid(os.P_PID, child, os.WEXITED | os.WNOWAIT)
     while True:
         for pid in descendants_of(os.getpid()):
-            signal_process(pid, signal.SIGKILL)  # a zombie keeps its status
+            signal_process(pid, signal.SIGKILL)
         try:
-            pid, wait_status = os.wait()
+            os.wait()
         except ChildProcessError:
-            return status
-        if pid == child:
-            status = wait_status
+            return
 
 
 def await_exit(pid: int, timeout: float | None) -> bool:

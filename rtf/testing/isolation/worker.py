@@ -30,6 +30,7 @@ from rtf.testing.isolation.messages import (
     Command,
     Finished,
     Frames,
+    Inspect,
     Job,
 )
 from rtf.testing.measurement import require_limits
@@ -96,7 +97,7 @@ class Channel:
         self.on_lost: Callable[[], object] = _end_without_runner
         self._descriptor = descriptor
         self._frames = Frames()
-        self._received: deque[Job | Answer | Command] = deque()
+        self._received: deque[Job | Inspect | Answer | Command] = deque()
         self._lock = allocate_lock()
 
     def send(self, message: msgspec.Struct) -> None:
@@ -111,7 +112,7 @@ class Channel:
         except OSError:
             self.on_lost()
 
-    def receive(self, timeout: float | None = None) -> Job | Answer | Command | None:
+    def receive(self, timeout: float | None = None) -> Job | Inspect | Answer | Command | None:
         """Wait for one message; None when none came in ``timeout`` seconds (None: for ever), or without a runner."""
         while not self._received:
             if timeout is not None and not select.select([self._descriptor], [], [], timeout)[0]:
@@ -149,6 +150,10 @@ def child_main(channel_fd: int, out_fd: int, err_fd: int, dump_fd: int) -> int:
     channel = Channel(CHANNEL_FD)
     while True:
         job = channel.receive()
+        if isinstance(job, Inspect):
+            from rtf.testing import inspection
+
+            return inspection.serve(job, channel)
         if not isinstance(job, Job):  # a late answer to a question of the last job
             continue
         if job.memory:
