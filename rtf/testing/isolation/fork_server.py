@@ -212,7 +212,7 @@ def main(keeper: int) -> NoReturn:
     processes.no_core_dumps()
     processes.prefer_for_oom_kill()
     worker.prepare()
-    _settle()
+    gc.freeze()  # or the collector of each child would write to every object, and the kernel copy its page
     ForkServer(socket.socket(fileno=CHANNEL_FD), keeper).serve()
     os._exit(0)
 
@@ -226,7 +226,7 @@ def _preload(control: socket.socket, names: tuple[str, ...]) -> None:
                 importlib.import_module(name)
             except Exception as error:  # noqa: BLE001 - whatever an import does, the run says so and goes on without it
                 problems.append(f"preload {name}: {type(error).__name__}: {error}")
-    _settle()
+    gc.freeze()  # or the collector of each child would write to every object, and the kernel copy its page
     control.sendall(messages.pack(Loaded(tuple(problems))))
 
 
@@ -242,13 +242,6 @@ def _one_thread() -> Iterator[None]:
         yield
     finally:
         os.environ.pop(name, None)
-
-
-def _settle() -> None:
-    """Have as little memory as possible for the kernel to copy, page by page, with every child."""
-    gc.collect()
-    gc.freeze()  # keeps the collector of a child from looking at, and so writing to, every object
-    processes.give_memory_back()
 
 
 def serve_plugin(plugin: PluginRef) -> int:
@@ -270,7 +263,7 @@ def serve_plugin(plugin: PluginRef) -> int:
     if reason:
         control.sendall(messages.pack(Loaded((reason,))))
         return 0
-    _settle()
+    gc.freeze()  # or the collector of each child would write to every object, and the kernel copy its page
     control.sendall(messages.pack(Loaded()))
     ForkServer(control).serve()
     return 0

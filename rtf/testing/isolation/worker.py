@@ -140,7 +140,8 @@ def _end_without_runner() -> NoReturn:
 def child_main(channel_fd: int, out_fd: int, err_fd: int, dump_fd: int) -> int:
     """Live as a worker: tie this fresh fork to its parent, then do jobs until the last. Returns the exit status."""
     os.setpgid(0, 0)
-    processes.tie_to_parent()
+    processes.die_with_parent()
+    processes.adopt_orphans()
     os.dup2(out_fd, 1)
     os.dup2(err_fd, 2)
     os.dup2(channel_fd, CHANNEL_FD, inheritable=False)
