@@ -118,6 +118,7 @@ class ForkServer:
 
     def _fork(self) -> None:
         files = [self._descriptors.popleft() for _ in range(_FILES)]
+        gc.freeze()  # or a child's collector would write to every object, and the kernel copy their pages
         pid = os.fork()
         if pid == 0:
             status = 70
@@ -212,7 +213,6 @@ def main(keeper: int) -> NoReturn:
     processes.no_core_dumps()
     processes.prefer_for_oom_kill()
     worker.prepare()
-    gc.freeze()  # or the collector of each child would write to every object, and the kernel copy its page
     ForkServer(socket.socket(fileno=CHANNEL_FD), keeper).serve()
     os._exit(0)
 
@@ -226,7 +226,6 @@ def _preload(control: socket.socket, names: tuple[str, ...]) -> None:
                 importlib.import_module(name)
             except Exception as error:  # noqa: BLE001 - whatever an import does, the run says so and goes on without it
                 problems.append(f"preload {name}: {type(error).__name__}: {error}")
-    gc.freeze()  # or the collector of each child would write to every object, and the kernel copy its page
     control.sendall(messages.pack(Loaded(tuple(problems))))
 
 
@@ -263,7 +262,6 @@ def serve_plugin(plugin: PluginRef) -> int:
     if reason:
         control.sendall(messages.pack(Loaded((reason,))))
         return 0
-    gc.freeze()  # or the collector of each child would write to every object, and the kernel copy its page
     control.sendall(messages.pack(Loaded()))
     ForkServer(control).serve()
     return 0
