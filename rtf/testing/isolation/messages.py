@@ -35,10 +35,6 @@ STOP_LIMIT = 4.0
 #: What a fixture's process calls itself meanwhile (at most 15 bytes), so that its fork server knows without the runner.
 SAFE_STATE_NAME = "rtf parking"
 
-#: The files of our processes beside 0, 1 and 2: the channel to the runner, and the file for stacks.
-CHANNEL_FD = 3
-DUMP_FD = 4
-
 #: The exit status of a process of ours that cannot reach its runner any more.
 CUT_OFF = 71
 
@@ -58,7 +54,7 @@ class Message(msgspec.Struct, frozen=True, array_like=True, tag=True):
 
 
 class Fork(Message, frozen=True):
-    """Fork a child. Its channel, standard output and standard error come with the message, as descriptors."""
+    """Fork a child. Its channel, output, error output and the file for its stacks come with it, as descriptors."""
 
 
 class Signal(Message, frozen=True):
@@ -143,6 +139,13 @@ class Job(Message, frozen=True, kw_only=True):
     core_dumps: bool = False
 
 
+class Inspect(Message, frozen=True):
+    """Load plug-ins, try each use of them, and ``ask`` tests which fixtures they need; see ``inspection``."""
+
+    plugins: tuple[tuple[PluginRef, list[Any]], ...]
+    ask: bool
+
+
 class Answer(Message, frozen=True):
     """What the operator answered to a test's question, and who or what answered for them."""
 
@@ -152,10 +155,7 @@ class Answer(Message, frozen=True):
 
 
 class Command(Message, frozen=True):
-    """What a fixture's process is to do: ``check``, ``enter_safe_state`` or ``teardown``, after ``stacks``.
-
-    ``detail`` is the reason for ``teardown``, or the path for ``stacks``.
-    """
+    """What a fixture's process is to do: ``check``, ``enter_safe_state`` or ``teardown``; ``detail`` is its reason."""
 
     command: str
     detail: str = ""
@@ -171,6 +171,12 @@ class Finished(msgspec.Struct, frozen=True, tag_field="event", tag="finished"):
     reason: str = ""
     detail: str = ""
     stopped: str = ""
+
+
+class Found(msgspec.Struct, frozen=True, tag_field="event", tag="found"):
+    """What an inspection has found, see ``inspection``."""
+
+    inspections: list[Any]
 
 
 # From a fixture's process to the runner, beside events; see ``supervision.fixture_process`` --------------------------
@@ -269,8 +275,8 @@ class Frames:
 
 to_fork_server = msgspec.msgpack.Decoder(Fork | Signal | MarkHost | Preload).decode
 to_runner = msgspec.msgpack.Decoder(Forked | Exited | Loaded).decode
-to_child = msgspec.msgpack.Decoder(Job | Answer | Command).decode
-from_child = msgspec.msgpack.Decoder(Union[(Finished, *KINDS.values())]).decode
+to_child = msgspec.msgpack.Decoder(Job | Inspect | Answer | Command).decode
+from_child = msgspec.msgpack.Decoder(Union[(Finished, Found, *KINDS.values())]).decode
 from_fixture = msgspec.msgpack.Decoder(
     Doing | Provided | Ready | Alive | Lost | FixtureIncident | TestMessage | OutputCaptured
 ).decode

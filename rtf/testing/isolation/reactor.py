@@ -43,12 +43,11 @@ class Reactor:
 
     def run_once(self, deadline: clock.Deadline) -> None:
         """Wait until something happened or the deadline has come, and call what is to be called."""
-        for callback, moment in [*self._later.items()]:
-            if moment.expired:
-                del self._later[callback]
-                callback()
-            else:
-                deadline = deadline.earliest(moment)
+        for callback in [callback for callback, moment in self._later.items() if moment.expired]:
+            del self._later[callback]
+            callback()
+        for moment in self._later.values():
+            deadline = deadline.earliest(moment)
         remaining = deadline.remaining()
         timeout = None if remaining == clock.FOREVER else remaining
         for descriptor, _ in self._epoll.poll(timeout):

@@ -21,7 +21,7 @@ from rtf.testing import plugins
 from rtf.testing.events import FixtureIncident, Message, OutputCaptured
 from rtf.testing.fixture import FixtureManager, FixtureUnusable
 from rtf.testing.isolation import processes
-from rtf.testing.isolation.messages import DUMP_FD, SAFE_STATE_NAME, Alive, Command, Doing, Lost, Provided, Ready
+from rtf.testing.isolation.messages import SAFE_STATE_NAME, Alive, Command, Doing, Lost, Provided, Ready
 from rtf.testing.outcome import FixtureCollapsed, TestStopped
 from rtf.testing.session import Stoppable, author_traceback, bounded, named_text_of, text_of
 from rtf.testing.verdict import Phase, Severity
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 #: Seconds to wait for the order in which the fork server has fixtures torn down when the runner is gone: those that
 #: depend on this one enter their safe states first. A fork server that is gone as well makes itself felt at once.
 ORPHAN_PATIENCE = 600.0
-_FIRST_COMMAND_LIMIT = 10.0
 
 
 class Host(Stoppable[msgspec.Struct]):
@@ -105,7 +104,6 @@ class Host(Stoppable[msgspec.Struct]):
 
     def live(self) -> None:
         """Load, set up, watch and tear down."""
-        self._redirect_stacks()
         self.emit(Doing("setup()"))
         manager = self._load()
         if manager is not None and not self.stopped:
@@ -114,16 +112,6 @@ class Host(Stoppable[msgspec.Struct]):
                 self._watch(manager)
             self._come_down(manager, up=up)
         self.emit(Doing("nothing"))
-
-    def _redirect_stacks(self) -> None:
-        """Have the stacks of this process dumped where its runner says, apart from those of tests."""
-        command = self._channel.receive(_FIRST_COMMAND_LIMIT)
-        if not isinstance(command, Command) or command.command != "stacks":
-            return
-        with contextlib.suppress(OSError):  # without it they go where those of tests go
-            descriptor = os.open(command.detail, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC)
-            os.dup2(descriptor, DUMP_FD, inheritable=False)
-            os.close(descriptor)
 
     def _load(self) -> FixtureManager | None:
         made: list[FixtureManager] = []

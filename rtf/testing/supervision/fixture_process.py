@@ -3,7 +3,7 @@
 =========================================  =====================================================================
 the runner sends                           the process sends (``isolation.messages``)
 =========================================  =====================================================================
-``Job``, ``stacks`` with a path            ``Doing setup()``: from now on SIGTERM makes it leave what it is doing
+``Job``                                    ``Doing setup()``: from now on SIGTERM makes it leave what it is doing
 .                                          ``Provided``; ``Ready``, or ``Lost``, after which it comes down by itself
 .                                          ``Alive`` after each check, every check period, or ``Lost``
 ``check``, ``enter_safe_state``            ``Alive``, with ``answered``, or ``Lost``
@@ -29,10 +29,8 @@ from msgspec.structs import replace
 from rtf import clock
 from rtf.testing.events import FixtureIncident, Message, OutputCaptured, StackDumped
 from rtf.testing.isolation import messages, processes
-from rtf.testing.isolation.capture import Capture, StackFile, Tail
+from rtf.testing.isolation.capture import Capture, Tail
 from rtf.testing.isolation.messages import (
-    NUDGE_PERIOD,
-    NUDGE_SIGNAL,
     SAFE_STATE_LIMIT,
     Alive,
     Command,
@@ -47,8 +45,9 @@ from rtf.testing.verdict import FixtureState, Phase, Severity
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rtf.testing.isolation.child import Child, End
     from rtf.testing.isolation.messages import Job
-    from rtf.testing.isolation.worker_pool import Child, End, ForkServerClient
+    from rtf.testing.isolation.worker_pool import ForkServerClient
     from rtf.testing.supervision.fixture_record import Fixture, Notes
 
 #: Seconds that are allowed where the suite says nothing.
@@ -110,8 +109,6 @@ class FixtureProcess:
         self._done = False
         self._end_reported = False
         self._cut_off = clock.Deadline()  # when a process that has closed its channel should have ended
-        # its own, so that its stacks are never taken for those of the test that runs meanwhile
-        self._stacks = StackFile()
         self._overdue = ""  # why its stacks were asked for
         self._tail = Tail()
         self._capture = Capture(self._captured, refill=_OUTPUT_RATE)
@@ -126,7 +123,6 @@ class FixtureProcess:
         child.mark_as_host()
         self.deadline = clock.Deadline.after(self._limit("setup()"))
         child.begin(job, self._hear, self._written)
-        child.send(Command("stacks", self._stacks.path))
 
     def _limit(self, step: str) -> float:
         """Return the seconds that a step may take."""
@@ -180,11 +176,9 @@ class FixtureProcess:
     def _dump_stacks(self) -> str:
         """Have its stacks dumped, and say what takes too long."""
         cause = f"{self._step or 'setup()'} did not come back within {self.deadline.limit:g} s"
-        if "(stopped)" in processes.kernel_state(self.pid):
+        if "(stopped)" in self._child.dump_stacks():
             cause += "; the process had been stopped by a signal"
-        self._child.signal(signal.SIGCONT)
         self._overdue = cause
-        self._stacks.dump(self._child, self._fork_server.reactor)
         return cause
 
     # Down --------------------------------------------------------------------------------------------------------
@@ -200,8 +194,8 @@ class FixtureProcess:
                 if self._step == "setup()" or (self._step and self._overdue):
                     self._interrupt()
             while child.end is None and not self._end_reported:
-                self._wait_a_moment()
-                if child.end is None and self._time_is_up():
+                self._wait(lambda: child.end is not None or self._time_is_up(), clock.Deadline())
+                if child.end is None:
                     self._press_on(self._phase if reason else Phase.TEARDOWN)
             if child.end is not None:
                 self._conclude(child.end)
@@ -211,18 +205,10 @@ class FixtureProcess:
     def _time_is_up(self) -> bool:
         return self.deadline.expired or self._kill_now()
 
-    def _wait_a_moment(self) -> None:
-        """Wait for its end or the end of its time. One that was interrupted is nudged until it notices."""
-        pause = clock.Deadline.after(NUDGE_PERIOD)
-        self._wait(lambda: self._child.end is not None or self._time_is_up() or pause.expired, pause)
-        if self._interrupted:
-            self._child.signal(NUDGE_SIGNAL)
-
     def _interrupt(self) -> None:
         """Have it leave what it is doing, so that it gets to its teardown."""
         self._interrupted = True
-        self._child.signal(signal.SIGCONT)
-        self._child.signal(signal.SIGTERM)
+        self._child.interrupt(signal.SIGTERM)
         self.deadline = clock.Deadline.after(GRACE)
 
     def _press_on(self, phase: Phase) -> None:
@@ -250,7 +236,7 @@ class FixtureProcess:
     def _kill(self) -> None:
         self._end_reported = True
         child = self._child
-        child.signal(signal.SIGKILL, group=True)
+        child.kill()
         deadline = self.deadline = clock.Deadline.after(_VANISH)
         self._wait(lambda: child.end is not None or deadline.expired, deadline)
         if child.end is None:
@@ -268,12 +254,11 @@ class FixtureProcess:
 
     def _close(self) -> None:
         self._capture.close()
-        stacks = self._stacks.new()
+        stacks = self._child.new_stacks()
         if not stacks and self._overdue:
             stacks = "the process did not answer the request for its stacks\n"
         if stacks:
             self._notes.emit(StackDumped(text=stacks, cause=self._overdue or "crash", fixture=self._fixture.name))
-        self._stacks.close()
         for count, what in ((self._left_out, "messages"), (self._nonsense - _COMPLAINTS, "lines of nonsense")):
             if count > 0:
                 self._say(Severity.WARNING, "journal", f"{count} {what} left out: the fixture said too much")
@@ -349,6 +334,7 @@ class FixtureProcess:
         elif step in _LAST_STEPS and step not in self._last_steps and not self._fixture.active:
             self._last_steps.add(step)
             self._interrupted = False
+            self._child.stop_nudging()
             self._enter(step, Phase.TEARDOWN)
 
     def _completed(self, incident: FixtureIncident) -> FixtureIncident:

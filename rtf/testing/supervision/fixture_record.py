@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.testing.events import Event, Message, OutputCaptured
-    from rtf.testing.isolation.worker_pool import End
+    from rtf.testing.isolation.child import End
     from rtf.testing.plugins import PluginRef
     from rtf.testing.suite.model import FixtureEntry
     from rtf.testing.supervision.fixture_process import FixtureProcess

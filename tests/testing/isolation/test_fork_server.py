@@ -13,10 +13,11 @@ from rtf import clock
 from rtf.testing import plugins
 from rtf.testing.events import OutputCaptured, TestEnded, TestStarted
 from rtf.testing.isolation import messages
+from rtf.testing.isolation.child import Child
 from rtf.testing.isolation.fork_server import unfit_because
 from rtf.testing.isolation.messages import Frames, Job
 from rtf.testing.isolation.reactor import Reactor
-from rtf.testing.isolation.worker_pool import Child, ForkServerClient, LoadTimeoutError
+from rtf.testing.isolation.worker_pool import ForkServerClient, LoadTimeoutError
 from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import Verdict
 
@@ -246,9 +247,9 @@ def test_loading_that_does_not_end_is_given_up_once(fork_server: ForkServerClien
     """The test that waits for it has its own limit; those after it load the file for themselves."""
     (tmp_path / "a.py").write_text("import time\nwhile True:\n    time.sleep(1)\n")
     fork_server.take()  # now it is up
-    with pytest.raises(LoadTimeoutError, match=r"^loading did not end within 1 s$"):
+    with pytest.raises(LoadTimeoutError, match=r"^loading did not end within 1 s$") as caught:
         fork_server.take(found(tmp_path, "a"), {}, 1.0)
-    assert "a.py" in fork_server.new_stacks()
+    assert "a.py" in caught.value.stacks
     child = fork_server.take(found(tmp_path, "a"))
     assert parent_of(child) == parent_of(fork_server.take())
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import socket
 import subprocess
@@ -69,7 +68,6 @@ class Talk:
             [sys.executable, "-c", HOST, str(path), str(there.fileno()), str(attempt)], pass_fds=[there.fileno()]
         )
         there.close()
-        self.command("stacks", "/dev/null")
 
     def command(self, command: str, detail: str = "") -> None:
         """Say something."""
@@ -257,12 +255,6 @@ class TestLostRunner:
         host.until(event="ready")
         host.here.shutdown(socket.SHUT_RDWR)
         assert host.end() == ["setup", "parked", "teardown"]
-
-
-def test_stacks_go_where_the_runner_says(talk: Starter, tmp_path: Path):
-    """The descriptor of the dump file leads to the path of the first command."""
-    host = talk("    def setup(self): self.report(os.readlink('/proc/self/fd/4'))\n")
-    assert host.until(event="message")["detail"] == os.devnull
 
 
 def test_a_fixture_with_the_old_name_of_the_safe_state_is_refused():

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import signal
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from rtf import clock
 from rtf.testing.events import Event, FixtureIncident
+from rtf.testing.isolation.child import End
 from rtf.testing.isolation.messages import DUMP_SIGNAL, SAFE_STATE_LIMIT, Command, Doing, Frames, Job, Ready, pack
-from rtf.testing.isolation.worker_pool import End
 from rtf.testing.plugins import PluginRef
 from rtf.testing.suite.model import FixtureEntry
 from rtf.testing.supervision.fixture_process import TEARDOWN_LIMIT, FixtureProcess
@@ -42,7 +41,6 @@ class Scripted:
         self.end: End | None = None
         self.channel_closed = False
         self.signals: list[int] = []
-        self.path = ""
 
     @property
     def reactor(self) -> Scripted:
@@ -58,21 +56,30 @@ class Scripted:
     def begin(self, job: Job, on_message: Callable[[bytes], None], on_output: Callable[[str, bytes], None]) -> None:
         self.on_message = on_message
 
-    def send(self, message: Command) -> None:
-        if message.command == "stacks":
-            self.path = message.detail
+    def send(self, message: Command) -> None: ...
 
     def say(self, said: msgspec.Struct) -> None:
         self.on_message(b"".join(Frames().feed(pack(said))))
 
-    def signal(self, signum: int, *, group: bool = False) -> None:
+    def interrupt(self, signum: int) -> None:
         self.signals.append(int(signum))
-        if signum == DUMP_SIGNAL:
-            Path(self.path).write_text("stacks\n")
-            self.plan = [(self.time, said) for said in self.in_dump] + self.plan
-            self.in_dump = []
-        elif signum == signal.SIGKILL:
-            self.end = self.end or End(9)
+
+    def stop_nudging(self) -> None: ...
+
+    def kill(self) -> None:
+        self.signals.append(int(signal.SIGKILL))
+        self.end = self.end or End(9)
+
+    def dump_stacks(self) -> str:
+        """Say at once what is said while they are written."""
+        self.signals.append(int(DUMP_SIGNAL))
+        said, self.in_dump = self.in_dump, []
+        for one in said:
+            self.play(one)
+        return "State: S (sleeping)"
+
+    def new_stacks(self) -> str:
+        return "stacks\n"
 
     def run_once(self, deadline: clock.Deadline) -> None:
         assert self.time < 3600.0, "it should be over"
@@ -81,6 +88,9 @@ class Scripted:
             return
         when, said = self.plan.pop(0)
         self.time = max(self.time, when)
+        self.play(said)
+
+    def play(self, said: msgspec.Struct | End) -> None:
         if isinstance(said, End):
             self.end = said
         else:
@@ -96,7 +106,7 @@ def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[]
 
     def wait(until: Callable[[], bool], limit: clock.Deadline) -> None:
         while not until():
-            child.run_once(limit)
+            child.run_once(limit.earliest(generation.deadline))
 
     generation = FixtureProcess(fixture, notes, child, wait, kill_now)  # type: ignore[arg-type]
     fixture.process = generation
