@@ -100,9 +100,9 @@ def author_traceback(error: BaseException) -> str:
 
 
 class Stoppable(Generic[M]):
-    """A process that runs an author's code: what it sends is whole, and its main thread can be stopped in that code.
+    """Sends messages whole, from any thread, and stops the main thread while that runs an author's code.
 
-    ``send`` puts one message on its way and blocks while the runner is slower. Any thread may send.
+    ``send`` puts one message on its way and blocks while the runner is slower.
     """
 
     def __init__(self, send: Callable[[M], None]) -> None:

@@ -26,9 +26,9 @@ the test counts                                        ready #2      ready #2   
 safe state and is torn down                            stopped #2    stopped #2    stopped #1
 =====================================================  ============  ============  ============
 
-Had the server died again, it would be *failed* for want of restarts: each test on it, or on something that depends on
-it, is blocked. Were it a robot's fixture that owes its safe state at the end, ``take_down()`` would start it once more.
-Each generation is a process (``fixture_process``); nothing here runs an author's code.
+A server that collapses again has no restart left and is *failed*: each test on it, or on something that depends on it,
+is blocked. A fixture of a robot that owes its safe state at the end is started once more by ``take_down()``, as long as
+it has a restart left. Each generation is a process (``fixture_process``); nothing here runs an author's code.
 """
 
 from __future__ import annotations

@@ -159,6 +159,18 @@ class TestCommands:
         assert [message for message in host.hear() if message["event"] == "lost"] == []
         assert host.end() == ["setup", f"on_collapse {cause}", "teardown"]
 
+    def test_what_breaks_as_soon_as_it_is_ready_has_been_set_up(self, talk: Starter):
+        """A test may break it before the host has taken its next step: then the setup is not to blame."""
+        body = """
+    def setup(self):
+        emit = self._host.emit
+        def emit_and_break(message):
+            if type(message).__name__ == "Ready": self.collapsed("at once")
+            emit(message)
+        self._host.emit = emit_and_break
+"""
+        assert talk(body).until(event="lost")["incident"]["phase"] == "check"
+
     def test_announcement_of_anything_is_heard(self, talk: Starter):
         """A reason that is no text is no reason to lose it."""
         host = talk("    def check(self): self.collapsed(ValueError(7), exit_status=3, output=b'x')\n")
