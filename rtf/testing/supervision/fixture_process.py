@@ -35,7 +35,6 @@ TEARDOWN_LIMIT = 30.0
 CHECK_LIMIT = 10.0
 #: How long a fixture may take to leave what it is doing when it is to be torn down.
 GRACE = 2.0
-_VANISH = 6.0
 #: How much of its time to come down, when the run has to end at once, a fixture may spend on one thing.
 _PART_OF_STOP = 0.75
 
@@ -87,7 +86,6 @@ class FixtureProcess:
         self._killed = False
         self._done = False
         self._end_told = False
-        self._silence = clock.Deadline()
         self._tail = Tail()
         self._capture = Capture(
             lambda stream, text, omitted: notes.output(fixture, stream, text, omitted), refill=_OUTPUT_RATE
@@ -122,21 +120,14 @@ class FixtureProcess:
         if self._child.end is not None:
             self._ended(self._child.end)
         elif self._child.channel_closed:
-            self._cut_off()
+            if self._child.cut_off:
+                self._collapse("the fixture's process closed the channel to its runner")
         elif self.deadline.expired:
             self._too_late()
 
     def _ended(self, end: End) -> None:
         self._end_told = True
         self._collapse(f"the fixture's process ended: {_how(end)}", exit_status=end.exit_status, signal_name=end.signal)
-
-    def _cut_off(self) -> None:
-        """A process that dies closes its channel a moment before its end is known; one that lives on is cut off."""
-        if self._silence.at == clock.FOREVER:
-            self._silence = clock.Deadline.after(GRACE)
-            self.deadline = self.deadline.earliest(self._silence)
-        elif self._silence.expired:
-            self._collapse("the fixture's process closed the channel to its runner")
 
     def _too_late(self) -> None:
         phase = self._phase
@@ -217,17 +208,14 @@ class FixtureProcess:
         self._killed = True
         child = self._child
         child.kill()
-        deadline = clock.Deadline.after(_VANISH)
-        self.deadline = deadline
-        self._wait(lambda: child.end is not None or deadline.expired, deadline)
-        if child.end is None:
-            self._fork_server.abandon()
+        self.deadline = clock.Deadline()
+        self._wait(lambda: child.end is not None, clock.Deadline())
 
     def _conclude(self, end: End) -> None:
         """Tell of a process that did not live to the end of its teardown, unless that is known."""
         if self._killed or self._end_told:
             return
-        if not self._done and not (end.status == 0 and self._silence.expired):
+        if not self._done and not (end.status == 0 and self._child.cut_off):
             where = "in" if self._doing == "teardown()" else "before"
             cause = f"the fixture's process ended {where} teardown(): {_how(end)}"
         elif end.status != 0:

@@ -39,7 +39,7 @@ class Scripted:
         self.in_dump = [*in_dump]
         self.pid = 0
         self.end: End | None = None
-        self.channel_closed = False
+        self.channel_closed = self.cut_off = False
         self.signals: list[int] = []
 
     @property
