@@ -109,7 +109,6 @@ def _have_inspected(fork_server: ForkServerClient, wanted: Inspect) -> list[Insp
     while not (heard or child.end or limit.expired):
         fork_server.reactor.run_once(limit)
     end = child.end
-    fork_server.rouse()
     child.dismiss()
     return _understand(heard[0]) if heard else _how_it_ended(end)
 

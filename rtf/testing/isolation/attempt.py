@@ -27,9 +27,8 @@ if TYPE_CHECKING:
     from rtf.testing.isolation.messages import Job
     from rtf.testing.isolation.worker_pool import ForkServerClient
 
-#: How long a test may take to react to being asked to stop, and a killed one to vanish.
+#: How long a test may take to react to being asked to stop.
 GRACE = 2.0
-_VANISH = 5.0
 #: How long a process may still take to end when its test is over.
 _LEAVING = 10.0
 _NO_STACKS = "the process did not answer the request for its stacks"
@@ -89,7 +88,6 @@ class Attempt:
         self._said: Transcript
         self._deadline = clock.Deadline()
         self._total = clock.Deadline()
-        self._cut_off = False  # it has closed its channel, and may be dying
         self._stop: Stop | None = None
         self._killed = False
         self._kernel_state = ""
@@ -163,7 +161,7 @@ class Attempt:
                 stop = self._reason_to_stop()
                 if stop is not None:
                     self._end_early(stop)
-            elif self._deadline.expired or (self._kill_now() and not self._killed):
+            elif not self._killed and (self._deadline.expired or self._kill_now()):
                 self._press_on()
 
     def _over(self) -> bool:
@@ -191,21 +189,15 @@ class Attempt:
         if self._total.expired:
             return self._overdue("the test", self._total)
         if self._child.channel_closed and self._said.finished is None:
-            return self._channel_closed()
+            self._deadline = clock.Deadline()  # either it ends now, or it is cut off
+            why = judge.why_cut_off(garbled=self._child.garbled)
+            return Stop(Verdict.ERROR, "channel", why) if self._child.cut_off else None
         return self._overdue(self._what(), self._deadline) if self._deadline.expired else None
 
     def _what(self) -> str:
         if self._said.finished is not None:
             return "the test was over, but its process"
         return "loading" if self._said.phase is Phase.LOAD else f"{self._said.phase}()"
-
-    def _channel_closed(self) -> Stop | None:
-        """A process that dies closes its channel a moment before its end is known; one that lives on is cut off."""
-        if not self._cut_off:
-            self._cut_off = True
-            self._deadline = clock.Deadline.after(self._limits.grace)
-        why = judge.why_cut_off(garbled=self._child.garbled)
-        return Stop(Verdict.ERROR, "channel", why) if self._deadline.expired else None
 
     def _overdue(self, what: str, deadline: clock.Deadline) -> Stop:
         detail = f"{what} did not end within {deadline.limit:g} s"
@@ -216,7 +208,6 @@ class Attempt:
 
     def _dump_stacks(self) -> None:
         self._dumped = self._said.phase
-        self._fork_server.rouse()
         state = self._child.dump_stacks()
         self._kernel_state = self._kernel_state or state
 
@@ -226,7 +217,8 @@ class Attempt:
         self._stop = replace(stop, failures=self._said.failures)
         if self._over():
             return
-        if self._said.phase in UNDOING_PHASES and not (self._deadline.expired or self._kill_now()):
+        spared = self._said.phase in UNDOING_PHASES and not self._child.cut_off
+        if spared and not (self._deadline.expired or self._kill_now()):
             self._child.signal(signal.SIGCONT)
             return  # it is undoing what it did, which is what it would be stopped for; that has its own time
         self._child.interrupt(STOP_SIGNAL)
@@ -235,18 +227,14 @@ class Attempt:
             self._press_on()
 
     def _press_on(self) -> None:
-        """It did not stop: kill it, and if even that shows no effect, the fork server with it."""
-        if self._killed:
-            self._fork_server.abandon()
-            return
-        self._fork_server.rouse()
+        """It did not stop: kill it."""
         if self._dumped not in (None, self._said.phase) and not self._kill_now():  # it hangs in its teardown, too
             self._dump_stacks()
             if self._over() or not (self._deadline.expired or self._kill_now()):
                 return  # meanwhile it has come to the next phase, which has its own time
         self._killed = True
         self._child.kill()
-        self._deadline = clock.Deadline.after(_VANISH)
+        self._deadline = clock.Deadline()
 
     # The end -----------------------------------------------------------------------------------------------------
 

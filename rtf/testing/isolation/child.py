@@ -1,7 +1,7 @@
 """The runner's side of a forked process: it is given a job, heard, interrupted and killed.
 
-A child belongs to the :class:`~rtf.testing.isolation.worker_pool.WorkerPool` that it was forked for, and to that one's
-thread. It has a channel for messages, its two output streams, and a file for the stacks of its threads.
+A child belongs to a :class:`~rtf.testing.isolation.worker_pool.WorkerPool`, and to the thread of that. It has a channel
+for messages, its two output streams, and a file for the stacks of its threads.
 """
 
 from __future__ import annotations
@@ -23,14 +23,16 @@ if TYPE_CHECKING:
 
     import msgspec
 
-    from rtf.testing.isolation.reactor import Reactor
+    from rtf.testing.isolation.worker_pool import WorkerPool
 
 _CHUNK = 1 << 18
 #: More than any pipe holds; yet a process that could not be killed must not write for ever.
 _LAST_CHUNKS = 64
 _QUOTED = 1000
 _SEND_LIMIT = 5.0
+#: Seconds after which a process that was killed must be gone, and after which one that closed its channel is not dying.
 _VANISH = 5.0
+_DYING = 2.0
 #: At most so many bytes of stacks are kept.
 _STACKS_KEPT = 1 << 18
 #: Stacks that have not grown for so many seconds are complete; and so long is waited for them at most.
@@ -58,15 +60,14 @@ class End:
 
 
 class Child:
-    """A forked process of ours, from the moment it is asked for to the moment nothing of it is left.
+    """A forked process of ours, from the moment it is asked for to the moment nothing of it is left."""
 
-    ``request`` sends a message, with descriptors, to the process that forks it.
-    """
-
-    def __init__(self, reactor: Reactor, request: Callable[..., None]) -> None:
+    def __init__(self, pool: WorkerPool) -> None:
         self.pid = 0  # until it is forked
         self.end: End | None = None
         self.channel_closed = False
+        #: Whether it lives on without a channel: one that dies closes it a moment before its end is known.
+        self.cut_off = False
         #: Whether it has written what is no message; nothing can be understood after that.
         self.garbled = False
         #: The tests that it has done, where it does several.
@@ -74,8 +75,8 @@ class Child:
         self.on_end: Callable[[], None] | None = None
         self._on_message: Callable[[bytes], None] | None = None
         self._on_output: Callable[[str, bytes], None] | None = None
-        self._reactor = reactor
-        self._request = request
+        self._pool = pool
+        self._reactor = pool.reactor
         self._frames = Frames()
         here, there = socket.socketpair()
         out, its_out = os.pipe()
@@ -87,7 +88,7 @@ class Child:
         self._stacks_unread = b""
         for descriptor in (self._channel, out, err):
             os.set_blocking(descriptor, False)
-        request(messages.Fork(), there.fileno(), its_out, its_err, self._stacks)
+        pool.request(messages.Fork(), there.fileno(), its_out, its_err, self._stacks)
         there.close()
         os.close(its_out)
         os.close(its_err)
@@ -134,13 +135,14 @@ class Child:
 
     def mark_as_host(self) -> None:
         """Tell the fork server that this child tears something down, and is to be given time for it."""
-        self._request(messages.MarkHost(self.pid))
+        self._pool.request(messages.MarkHost(self.pid))
 
     # Being stopped -----------------------------------------------------------------------------------------------
 
     def signal(self, signum: int, *, group: bool = False) -> None:
-        """Send a signal to the child, or to its whole process group."""
-        self._request(SendSignal(self.pid, signum, group))
+        """Send a signal to the child, or to its whole process group, by a fork server that may have been stopped."""
+        self._pool.rouse()
+        self._pool.request(SendSignal(self.pid, signum, group))
 
     def interrupt(self, signum: int) -> None:
         """Ask the child with a signal to leave what it is doing, and nudge it until :meth:`stop_nudging` or its end."""
@@ -157,16 +159,19 @@ class Child:
         self._reactor.cancel(self._nudge)
 
     def kill(self) -> None:
-        """Kill the child and its process group."""
+        """Kill the child and its process group; if that shows no effect in time, the fork server with all it has."""
         self.stop_nudging()
         self.signal(signal.SIGKILL, group=True)
+        self._reactor.call_later(_VANISH, self._give_up)
+
+    def _give_up(self) -> None:
+        self._pool.abandon()
 
     def dismiss(self) -> None:
         """Kill the child, and wait until it is gone."""
         self.kill()
-        deadline = clock.Deadline.after(_VANISH)
-        while self.end is None and not deadline.expired:
-            self._reactor.run_once(deadline)
+        while self.end is None:
+            self._reactor.run_once(clock.Deadline())
 
     def dump_stacks(self) -> str:
         """Have a child that takes too long write its stacks, and wait for them; returns its state in the kernel before.
@@ -213,7 +218,6 @@ class Child:
 
     def ended(self, end: End) -> None:
         """Take note of the end and of all that was still under way. Called by the pool."""
-        self.stop_nudging()
         self._read_channel()
         for name in [*self._streams]:
             self._read_output(name, chunks=_LAST_CHUNKS)
@@ -222,6 +226,8 @@ class Child:
             self._close_stream(name)
         self._read_stacks()
         os.close(self._stacks)
+        for timer in (self._nudge, self._give_up, self._note_cut_off):
+            self._reactor.cancel(timer)
         self.end = end
         if self.on_end is not None:
             self.on_end()
@@ -268,6 +274,10 @@ class Child:
             self.channel_closed = True
             self._reactor.unwatch(self._channel)
             os.close(self._channel)
+            self._reactor.call_later(_DYING, self._note_cut_off)
+
+    def _note_cut_off(self) -> None:
+        self.cut_off = True
 
     def _close_stream(self, name: str) -> None:
         descriptor = self._streams.pop(name, None)

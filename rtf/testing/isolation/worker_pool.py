@@ -53,14 +53,16 @@ class WorkerPool:
 
     def __init__(
         self,
-        reactor: Reactor,
+        client: ForkServerClient,
         control: socket.socket,
         *,
         on_loaded: Callable[[tuple[str, ...]], None],
         on_lost: Callable[[], None] = lambda: None,
     ) -> None:
         self.connected = True
-        self._reactor = reactor
+        self.reactor = client.reactor
+        self.rouse = client.rouse
+        self.abandon = client.abandon
         self._control = control
         self._on_loaded = on_loaded
         self._on_lost = on_lost
@@ -68,7 +70,7 @@ class WorkerPool:
         self._asked_for: deque[Child] = deque()
         self._living: dict[int, Child] = {}
         self._spare: Child | None = None
-        reactor.watch(control.fileno(), self._receive)
+        self.reactor.watch(control.fileno(), self._receive)
 
     def request(self, message: msgspec.Struct, *descriptors: int) -> None:
         """Have the process do something; if it is gone, its loss is noticed by whoever waits."""
@@ -92,12 +94,12 @@ class WorkerPool:
         while not child.pid:
             if not self.connected or deadline.expired:
                 raise ForkServerLostError("the process from which tests are forked died or does not answer")
-            self._reactor.run_once(deadline)
+            self.reactor.run_once(deadline)
         self.ask_ahead()
         return child
 
     def _fork(self) -> Child:
-        child = Child(self._reactor, self.request)
+        child = Child(self)
         self._asked_for.append(child)
         return child
 
@@ -135,7 +137,7 @@ class WorkerPool:
         """Close the socket, at which the process ends."""
         if self.connected:
             self.connected = False
-            self._reactor.unwatch(self._control.fileno())
+            self.reactor.unwatch(self._control.fileno())
             self._control.close()
 
     def gone(self) -> None:
@@ -157,12 +159,12 @@ class PluginServer:
     ``fixtures`` are the generations that were up when the file was loaded: what it learnt from them holds as long.
     """
 
-    def __init__(self, reactor: Reactor, child: Child, plugin: PluginRef, fixtures: Mapping[str, int]) -> None:
+    def __init__(self, client: ForkServerClient, child: Child, plugin: PluginRef, fixtures: Mapping[str, int]) -> None:
         self.fixtures = dict(fixtures)
         self.process = child
         self._fit: bool | None = None
         job = Job(kind="plugin server", id="", name="", plugin=plugin, folder="", run_folder="")
-        self._pool = WorkerPool(reactor, child.serve_plugin(job, self._printed), on_loaded=self._loaded)
+        self._pool = WorkerPool(client, child.serve_plugin(job, self._printed), on_loaded=self._loaded)
         self.take = self._pool.take
         child.on_end = self._pool.gone
 
@@ -220,7 +222,7 @@ class ForkServerClient:
     def start(self) -> WorkerPool:
         """Start the fork server process without waiting for it."""
         self._process, self._launched = self._launched or launch(), None
-        pool = WorkerPool(self.reactor, self._process.control, on_loaded=self.problems.extend, on_lost=self.abandon)
+        pool = WorkerPool(self, self._process.control, on_loaded=self.problems.extend, on_lost=self.abandon)
         if self._preload:
             pool.request(Preload(self._preload))
         pool.ask_ahead()
@@ -275,7 +277,7 @@ class ForkServerClient:
             self._servers.pop(path).dismiss()
         if len(self._servers) >= _PLUGIN_SERVERS:
             return None
-        server = PluginServer(self.reactor, pool.take(), plugin, fixtures)
+        server = PluginServer(self, pool.take(), plugin, fixtures)
         began, until = clock.monotonic(), clock.Deadline.after(limit)
         while server.loading and not until.expired and not self._stop_now():
             self.reactor.run_once(until)

@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 
     from rtf.testing.isolation.child import Child, End
     from rtf.testing.isolation.messages import Job
-    from rtf.testing.isolation.worker_pool import ForkServerClient
     from rtf.testing.supervision.fixture_record import Fixture, Notes
 
 #: Seconds that are allowed where the suite says nothing.
@@ -57,7 +56,6 @@ TEARDOWN_LIMIT = 30.0
 CHECK_LIMIT = 10.0
 #: How long a fixture may take to leave what it is doing when it is to be torn down.
 GRACE = 2.0
-_VANISH = 6.0
 #: How much of its time to come down, when the run has to end at once, a fixture may spend on one step.
 _PART_OF_STOP = 0.75
 
@@ -84,19 +82,18 @@ class FixtureProcess:
         self,
         fixture: Fixture,
         notes: Notes,
-        fork_server: ForkServerClient,
+        child: Child,
         wait: Callable[[Callable[[], bool], clock.Deadline], None],
         kill_now: Callable[[], bool],
         stop_by: Callable[[], clock.Deadline] = clock.Deadline,
     ) -> None:
         self._fixture = fixture
         self._notes = notes
-        self._fork_server = fork_server
         self._wait = wait
         self._kill_now = kill_now
         self._stop_by = stop_by
-        self._child: Child = fork_server.take()
-        self.pid = self._child.pid
+        self._child = child
+        self.pid = child.pid
         self.answered = False
         self.deadline = clock.Deadline()
         #: What it provides for the tests and fixtures on it: variables of their environment, and values by key.
@@ -108,7 +105,6 @@ class FixtureProcess:
         self._interrupted = False  # it has been sent a signal to leave this step
         self._done = False
         self._end_reported = False
-        self._cut_off = clock.Deadline()  # when a process that has closed its channel should have ended
         self._overdue = ""  # why its stacks were asked for
         self._tail = Tail()
         self._capture = Capture(self._captured, refill=_OUTPUT_RATE)
@@ -164,12 +160,8 @@ class FixtureProcess:
         if end is not None:
             self._end_reported = True
             self._collapse(f"the fixture's process ended: {_how(end)}", phase, end)
-        elif self._cut_off.expired:
+        elif self._child.cut_off:
             self._collapse("the fixture's process closed the channel to its runner", phase)
-        elif self._child.channel_closed and self._cut_off.at == clock.FOREVER:
-            # one that dies closes its channel a moment before its end is known; one that lives on is cut off
-            self._cut_off = clock.Deadline.after(GRACE)
-            self.deadline = self.deadline.earliest(self._cut_off)
         elif self.deadline.expired and not self._child.channel_closed:
             self._collapse(self._dump_stacks(), phase)  # also if it comes to its end while they are written
 
@@ -237,16 +229,14 @@ class FixtureProcess:
         self._end_reported = True
         child = self._child
         child.kill()
-        deadline = self.deadline = clock.Deadline.after(_VANISH)
-        self._wait(lambda: child.end is not None or deadline.expired, deadline)
-        if child.end is None:
-            self._fork_server.abandon()
+        self.deadline = clock.Deadline()
+        self._wait(lambda: child.end is not None, clock.Deadline())
 
     def _conclude(self, end: End) -> None:
         """Report a process that did not live to the end of its teardown, unless that has been done."""
         if self._end_reported:
             return
-        if not self._done and not (end.status == 0 and self._cut_off.expired):
+        if not self._done and not (end.status == 0 and self._child.cut_off):
             where = "in" if self._step == "teardown()" else "before"
             self._problem(f"the fixture's process ended {where} teardown(): {_how(end)}", Phase.TEARDOWN, end)
         elif end.status != 0:

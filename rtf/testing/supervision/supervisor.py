@@ -256,11 +256,12 @@ class Supervisor:
         fixture.generation += 1
         fixture.last_cause = ""
         try:
-            process = FixtureProcess(fixture, self._notes, self._fork_server, self._wait, self._kill_now, self._stop_by)
+            child = self._fork_server.take()
         except ForkServerLostError as error:
             fixture.state = FixtureState.STARTING
             self._notes.collapse(fixture, fixture.incident(str(error), Phase.SETUP))
             return
+        process = FixtureProcess(fixture, self._notes, child, self._wait, self._kill_now, self._stop_by)
         fixture.process = process
         self._notes.change(fixture, FixtureState.STARTING)
         process.begin(self._make_job(fixture))

@@ -33,12 +33,11 @@ class Scripted:
         self.steps = [*steps]
         self.pid = 0
         self.end: End | None = None
-        self.channel_closed = False
+        self.channel_closed = self.cut_off = False
         self.garbled = False
         self.loading_took = 0.0
         self.done: set[str] = set()
         self.signals: list[tuple[int, bool]] = []
-        self.abandoned = False
         self.waits: list[float] = []
         self.stacks = ""
 
@@ -92,13 +91,6 @@ class Scripted:
     def new_stacks(self) -> str:
         new, self.stacks = self.stacks, ""
         return new
-
-    def rouse(self) -> None:
-        pass
-
-    def abandon(self) -> None:
-        self.abandoned = True
-        self.end = End(None)
 
 
 def phase(name: Phase, repetition: int = 0) -> bytes:

@@ -27,7 +27,7 @@ TEARDOWN, PARK, DONE = Doing("teardown()"), Doing("enter_safe_state()"), Doing("
 
 
 class Scripted:
-    """A child, its fork server and its reactor in one, whose time passes only while it is waited for.
+    """A child and its reactor in one, whose time passes only while it is waited for.
 
     ``plan`` is what it says at which second, ``in_dump`` what it says while its stacks are written: a message, or how
     it ends.
@@ -39,15 +39,8 @@ class Scripted:
         self.in_dump = [*in_dump]
         self.pid = 0
         self.end: End | None = None
-        self.channel_closed = False
+        self.channel_closed = self.cut_off = False
         self.signals: list[int] = []
-
-    @property
-    def reactor(self) -> Scripted:
-        return self
-
-    def take(self) -> Scripted:
-        return self
 
     def mark_as_host(self) -> None: ...
 
