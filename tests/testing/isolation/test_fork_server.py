@@ -295,9 +295,9 @@ def test_a_child_that_is_ended_twice_takes_nothing_with_it(
     fork_server: ForkServerClient, monkeypatch: pytest.MonkeyPatch
 ):
     """To kill what is gone starts no timer at whose end the fork server is given up."""
-    monkeypatch.setattr(child_module, "_VANISH", 0.01)
     child, other = fork_server.take(), fork_server.take()
     child.dismiss()
+    monkeypatch.setattr(child_module, "_VANISH", 0.01)
     child.dismiss()
     child.interrupt(signal.SIGTERM)
     for _ in range(3):
