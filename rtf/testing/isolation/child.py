@@ -148,11 +148,11 @@ class Child:
         """Ask the child with a signal to leave what it is doing, and nudge it until :meth:`stop_nudging` or its end."""
         self.signal(signal.SIGCONT)
         self.signal(signum)
-        self._reactor.call_later(NUDGE_PERIOD, self._nudge)
+        self._call_later(NUDGE_PERIOD, self._nudge)
 
     def _nudge(self) -> None:
         self.signal(NUDGE_SIGNAL)
-        self._reactor.call_later(NUDGE_PERIOD, self._nudge)
+        self._call_later(NUDGE_PERIOD, self._nudge)
 
     def stop_nudging(self) -> None:
         """Take note that the child has left what it was doing."""
@@ -162,7 +162,11 @@ class Child:
         """Kill the child and its process group; if that shows no effect in time, the fork server with all it has."""
         self.stop_nudging()
         self.signal(signal.SIGKILL, group=True)
-        self._reactor.call_later(_VANISH, self._give_up)
+        self._call_later(_VANISH, self._give_up)
+
+    def _call_later(self, seconds: float, callback: Callable[[], None]) -> None:
+        if self.end is None:
+            self._reactor.call_later(seconds, callback)
 
     def _give_up(self) -> None:
         self._pool.abandon()
@@ -274,7 +278,7 @@ class Child:
             self.channel_closed = True
             self._reactor.unwatch(self._channel)
             os.close(self._channel)
-            self._reactor.call_later(_DYING, self._note_cut_off)
+            self._call_later(_DYING, self._note_cut_off)
 
     def _note_cut_off(self) -> None:
         self.cut_off = True

@@ -113,7 +113,7 @@ class Transcript:
         elif message.test == self._job.id:
             self._take(message, len(data))
         elif message.test in self._earlier:
-            self._say_late(message)
+            self._say_late(message, message.test)
         else:
             self._garble(f"may not say {message.kind} of {message.test[:_QUOTED]!r}")
 
@@ -141,7 +141,7 @@ class Transcript:
         else:
             self._left_out += 1
 
-    def _say_late(self, event: Event) -> None:
+    def _say_late(self, event: Event, test: str) -> None:
         """A thread of an earlier test lives on in the process that this test shares with it."""
         self._late += 1
         if self._late > _TOLD:
@@ -149,7 +149,7 @@ class Transcript:
             return
         text = f"{event.title}: {event.detail}" if isinstance(event, Message) else event.kind
         detail = f"said by a thread of the test after the test was over: {text}"[:_QUOTED]
-        self._emit(Message(severity=Severity.WARNING, title="late", detail=detail, test=event.test))  # type: ignore[attr-defined]
+        self._emit(Message(severity=Severity.WARNING, title="late", detail=detail, test=test))
 
     def _take(self, event: Event, size: int) -> None:
         self._bytes += size
