@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def describe(words: Sequence[str]) -> ExitCode:
     """Print what a plug-in is for, and its parameters."""
     from rtf.testing import plugins
-    from rtf.testing.inspection import inspect_plugin
+    from rtf.testing.inspection import inspect_plugin, inspect_plugins
 
     parser = Parser(
         prog="testrunner describe",
@@ -33,9 +33,9 @@ def describe(words: Sequence[str]) -> ExitCode:
     if options.name is None:
         return _list_plugins(kind)
     ref = plugins.find(kind, options.name, beside=Path.cwd())
-    found = inspect_plugin(ref)
-    found_each = [inspect_plugin(ref._replace(class_name=name)) for name in found.spec.classes] or [found]
-    for found in found_each:
+    whole = inspect_plugin(ref)
+    classes = inspect_plugins({ref._replace(class_name=name): () for name in whole.spec.classes})
+    for found in classes.values() or [whole]:
         if found.problems:
             print(f"{ref.path}: {'; '.join(found.problems)}", file=sys.stderr)
             return ExitCode.USAGE

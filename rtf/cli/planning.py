@@ -51,28 +51,9 @@ def make_plan(options: argparse.Namespace) -> Plan:
     suites = planner.plan(_select(planner.complete(loaded.suites), options))
     if options.list or options.dry_run:
         return Plan(suites, loaded.diagnostics)
-    suites, diagnostics = _with_fixtures(suites, planner, options)
-    return Plan(suites, (*loaded.diagnostics, *diagnostics))
-
-
-def _with_fixtures(
-    suites: tuple[PlannedSuite, ...], planner: Planner, options: argparse.Namespace
-) -> tuple[tuple[PlannedSuite, ...], tuple[Diagnosed, ...]]:
-    """The plan with the fixtures that its tests ask for, in each suite that names none."""
-    if all(planned.suite.fixtures for planned in suites):
-        return suites, ()
-    from rtf.testing.implied_fixtures import with_fixtures
-
-    made: list[PlannedSuite] = []
-    diagnostics: list[Diagnosed] = []
-    for planned in suites:
-        if planned.suite.fixtures:
-            made.append(planned)
-            continue
-        suite, said = with_fixtures(planned, options.overrides)
-        made += [planned] if suite is planned.suite else planner.plan([suite])
-        diagnostics += said
-    return tuple(made), tuple(diagnostics)
+    completed = [planner.with_implied_fixtures(planned) for planned in suites]
+    said = [diagnosed for one in completed for diagnosed in one.diagnostics]
+    return Plan(tuple(one.suite for one in completed), (*loaded.diagnostics, *said))
 
 
 def _load(options: argparse.Namespace) -> Loaded:

@@ -8,7 +8,7 @@ import pytest
 
 from rtf.pytest_suites import verdicts
 from rtf.pytest_suites.nodes import SuiteItem, planned_suites, suite_items
-from rtf.testing.sharing import groups_sharing_fixtures
+from rtf.testing.dispatch import groups_sharing_fixtures
 
 if TYPE_CHECKING:
     from collections.abc import Generator

@@ -4,8 +4,8 @@ A suite's fixtures are locked while they are up. Each worker has at most one sui
 two can wait for each other; and the kernel unlocks what a worker that died had locked. One file serves all workers
 of a session: each fixture is a byte of it, by a hash of what it is, and so is each plug-in.
 
-Two fixtures are two as with ``testrunner -j`` (:mod:`rtf.testing.sharing`): one without a ``param`` has its plug-in for
-itself, and those with one share it.
+Two fixtures are two as with ``testrunner -j`` (:mod:`rtf.testing.dispatch`): one without a ``param`` has its plug-in
+for itself, and those with one share it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from rtf.testing.sharing import Use
+    from rtf.testing.dispatch import Use
 
 #: Bytes of the hash: an offset in a file fits into 63 bits.
 _HASHED = 7

@@ -13,8 +13,8 @@ from rtf.pytest_suites import texts, verdicts
 from rtf.pytest_suites.properties import properties
 from rtf.pytest_suites.session import SuiteSession
 from rtf.pytest_suites.warnings import SuiteFileWarning
+from rtf.testing.dispatch import uses
 from rtf.testing.report.text import place, shown
-from rtf.testing.sharing import uses
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

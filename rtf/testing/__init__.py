@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rtf.testing.case import TestCase
-    from rtf.testing.fixture import FixtureManager, FixtureUnusable
-    from rtf.testing.fixture_values import FixtureValue, Value
+    from rtf.testing.fixture import FixtureManager, FixtureUnusable, FixtureValue, Value
     from rtf.testing.measurement import Measurement, Unit
     from rtf.testing.outcome import FixtureCollapsed, Inconclusive, SkipTest, TestFailure, TestProblem
     from rtf.testing.parameters import Parameter
@@ -39,7 +38,7 @@ _HOMES = {
     "FixtureCollapsed": "outcome",
     "FixtureManager": "fixture",
     "FixtureUnusable": "fixture",
-    "FixtureValue": "fixture_values",
+    "FixtureValue": "fixture",
     "Inconclusive": "outcome",
     "Matrix": "plugin_spec",
     "Measurement": "measurement",
@@ -50,7 +49,7 @@ _HOMES = {
     "TestFailure": "outcome",
     "TestProblem": "outcome",
     "Unit": "measurement",
-    "Value": "fixture_values",
+    "Value": "fixture",
 }
 
 

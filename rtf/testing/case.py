@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
 from rtf.testing import recording
 from rtf.testing.events import Asked, Measured, Progressed, TestRenamed
-from rtf.testing.fixture_values import UsesFixtures
+from rtf.testing.fixture import UsesFixtures
 from rtf.testing.measurement import Measurement, Unit, margin_of, quantity, require_limits, unit
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
 from rtf.testing.parameters import Declared, Parameter

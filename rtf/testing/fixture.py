@@ -1,4 +1,4 @@
-"""The fixture manager: the class an author derives from to bring up what tests stand on, and to watch it.
+"""The fixture manager: the class an author derives from to bring up what tests need, and to watch it.
 
 A fixture lives in a process of its own. There ``setup`` is called once, then ``check`` every half second while tests
 run, then ``teardown``, all in the main thread. A collapse may also be announced at any moment and from any thread with
@@ -18,23 +18,130 @@ it is no longer needed  ``enter_safe_state``, ``teardown``
 
 Whatever takes too long is interrupted by an exception that is not for catching (it derives from BaseException), so
 ``finally`` is executed; only ``teardown`` is never interrupted, but killed when its time is up.
+
+A fixture hands *values* to the tests, and the fixtures, on it: declared, typed, and JSON. It declares them in
+``provides`` and gives them in ``setup``; a test that needs one declares it as well::
+
+    class Server(FixtureManager):
+        provides = {"port": Value(int, "the port it listens at")}
+
+        def setup(self):
+            self.provide_value("port", self.start())
+
+    class Answers(TestCase):
+        port = FixtureValue(int, fixture="server", key="port")
+
+A value that is missing or of another type is an error of the author's, which names fixture and key.
 """
 
 from __future__ import annotations
 
-import sys
-from typing import TYPE_CHECKING, ClassVar
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, overload
 
-from rtf.testing.fixture_values import FixtureValueError, UsesFixtures, Value, checked
-from rtf.testing.isolation.messages import STOP_LIMIT
+from rtf.testing.isolation.messages import STOP_LIMIT, Provided
 from rtf.testing.outcome import FixtureCollapsed
 from rtf.testing.parameters import Declared
+from rtf.testing.source_location import calling_place
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rtf.testing.supervision.fixture_host import Host
+
+
+T = TypeVar("T")
+
+#: The types that JSON keeps as they are.
+_TYPES = (bool, int, float, str, list, dict)
+
+
+class FixtureValueError(TypeError):
+    """A value of a fixture that is not there, not declared, or of another type than declared."""
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """The declaration of a value that a fixture provides: its type, one of those of JSON, and what it is."""
+
+    kind: type
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        _require_type(self.kind)
+
+
+class FixtureValue(Generic[T]):
+    """A value of a fixture that a test, or another fixture, needs; it is read like an attribute.
+
+    It is checked before anything of the test is called. A new generation of the fixture has new values.
+    """
+
+    def __init__(self, kind: type[T], *, fixture: str, key: str) -> None:
+        _require_type(kind)
+        self.kind = kind
+        self.fixture = fixture
+        self.key = key
+
+    def __set_name__(self, owner: type[UsesFixtures], name: str) -> None:
+        owner.needed_values = {**owner.needed_values, name: self}
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> FixtureValue[T]: ...
+    @overload
+    def __get__(self, instance: UsesFixtures, owner: type) -> T: ...
+    def __get__(self, instance: UsesFixtures | None, owner: type) -> FixtureValue[T] | T:
+        if instance is None:
+            return self
+        values = instance.fixture(self.fixture)
+        if self.key not in values:
+            raise FixtureValueError(
+                f"fixture {self.fixture!r} provides no {self.key!r}; it provides {', '.join(values) or 'nothing'}"
+            )
+        value: T = checked_value(values[self.key], self.kind, f"{self.key!r} of fixture {self.fixture!r}")
+        return value
+
+
+class UsesFixtures:
+    """What tests and fixtures have in common: they read the values of their fixtures."""
+
+    #: The needed values by the name of the attribute; filled by :class:`FixtureValue`.
+    needed_values: Mapping[str, FixtureValue[Any]] = {}
+    _fixture_values: Mapping[str, Mapping[str, Any]] = {}
+
+    def fixture(self, name: str) -> Mapping[str, Any]:
+        """The values that a fixture provides, by key. Raises FixtureValueError for one that it does not use."""
+        if name not in self._fixture_values:
+            known = ", ".join(self._fixture_values) or "none"
+            raise FixtureValueError(f"it has no fixture {name!r}; its fixtures are: {known}")
+        return self._fixture_values[name]
+
+    def take_fixture_values(self, text: str) -> None:
+        """Take over the values of all fixtures, and see that those are there which are needed. For the worker."""
+        if text:
+            self._fixture_values = json.loads(text)
+        for name in self.needed_values:
+            getattr(self, name)
+
+
+def checked_value(value: Any, kind: type, what: str) -> Any:
+    """Return a value of a type, or raise FixtureValueError. An ``int`` is a ``float`` as well, a ``bool`` is not."""
+    if kind is float and type(value) is int:
+        return float(value)
+    if type(value) is not kind:
+        raise FixtureValueError(f"{what} is {value!r}, which is no {kind.__name__}")
+    try:
+        json.dumps(value, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise FixtureValueError(f"{what} cannot be handed on: {error}") from None
+    return value
+
+
+def _require_type(kind: type) -> None:
+    if kind not in _TYPES:
+        raise FixtureValueError(f"a value is one of {', '.join(one.__name__ for one in _TYPES)}, not {kind}")
 
 
 class FixtureUnusable(FixtureCollapsed):
@@ -71,7 +178,7 @@ class FixtureManager(Declared, UsesFixtures):
     # What an author writes -------------------------------------------------------------------------------------
 
     def setup(self) -> bool | None:
-        """Bring it up, and return when tests can stand on it. Returning False, or raising, means it is not usable.
+        """Bring it up, and return when tests can use it. Returning False, or raising, means it is not usable.
 
         It is then torn down and tried again, as often as the suite's ``restarts`` say; after FixtureUnusable it is not.
         """
@@ -85,16 +192,16 @@ class FixtureManager(Declared, UsesFixtures):
     def teardown(self) -> None:
         """Bring it down, as far as ``setup`` came. Called whenever ``setup`` was begun, exactly once.
 
-        What it raises is told, makes the run fail, and keeps nothing else from being torn down.
+        What it raises is reported, makes the run fail, and keeps nothing else from being torn down.
         """
 
     def enter_safe_state(self) -> None:
         """Bring what a test left into a safe state: after a test that was cut short, and before ``teardown``.
 
         That is one that was stopped or killed, or in whose teardown or clean-ups something went wrong. Called only
-        while the fixture is up: when it collapsed under such a test, the next generation is asked before anything
-        else stands on it. If it raises, or takes more than 45 seconds, between tests, the fixture is taken for
-        collapsed: nobody knows what the next test would stand on. After a runner that was killed it has this time, too.
+        while the fixture is up: when it collapsed under such a test, the next generation is asked before anything else
+        uses it. If it raises, or takes more than 45 seconds, between tests, the fixture counts as collapsed: its state
+        is unknown. After a runner that was killed it has this time, too.
         """
 
     def on_collapse(self, reason: str) -> None:
@@ -118,14 +225,19 @@ class FixtureManager(Declared, UsesFixtures):
     def collapsed(
         self, reason: str, *, exit_status: int | None = None, signal_name: str = "", output: str = ""
     ) -> None:
-        """Announce that the fixture can no longer be stood on. From any thread; the first announcement counts.
+        """Announce that the fixture is not usable any more. From any thread; the first announcement counts.
 
-        ``exit_status`` or ``signal_name`` say how a program ended, ``output`` holds the last it said.
+        ``exit_status`` or ``signal_name`` say how a program ended, ``output`` holds its last lines.
         """
-        self._host.announce_collapse(reason, exit_status=exit_status, signal_name=signal_name, output=output)
+        self._host.collapse(
+            reason,
+            exit_status=exit_status if isinstance(exit_status, int) else None,
+            signal=str(signal_name),
+            output=str(output),
+        )
 
     def provide(self, **variables: str) -> None:
-        """Set environment variables for the tests that stand on this fixture, and for the fixtures that depend on it.
+        """Set environment variables for the tests on this fixture, and for the fixtures that depend on it.
 
         To be called in ``setup``; what a generation provides is forgotten with it. Raises ValueError for what no
         environment can hold.
@@ -133,26 +245,26 @@ class FixtureManager(Declared, UsesFixtures):
         for name, value in variables.items():
             if not name.isidentifier() or not name.isascii() or "\0" in value:
                 raise ValueError(f"the environment cannot hold {name}={value!r}")
-        self._host.say("provides", variables=variables)
+        self._host.emit(Provided(variables=variables))
 
     def provide_value(self, key: str, value: object) -> None:
-        """Hand a declared value to the tests, and the fixtures, that stand on this one; to be called in ``setup``.
+        """Hand a declared value to the tests on this fixture, and to the fixtures that depend on it; for ``setup``.
 
         A new generation has new ones. Raises FixtureValueError for one that is not declared, or of another type.
         """
         if key not in self.provides:
             known = ", ".join(self.provides) or "nothing"
             raise FixtureValueError(f"{type(self).__name__} does not declare {key!r} in provides, which has: {known}")
-        checked(value, self.provides[key].kind, f"{key!r} of fixture {self._host.name!r}")
+        checked_value(value, self.provides[key].kind, f"{key!r} of fixture {self._host.name!r}")
         self._host.provide_value(key, value)
 
     def report(self, text: str) -> None:
-        """Say something."""
-        self._host.message(Severity.INFO, "reports", text, _place())
+        """Write a message into the journal."""
+        self._host.message(Severity.INFO, "reports", text, calling_place(__file__))
 
     def warn(self, text: str) -> None:
-        """Say something that somebody should look at."""
-        self._host.message(Severity.WARNING, "warns", text, _place())
+        """Write a warning into the journal."""
+        self._host.message(Severity.WARNING, "warns", text, calling_place(__file__))
 
     def output(self, line: str, stream: str = "stdout") -> None:
         """Put a line, or several, that a program of the fixture wrote into the journal. From any thread.
@@ -166,8 +278,3 @@ class FixtureManager(Declared, UsesFixtures):
         """Connect the fixture to its host. For the host, before anything else is called."""
         self._host = host
         self._environment = environment
-
-
-def _place() -> tuple[str, int]:
-    frame = sys._getframe(2)  # noqa: SLF001 - inspect.stack() reads source files and takes milliseconds
-    return frame.f_code.co_filename, frame.f_lineno

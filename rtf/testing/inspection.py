@@ -1,19 +1,22 @@
-"""Load plug-ins in an isolated child: what they declare, whether values fit, which fixtures tests ask for.
+"""Load plug-ins in a process as that of a test: what they declare, whether values fit, which fixtures tests ask for.
 
-The child is given a limited time and then ended, with all that it started. A plug-in that crashes or hangs while it is
-loaded is a finding.
+The process is given a limited time and then ended, with all that it started. A plug-in that crashes or hangs while it
+is loaded is a finding.
 """
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
+from rtf import clock
 from rtf.testing import plugins
 from rtf.testing.case import TestCase
-from rtf.testing.isolation.isolated_child import run_isolated
+from rtf.testing.isolation import messages, processes
+from rtf.testing.isolation.messages import Found, Inspect
 from rtf.testing.parameters import Declared, ParameterError
 from rtf.testing.plugin_spec import UNKNOWN, PluginSpec, spec_of_class
 from rtf.testing.session import text_of
@@ -21,6 +24,9 @@ from rtf.testing.session import text_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from rtf.testing.isolation.child import End
+    from rtf.testing.isolation.worker import Channel
+    from rtf.testing.isolation.worker_pool import ForkServerClient
     from rtf.testing.plugins import PluginRef
     from rtf.testing.suite.model import FixtureEntry, TestEntry
 
@@ -82,21 +88,66 @@ def inspect_plugins(wanted: Mapping[PluginRef, Sequence[Use]], *, ask: bool = Fa
     All are loaded in one process, because what they import takes the time. When that ends meanwhile, each plug-in has a
     process of its own, and if need be each use, so that one that crashes spoils no other's findings.
     """
-    if not wanted:
-        return {}
-    answer = run_isolated(lambda: {"found": [_look(ref, uses, ask) for ref, uses in wanted.items()]}, LOAD_LIMIT)
-    if isinstance(answer, dict):
-        return dict(zip(wanted, msgspec.convert(answer["found"], list[Inspection]), strict=True))
+    from rtf.testing.isolation.reactor import Reactor
+    from rtf.testing.isolation.worker_pool import ForkServerClient
+
+    reactor = Reactor()
+    fork_server = ForkServerClient(reactor)
+    try:
+        return _inspect(fork_server, wanted, ask) if wanted else {}
+    finally:
+        fork_server.close()
+        reactor.close()
+
+
+def _inspect(
+    fork_server: ForkServerClient, wanted: Mapping[PluginRef, Sequence[Use]], ask: bool
+) -> dict[PluginRef, Inspection]:
+    answer = _have_inspected(fork_server, Inspect(tuple((ref, [*uses]) for ref, uses in wanted.items()), ask))
+    if not isinstance(answer, str):
+        return dict(zip(wanted, answer, strict=True))
     if len(wanted) > 1:
-        return {ref: inspect_plugins({ref: uses}, ask=ask)[ref] for ref, uses in wanted.items()}
+        return {ref: _inspect(fork_server, {ref: uses}, ask)[ref] for ref, uses in wanted.items()}
     ((ref, uses),) = wanted.items()
     if not uses:
         return {ref: Inspection(problems=(answer,))}
     if len(uses) == 1:
         return {ref: Inspection(trials=(Trial(problems=(answer,), no_answer=answer),))}
-    found = [inspect_plugins({ref: [use]}, ask=ask)[ref] for use in uses]
+    found = [_inspect(fork_server, {ref: [use]}, ask)[ref] for use in uses]
     spec = next((one.spec for one in found if one.spec.class_name), UNKNOWN)
     return {ref: Inspection(spec=spec, trials=tuple(one.trials[0] for one in found))}
+
+
+def _have_inspected(fork_server: ForkServerClient, wanted: Inspect) -> list[Inspection] | str:
+    """What a process of its own finds, or a sentence on why it found nothing."""
+    heard: list[bytes] = []
+    child = fork_server.take()
+    limit = clock.Deadline.after(LOAD_LIMIT)
+    child.begin(wanted, heard.append, lambda _stream, _data: None)
+    while not (heard or child.end or limit.expired):
+        fork_server.reactor.run_once(limit)
+    end = child.end
+    child.dismiss()
+    return _understand(heard[0]) if heard else _how_it_ended(end)
+
+
+def _understand(data: bytes) -> list[Inspection] | str:
+    try:
+        message = messages.from_child(data)
+        if isinstance(message, Found):
+            return msgspec.convert(message.inspections, list[Inspection])
+    except ValueError:
+        pass
+    return "what it wrote while it was being loaded is no answer: it must leave descriptor 3 alone"
+
+
+def _how_it_ended(end: End | None) -> str:
+    if end is None:
+        return f"it did not load within {LOAD_LIMIT:g} s"
+    if end.status is None:
+        return "the process from which it was forked was lost while it was being loaded"
+    how = processes.describe_end(end.exit_status, end.signal)
+    return f"its process ended while it was being loaded: {how}"
 
 
 def inspect_plugin(ref: PluginRef, uses: Sequence[Use] = ()) -> Inspection:
@@ -113,8 +164,20 @@ def try_uses(uses: Iterable[tuple[PluginRef, Use]], *, ask: bool = False) -> dic
     return {(ref, use): trial for ref in wanted for use, trial in zip(wanted[ref], found[ref].trials, strict=True)}
 
 
-def _look(ref: PluginRef, uses: Sequence[Use], ask: bool) -> object:
-    """In the child: load a plug-in; every use has a fresh test or fixture."""
+# In the process that loads them --------------------------------------------------------------------------------------
+
+
+def serve(wanted: Inspect, channel: Channel) -> int:
+    """Look at what is wanted. Returns the exit status of the process. A copy that a plug-in forks says nothing."""
+    own = os.getpid()
+    found = [_look(ref, msgspec.convert(uses, list[Use]), wanted.ask) for ref, uses in wanted.plugins]
+    if os.getpid() == own:
+        channel.send(Found(found))
+    return 0
+
+
+def _look(ref: PluginRef, uses: Sequence[Use], ask: bool) -> Inspection:
+    """Load a plug-in; every use has a fresh test or fixture."""
     maker: Callable[[PluginRef], Callable[[], Declared]]
     maker = plugins.fixture_maker if ref.kind == "fixture" else plugins.test_maker
     try:
@@ -128,7 +191,7 @@ def _look(ref: PluginRef, uses: Sequence[Use], ask: bool) -> object:
             spec, problem = PluginSpec(safety=None, classes=error.classes), str(error)
         trial = Trial(problems=(problem,))
         found = Inspection(spec=spec, problems=(problem,), trials=(trial,) * len(uses))
-    return msgspec.to_builtins(found)
+    return found
 
 
 def _try(plugin: Declared, use: Use, ask: bool) -> Trial:

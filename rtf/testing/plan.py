@@ -10,12 +10,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.errors import Location
 from rtf.testing.dispatch import numbered_copy
+from rtf.testing.events import Diagnosed
 from rtf.testing.plugin_spec import UNKNOWN, PluginSpec, combinations
-from rtf.testing.plugins import PluginError, PluginRef, find, spec_of
+from rtf.testing.plugins import PluginError, PluginRef, find, shipped_folder, spec_of
 from rtf.testing.suite.ids import TestIds, digest, label_of_plugin, name_of_plugin, varied
 from rtf.testing.suite.model import (
     TEST_REQUIREMENT,
@@ -31,7 +32,7 @@ from rtf.testing.verdict import Severity
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from rtf.testing.events import Diagnosed
+    from rtf.testing.inspection import Trial
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +141,13 @@ def fingerprint(suite: TestSuite, entry: TestEntry) -> str:
     return digest(repr((what, how, suite.timeouts_of(entry), fixtures)), 12)
 
 
+class Completed(NamedTuple):
+    """A suite with the fixtures that its tests ask for, and the problems that were found."""
+
+    suite: PlannedSuite
+    diagnostics: tuple[Diagnosed, ...]
+
+
 class Planner:
     """Finds the plug-in of every test and fixture once, and joins what authors declared with what the suites say.
 
@@ -147,7 +155,7 @@ class Planner:
     """
 
     def __init__(self, overrides: Iterable[tuple[str, str]] = ()) -> None:
-        self._overrides = frozenset(name for name, _ in overrides)
+        self._overrides = tuple(overrides)
         self._found: dict[tuple[str, str, str | None, str], PluginRef | str] = {}
         self._specs: dict[PluginRef, PluginSpec] = {}
 
@@ -233,7 +241,7 @@ class Planner:
         )
         if not spec.matrix:
             return [entry]
-        given = {*self._overrides, *(name for name, _ in entry.parameters), *_KEY.findall(entry.param)}
+        given = {*(name for name, _ in (*self._overrides, *entry.parameters)), *_KEY.findall(entry.param)}
         return [
             replace(
                 entry,
@@ -250,6 +258,52 @@ class Planner:
             return PlannedTest(entry, None, entry.problem or str(found))
         return PlannedTest(entry, found, "", self._specs[found])
 
+    # Implied fixtures --------------------------------------------------------------------------------------------
+
+    def with_implied_fixtures(self, planned: PlannedSuite) -> Completed:
+        """The suite with the fixtures that its tests ask for, where it names none itself.
+
+        A test that may move a robot may leave it in a state that only a fixture, which outlives the test, can put
+        right. So each test whose description does not exclude that it moves is loaded in an isolated child and asked
+        for its :meth:`~rtf.testing.case.TestCase.implied_fixtures`. One that gives no answer is not run.
+        """
+        trials = {} if planned.suite.fixtures else self._ask(planned.tests)
+        if not trials:
+            return Completed(planned, ())
+        entries: dict[tuple[str, tuple[tuple[str, str], ...]], FixtureEntry] = {}
+        said: list[Diagnosed] = []
+        tests: list[TestEntry] = []
+        for test in planned.suite.tests:
+            trial = trials.get(test.id)
+            if trial is not None and trial.no_answer:
+                text = f"{test.name} was not asked what puts right what it may leave behind: {trial.no_answer}"
+                said.append(Diagnosed(severity=Severity.WARNING, text=text))
+                tests.append(replace(test, problem=text))
+                continue
+            asked = () if trial is None else trial.fixtures
+            for name, parameters in asked:
+                if (name, parameters) not in entries:  # equal requests share one
+                    others = sum(other == name for other, _ in entries)
+                    entries[name, parameters] = _implied(name, parameters, others)
+            tests.append(replace(test, fixtures=tuple(entries[wanted].name for wanted in asked)))
+        suite = replace(planned.suite, tests=tuple(tests), fixtures=tuple(entries.values()))
+        return Completed(self.plan([suite])[0], tuple(said))
+
+    def _ask(self, tests: Iterable[PlannedTest]) -> dict[str, Trial]:
+        """What each test asks for, by its id. One that cannot be loaded asks for nothing; its run says why."""
+        asking = [test for test in tests if test.plugin is not None and test.spec.may_move]
+        if not asking:
+            return {}
+        from rtf.testing.inspection import Use, try_uses  # with all about parameters, which few runs need here
+
+        uses = {
+            test.entry.id: (test.plugin, Use.of(test.entry, self._overrides))
+            for test in asking
+            if test.plugin is not None
+        }
+        found = try_uses(uses.values(), ask=True)
+        return {test: found[use] for test, use in uses.items()}
+
     def _find(self, kind: str, entry: TestEntry | FixtureEntry) -> PluginRef | str:
         key = (kind, entry.plugin, entry.type, entry.location.file)
         found = self._found.get(key)
@@ -261,6 +315,16 @@ class Planner:
                 found = str(error)
             self._found[key] = found
         return found
+
+
+def _implied(name: str, parameters: tuple[tuple[str, str], ...], others: int) -> FixtureEntry:
+    """The fixture of the suite for one request, where ``others`` are of the same plug-in."""
+    shipped = shipped_folder("fixture") / f"{name}.py"  # and no file of that name beside the tests
+    return FixtureEntry(
+        name=f"{name}~{others + 1}" if others else name,
+        plugin=str(shipped) if shipped.is_file() else name,
+        parameters=parameters,
+    )
 
 
 #: A key of a parameter string.

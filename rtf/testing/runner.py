@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import rtf
 from rtf import clock
-from rtf.testing.dispatch import Dispatcher, copies_of
+from rtf.testing.dispatch import Dispatcher, copies_of, groups_sharing_fixtures
 from rtf.testing.events import (
     Diagnosed,
     InternalError,
@@ -37,7 +37,6 @@ from rtf.testing.isolation.attempt import GRACE, Limits
 from rtf.testing.plan import fingerprint
 from rtf.testing.run_control import Control, alarm
 from rtf.testing.secret_values import masked_command, masked_text
-from rtf.testing.sharing import groups_sharing_fixtures
 from rtf.testing.suite.model import Isolation, TestEntry, Timeouts
 from rtf.testing.suite_worker import SuiteWorker
 from rtf.testing.verdict import ExitCode, Severity, Verdict

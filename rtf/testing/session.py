@@ -10,7 +10,7 @@ from _thread import allocate_lock, get_ident  # ``threading`` has hooks that cos
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, NoReturn, TypeVar
 
 from rtf import clock
 from rtf.testing.events import Answered, Asked, Event, Message, PhaseStarted, SubResultEnded
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 #: A text longer than this is cut in the middle, and says so: an event must stay something a page can show.
 TEXT_LIMIT = 1 << 20
+
+#: What a process sends.
+M = TypeVar("M")
 
 
 @dataclass(slots=True)
@@ -77,6 +80,12 @@ def text_of(error: BaseException) -> str:
         return f"(its text cannot be had: {type(broken).__name__})"
 
 
+def named_text_of(error: BaseException) -> str:
+    """The name of an error's class, and its text where it has one."""
+    text = text_of(error)
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
 def author_traceback(error: BaseException) -> str:
     """The traceback as Python prints it, beginning at the first frame that is not the framework's own."""
     trace = error.__traceback__
@@ -85,12 +94,71 @@ def author_traceback(error: BaseException) -> str:
     return bounded("".join(traceback.format_exception(type(error), error, trace or error.__traceback__)))
 
 
-class Session:
+class Stoppable(Generic[M]):
+    """Sends messages whole, from any thread, and stops the main thread while that runs an author's code.
+
+    ``send`` puts one message on its way and blocks while the runner is slower.
+    """
+
+    def __init__(self, send: Callable[[M], None]) -> None:
+        self.phase: Phase | None = None
+        self.stopped = ""  # why it was asked to end, once it was
+        self._send = send
+        self._lock = allocate_lock()
+        self._sending = False
+        self._stoppable = False
+        self._stop: str | None = None
+        self._main = get_ident()
+
+    def emit(self, event: M) -> None:
+        """Send one event. A stop that arrives meanwhile takes effect after the event is whole."""
+        main = get_ident() == self._main
+        if main:
+            self._sending = True
+        try:
+            with self._lock:
+                self._send(event)
+        finally:
+            if main:
+                self._sending = False
+        if main and self._stop is not None and self._stoppable:
+            self._raise_stop()
+
+    def stop(self, reason: str) -> None:
+        """Ask the main thread to end; called from its signal handler, with :class:`TestStopped` as the effect.
+
+        It takes effect at once in the author's code, and when an event that is being sent is whole; outside the
+        author's code it keeps the body from being started.
+        """
+        self._stop = self.stopped = reason
+        if self._stoppable and not self._sending:
+            self._raise_stop()
+
+    def _raise_stop(self) -> NoReturn:
+        reason, self._stop = self._stop or "stopped", None
+        raise TestStopped(reason)
+
+    def run_stoppable(self, function: Callable[[], object]) -> None:
+        """Call a function of the author's; in it, and only in it, the main thread may be stopped.
+
+        A stop that came a moment before keeps it from being called, but not what undoes things.
+        """
+        if self.phase in UNDOING_PHASES:
+            self._stop = None
+        self._stoppable = True
+        try:
+            if self._stop is not None:
+                self._raise_stop()
+            function()
+        finally:
+            self._stoppable = False
+
+
+class Session(Stoppable[Event]):
     """The one channel between a test and its runner.
 
-    ``send`` puts one event on its way and blocks while the runner is slower than the test. ``receive`` waits so many
-    seconds for an answer (question, answer, source); it is None where nobody can answer. ``folder`` is the test's own
-    inside ``run_folder``.
+    ``receive`` waits so many seconds for an answer (question, answer, source); it is None where nobody can answer.
+    ``folder`` is the test's own inside ``run_folder``.
     """
 
     #: Says why nothing is to be concluded from an exception, "" where it is an error as ever; for a kind of tests that
@@ -112,21 +180,14 @@ class Session:
         run_folder: str | Path,
         receive: Callable[[float], tuple[str, str | None, str] | None] | None = None,
     ) -> None:
+        super().__init__(send)
         self.test = test
+        self.tally = Tally()
         self._folder = folder
         self._run_folder = run_folder
-        self.phase: Phase | None = None
-        self.tally = Tally()
         self._tallies = [self.tally]  # of the test, and of the parts that the main thread is in
-        self._send = send
         self._receive = receive
-        self._lock = allocate_lock()
-        self._sending = False
-        self._stoppable = False
-        self._stop: str | None = None
-        self.stopped = ""  # why the test was asked to end, once it was
         self._questions = 0
-        self._main = get_ident()
 
     @property
     def folder(self) -> Path:
@@ -138,53 +199,10 @@ class Session:
         """The folder of the run."""
         return Path(self._run_folder)
 
-    def emit(self, event: Event) -> None:
-        """Send one event. A stop that arrives meanwhile takes effect after the event is whole."""
-        main = get_ident() == self._main
-        if main:
-            self._sending = True
-        try:
-            with self._lock:
-                self._send(event)
-        finally:
-            if main:
-                self._sending = False
-        if main and self._stop is not None and self._stoppable:
-            self._raise_stop()
-
     def enter(self, phase: Phase, repetition: int = 0) -> None:
         """Say that a phase begins; the runner's time-out for it begins with this."""
         self.phase = phase
         self.emit(PhaseStarted(test=self.test, phase=phase, repetition=repetition))
-
-    def stop(self, reason: str) -> None:
-        """Ask the main thread to end; called from its signal handler, with :class:`TestStopped` as the effect.
-
-        It takes effect at once in the author's code, and when an event that is being sent is whole; outside the
-        author's code it keeps the body from being started.
-        """
-        self._stop = self.stopped = reason
-        if self._stoppable and not self._sending:
-            self._raise_stop()
-
-    def _raise_stop(self) -> None:
-        reason, self._stop = self._stop or "stopped", None
-        raise TestStopped(reason)
-
-    def run_stoppable(self, function: Callable[[], object]) -> None:
-        """Call a function of the author's; in it, and only in it, the main thread may be stopped.
-
-        A stop that came a moment before keeps it from being called, but not what undoes things.
-        """
-        if self.phase in UNDOING_PHASES:
-            self._stop = None
-        self._stoppable = True
-        try:
-            if self._stop is not None:
-                self._raise_stop()
-            function()
-        finally:
-            self._stoppable = False
 
     @property
     def subject(self) -> str:
@@ -266,9 +284,8 @@ class Session:
                 traceback_text=author_traceback(error),
             )
         else:
-            text = text_of(error)
-            text = f"{type(error).__name__}: {text}" if text else type(error).__name__
-            self.message(Severity.ERROR, "exception", text, place, traceback_text=author_traceback(error))
+            trace = author_traceback(error)
+            self.message(Severity.ERROR, "exception", named_text_of(error), place, traceback_text=trace)
 
     def _set_aside(self, error: SkipTest | Inconclusive) -> None:
         kind = "skipped" if isinstance(error, SkipTest) else "inconclusive"

@@ -5,7 +5,7 @@ import fcntl
 import pytest
 
 from rtf.pytest_suites.locks import locks_of
-from rtf.testing.sharing import Use
+from rtf.testing.dispatch import Use
 
 ROBOT, FIRST, SECOND = Use("robot", ""), Use("robot", "--x 1"), Use("robot", "--x 2")
 

@@ -22,11 +22,11 @@ from rtf.robot_testing.proof import (
     write_matrix,
     write_suites,
 )
+from rtf.testing.dispatch import groups_sharing_fixtures
 from rtf.testing.events import Message, TestEnded, TestPlanned
 from rtf.testing.plan import Planner
 from rtf.testing.plugins import shipped_folder
 from rtf.testing.results import TestResult
-from rtf.testing.sharing import groups_sharing_fixtures
 from rtf.testing.suite.xml import load_suite
 from rtf.testing.verdict import Severity, Verdict
 

@@ -11,6 +11,7 @@ import pytest
 
 from harness import Command, Outcome, read_back, run_command, run_suite, write_files
 from rtf.testing import journal
+from rtf.testing.dispatch import groups_sharing_fixtures
 from rtf.testing.events import (
     Event,
     FixtureChanged,
@@ -27,13 +28,12 @@ from rtf.testing.isolation.worker_pool import ForkServerClient, ForkServerLostEr
 from rtf.testing.plan import Planner, load_files
 from rtf.testing.reporting import Broadcast, Reporter, ReportOptions
 from rtf.testing.runner import Run, RunOptions
-from rtf.testing.sharing import groups_sharing_fixtures
 from rtf.testing.verdict import ExitCode, FixtureState, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rtf.testing.isolation.worker_pool import Child
+    from rtf.testing.isolation.child import Child
     from rtf.testing.plugins import PluginRef
     from rtf.testing.results import RunResult
 

@@ -15,7 +15,7 @@ import pytest
 
 from harness import Outcome, run_suite
 from rtf.testing.events import Message, OutputCaptured, PhaseStarted, StackDumped, TestEnded
-from rtf.testing.isolation import attempt
+from rtf.testing.isolation import attempt, child, transcript
 from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import Phase, Severity, Verdict
 
@@ -486,7 +486,7 @@ def test_test_that_kills_or_stops_what_it_was_forked_from(
     Tests of a file that is used twice are forked from its template, so that they outlive a fork server that is stopped.
     """
     monkeypatch.setattr(attempt, "_LEAVING", 0.5)
-    monkeypatch.setattr(attempt, "_VANISH", 1.0)
+    monkeypatch.setattr(child, "_VANISH", 1.0)
     outcome = run_hostile(tmp_path, Case(f"os.kill({whom}, signal.{signum})\ntime.sleep(0.2)"), again=2)
     attackers = [event for event in outcome.of(TestEnded) if "hostile" in event.test]
     verdict = Verdict.PASSED if (signum, whom) == ("SIGSTOP", "os.getsid(0)") else Verdict.ERROR
@@ -535,7 +535,7 @@ def _memory() -> int:
 
 def test_flood_of_events_is_bounded_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Beyond a limit what only informs is left out and counted; failures and the test's time still count."""
-    monkeypatch.setattr(attempt, "EVENT_BYTES", 1 << 20)
+    monkeypatch.setattr(transcript, "EVENT_BYTES", 1 << 20)
     code = "self.check(False, 'wrong')\nwhile True:\n    self.progress(0.5, 'x' * 1000)\n    self.report('y' * 1000)"
     outcome = run_hostile(tmp_path, Case(code))
     assert outcome.verdict("hostile") is Verdict.FAILED

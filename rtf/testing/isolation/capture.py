@@ -1,39 +1,37 @@
-"""What a process writes, bounded: its beginning and its end are kept, the middle is counted; and its stacks.
+"""What a process writes, bounded: its beginning and its end are kept, the middle is counted.
 
 Used in the thread that reads the process, one object a process.
 """
 
 from __future__ import annotations
 
-import contextlib
-import os
+import codecs
 from collections import deque
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.testing.isolation.messages import DUMP_SIGNAL
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from rtf.testing.isolation.reactor import Reactor
-    from rtf.testing.isolation.worker_pool import Child
 
 #: Bytes of each stream that are handed on as they come, and bytes that are held back once these are used up.
 HEAD_LIMIT = 256 * 1024
 TAIL_LIMIT = 64 * 1024
 _LINE_LIMIT = 64 * 1024
+_CHARACTER = 4  # bytes of the longest one in UTF-8
 
 
 class _Stream:
-    """One stream: text goes out as it comes while there is room; otherwise the last of it is held back."""
+    """One stream: what has not been handed on yet, and the room for what is handed on as it comes.
 
-    def __init__(self, now: float) -> None:
-        self.partial = b""
+    Once there is no room for a line the stream is ``flooded``: only the last of it is kept, for its end.
+    """
+
+    def __init__(self) -> None:
+        self.pending = bytearray()
         self.room = float(HEAD_LIMIT)
-        self.filled = now
-        self.held: deque[bytes] = deque()
-        self.held_size = 0
+        self.filled = clock.monotonic()
+        self.flooded = False
         self.omitted = 0
 
     def refill(self, rate: float) -> None:
@@ -42,33 +40,39 @@ class _Stream:
         self.room = min(HEAD_LIMIT, self.room + rate * (now - self.filled))
         self.filled = now
 
-    def hold(self, data: bytes) -> None:
-        """Keep the last ``TAIL_LIMIT`` bytes of what is not handed on, and count the others."""
-        if not data:
-            return
-        self.held.append(data)
-        self.held_size += len(data)
-        while self.held_size - len(self.held[0]) >= TAIL_LIMIT:
-            dropped = len(self.held.popleft())
-            self.held_size -= dropped
-            self.omitted += dropped
-        surplus = self.held_size - TAIL_LIMIT
-        if surplus > TAIL_LIMIT:  # one big piece; small surpluses are cut when the text is handed on
-            self.held[0] = self.held[0][surplus:]
-            self.held_size -= surplus
+    def take_lines(self) -> bytes:
+        """Take what is to be handed on at once: whole lines, or a piece of a very long one, as far as there is room."""
+        cut = self.pending.rfind(b"\n") + 1
+        if len(self.pending) - cut > _LINE_LIMIT:
+            cut = boundary(self.pending, len(self.pending))
+        if cut > self.room:
+            cut = boundary(self.pending, max(0, int(self.room)))
+            self.flooded = True
+        return self._take(cut)
+
+    def trim(self) -> None:
+        """Forget, and count, what can be neither beginning nor end."""
+        surplus = len(self.pending) - TAIL_LIMIT
+        if surplus > TAIL_LIMIT:  # small ones are cut when the end is handed on
+            del self.pending[:surplus]
             self.omitted += surplus
 
-    def release(self) -> tuple[bytes, int]:
-        """Give what was held, from the beginning of a line where there is one, and the number of bytes left out."""
-        data = b"".join(self.held)
-        omitted = self.omitted
-        start = max(0, len(data) - TAIL_LIMIT)
-        if omitted or start:
-            line = data.find(b"\n", start) + 1
-            start = line if 0 < line < len(data) else boundary(data, start)
-        self.held.clear()
-        self.held_size = self.omitted = 0
-        return data[start:], omitted + start
+    def take_rest(self) -> tuple[bytes, int]:
+        """Take all that is left, from the beginning of a line after a gap, and the number of bytes left out."""
+        start = max(0, len(self.pending) - TAIL_LIMIT) if self.flooded else 0
+        if self.omitted or start:
+            line = self.pending.find(b"\n", start) + 1
+            start = line if 0 < line < len(self.pending) else boundary(self.pending, start)
+        omitted = self.omitted + start
+        del self.pending[:start]
+        self.flooded, self.omitted = False, 0
+        return self._take(len(self.pending)), omitted
+
+    def _take(self, size: int) -> bytes:
+        data = bytes(self.pending[:size])
+        del self.pending[:size]
+        self.room -= size
+        return data
 
 
 class Capture:
@@ -87,48 +91,26 @@ class Capture:
         """Take what was read from a stream. Whole lines are handed on at once, or a very long one in pieces."""
         stream = self._streams.get(name)
         if stream is None:
-            stream = self._streams[name] = _Stream(clock.monotonic())
+            stream = self._streams[name] = _Stream()
         if self._refill:
             stream.refill(self._refill)
-        if stream.held or stream.room < 1:
-            stream.hold(data)
-            if stream.room > TAIL_LIMIT:
-                self._release(name, stream)
-            return
-        data = stream.partial + data
-        cut = data.rfind(b"\n") + 1
-        if len(data) - cut > _LINE_LIMIT:
-            cut = boundary(data, len(data))
-        room = int(stream.room)
-        whole = data[:cut]
-        if cut > room:
-            cut = boundary(data, room)
-            whole, rest = data[:cut], data[cut:]
-            stream.partial = b""
-            stream.room = 0
-            stream.hold(rest)
-        else:
-            stream.partial = data[cut:]
-            stream.room -= cut
-        if whole:
-            self._hand_on(name, whole, 0)
+        stream.pending += data
+        if not stream.flooded:
+            self._hand_on(name, stream.take_lines(), 0)
+        elif stream.room > TAIL_LIMIT:
+            self._hand_on(name, *stream.take_rest())
+        if stream.flooded:
+            stream.trim()
 
     def close(self) -> None:
         """Hand on what was held back."""
         for name, stream in self._streams.items():
-            if stream.partial:
-                self._hand_on(name, stream.partial, 0)
-            if stream.held:
-                self._release(name, stream)
+            self._hand_on(name, *stream.take_rest())
         self._streams.clear()
 
-    def _release(self, name: str, stream: _Stream) -> None:
-        data, omitted = stream.release()
-        stream.room -= len(data)
-        self._hand_on(name, data, omitted)
-
     def _hand_on(self, name: str, data: bytes, omitted: int) -> None:
-        self._emit(name, data.decode("utf-8", "backslashreplace"), omitted)
+        if data or omitted:
+            self._emit(name, data.decode("utf-8", "backslashreplace"), omitted)
 
 
 class Tail:
@@ -153,78 +135,9 @@ class Tail:
         return "\n".join(line.decode("utf-8", "backslashreplace").rstrip("\r") for line in lines)
 
 
-def boundary(data: bytes, at: int) -> int:
+def boundary(data: bytes | bytearray, at: int) -> int:
     """The nearest place at or before ``at`` where text may be cut without cutting a UTF-8 character."""
-    start = at
-    while start > 0 and at - start < 3 and start < len(data) and data[start] & 0xC0 == 0x80:  # noqa: PLR2004 - RFC 3629
-        start -= 1
-    if start == len(data) and start:
-        return _complete(data)
-    return start
-
-
-def _complete(data: bytes) -> int:
-    """How much of ``data`` is there without a character that has only begun at its end."""
-    for back in range(1, min(4, len(data)) + 1):
-        byte = data[-back]
-        if byte & 0xC0 != 0x80:  # noqa: PLR2004 - anything but a continuation byte
-            wanted = 1 if byte < 0xC0 else 2 if byte < 0xE0 else 3 if byte < 0xF0 else 4  # noqa: PLR2004 - RFC 3629
-            return len(data) if back >= wanted else len(data) - back
-    return len(data)
-
-
-# Stacks --------------------------------------------------------------------------------------------------------------
-
-#: At most so much of what was dumped is kept.
-_STACKS_KEPT = 1 << 18
-#: A dump that has not grown for so many seconds is written; and so long is waited for one at most.
-_SETTLED = 0.02
-_PATIENCE = 1.0
-
-
-class StackFile:
-    """A nameless file of the runner; readable when the process that dumps into it has died.
-
-    ``descriptor`` is one that is there already, and becomes the object's own.
-    """
-
-    def __init__(self, descriptor: int | None = None) -> None:
-        self._descriptor = os.memfd_create("rtf-stacks", os.MFD_CLOEXEC) if descriptor is None else descriptor
-        self._read = 0
-
-    @property
-    def path(self) -> str:
-        """Where another process of this user opens it, as long as the runner lives."""
-        return f"/proc/{os.getpid()}/fd/{self._descriptor}"
-
-    def new(self) -> str:
-        """What has been dumped since the last call, at most 256 KiB of it."""
-        size = self._size()
-        data = os.pread(self._descriptor, min(size - self._read, _STACKS_KEPT), self._read)
-        self._read = size
-        return data.decode("utf-8", "backslashreplace")
-
-    def dump(self, child: Child, reactor: Reactor) -> None:
-        """Have a process dump its stacks, and wait until that is written: at most a second, if it does not answer.
-
-        Nothing else may be asked of it meanwhile: the dump reads the frames of threads that go on, and a thread that
-        leaves its frames at that moment, because it was told to stop, takes the process with it.
-        """
-        before = size = self._size()
-        patience = clock.Deadline.after(_PATIENCE)
-        child.signal(DUMP_SIGNAL)
-        while not patience.expired and child.end is None:
-            pause = clock.Deadline.after(_SETTLED)
-            while not pause.expired:
-                reactor.run_once(pause)
-            last, size = size, self._size()
-            if before < size == last:
-                return
-
-    def _size(self) -> int:
-        return os.fstat(self._descriptor).st_size
-
-    def close(self) -> None:
-        """Give it back."""
-        with contextlib.suppress(OSError):
-            os.close(self._descriptor)
+    decoder = codecs.getincrementaldecoder("utf-8")("backslashreplace")
+    decoder.decode(bytes(data[max(0, at - _CHARACTER) : at]))
+    begun, _ = decoder.getstate()
+    return at - len(begun)

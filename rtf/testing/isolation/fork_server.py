@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from rtf import clock
 from rtf.testing.isolation import messages, processes, worker
-from rtf.testing.isolation.launch import CONTROL_FD, DUMP_FD
+from rtf.testing.isolation.launch import CHANNEL_FD, DUMP_FD
 from rtf.testing.isolation.messages import (
     NUDGE_PERIOD,
     NUDGE_SIGNAL,
@@ -50,7 +50,8 @@ if TYPE_CHECKING:
 ORPHAN_GRACE = 10.0
 #: How long a killed process may take to vanish; one that does not is not waited for again.
 STRAY_GRACE = 5.0
-_DESCRIPTORS = 3 * 16
+#: Files that come with a request for a child: its channel, its two streams, and the file for its stacks.
+_FILES = 4
 #: As much of the list of children as is read in one go; further ones have their turn when these are gone.
 _CHILDREN_SIZE = 1 << 16
 
@@ -87,7 +88,7 @@ class ForkServer:
 
     def _receive(self) -> bool:
         try:
-            data, descriptors, _, _ = socket.recv_fds(self._control, 1 << 16, _DESCRIPTORS)
+            data, descriptors, _, _ = socket.recv_fds(self._control, 1 << 16, 16 * _FILES)
         except ConnectionError:
             return False
         self._descriptors.extend(descriptors)
@@ -116,15 +117,16 @@ class ForkServer:
     # Children ----------------------------------------------------------------------------------------------------
 
     def _fork(self) -> None:
-        channel, out, err = (self._descriptors.popleft() for _ in range(3))
+        files = [self._descriptors.popleft() for _ in range(_FILES)]
+        gc.freeze()  # or a child's collector would write to every object, and the kernel copy their pages
         pid = os.fork()
         if pid == 0:
             status = 70
             try:
-                status = worker.child_main(channel, out, err)
+                status = worker.child_main(*files)
             finally:
                 os._exit(status)
-        for descriptor in (channel, out, err):
+        for descriptor in files:
             os.close(descriptor)
         pidfd = self._pidfds[pid] = os.pidfd_open(pid)
         self._pids[pidfd] = pid
@@ -205,14 +207,13 @@ class ForkServer:
 
 def main(keeper: int) -> NoReturn:
     """Be the fork server of a runner."""
-    os.set_inheritable(CONTROL_FD, False)
+    os.set_inheritable(CHANNEL_FD, False)
     os.set_inheritable(DUMP_FD, False)
     processes.adopt_orphans()
     processes.no_core_dumps()
     processes.prefer_for_oom_kill()
     worker.prepare()
-    _settle()
-    ForkServer(socket.socket(fileno=CONTROL_FD), keeper).serve()
+    ForkServer(socket.socket(fileno=CHANNEL_FD), keeper).serve()
     os._exit(0)
 
 
@@ -225,7 +226,6 @@ def _preload(control: socket.socket, names: tuple[str, ...]) -> None:
                 importlib.import_module(name)
             except Exception as error:  # noqa: BLE001 - whatever an import does, the run says so and goes on without it
                 problems.append(f"preload {name}: {type(error).__name__}: {error}")
-    _settle()
     control.sendall(messages.pack(Loaded(tuple(problems))))
 
 
@@ -243,20 +243,13 @@ def _one_thread() -> Iterator[None]:
         os.environ.pop(name, None)
 
 
-def _settle() -> None:
-    """Have as little memory as possible for the kernel to copy, page by page, with every child."""
-    gc.collect()
-    gc.freeze()  # keeps the collector of a child from looking at, and so writing to, every object
-    processes.give_memory_back()
-
-
-def serve_plugin(plugin: PluginRef, control_fd: int) -> int:
+def serve_plugin(plugin: PluginRef) -> int:
     """Turn this worker into the fork server for the tests of one file. Returns the exit status of the process.
 
     It reports that the file is loaded; or else a problem, and each test loads the file for itself and tells what is
     wrong with it in its own name.
     """
-    control = socket.socket(fileno=control_fd)
+    control = socket.socket(fileno=CHANNEL_FD)
     before = _state()
     try:
         with _one_thread():
@@ -269,7 +262,6 @@ def serve_plugin(plugin: PluginRef, control_fd: int) -> int:
     if reason:
         control.sendall(messages.pack(Loaded((reason,))))
         return 0
-    _settle()
     control.sendall(messages.pack(Loaded()))
     ForkServer(control).serve()
     return 0

@@ -6,7 +6,6 @@ when the fork server, its child, has ended or was killed. So the process that la
 
 from __future__ import annotations
 
-import fcntl
 import os
 import signal
 import socket
@@ -16,21 +15,20 @@ from typing import NoReturn
 
 from rtf.testing.isolation import processes
 
-#: Where a fork server finds its files, beside 0, 1 and 2: the file for stacks, and the socket to the runner.
+#: The files of a process of ours beside 0, 1 and 2: its channel, which is the control socket of a fork server, and the
+#: file for its stacks.
+CHANNEL_FD = 3
 DUMP_FD = 4
-CONTROL_FD = 5
-_FIRST_DESCRIPTOR = 10  # above those that the new process finds its files on
 
 _CODE = "import sys; sys.path[:] = {path!r}; from rtf.testing.isolation import launch; launch.main()"
 
 
 @dataclass(frozen=True, slots=True)
 class Launched:
-    """A fork server: the process of its keeper, the runner's end of its socket, and the file it dumps stacks into."""
+    """A fork server: the process of its keeper, and the runner's end of its socket."""
 
     keeper: int
     control: socket.socket
-    dump: int
 
     def resume(self) -> None:
         """Let its processes go on, should somebody have stopped one."""
@@ -47,28 +45,20 @@ class Launched:
 def launch() -> Launched:
     """Start a fork server without waiting for it. It ends when ``control`` is closed, or this process dies."""
     here, there = socket.socketpair()
-    dump = os.memfd_create("rtf-stacks")
-    inherited = [
-        fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, _FIRST_DESCRIPTOR) for descriptor in (there.fileno(), dump)
-    ]
-    try:
+    with there:
         pid = os.posix_spawn(
             sys.executable,
             [sys.executable, "-P", "-c", _CODE.format(path=sys.path)],
             os.environ,
             file_actions=[
+                (os.POSIX_SPAWN_DUP2, there.fileno(), CHANNEL_FD),  # first: no other file is on its number yet
                 (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
                 (os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0),
-                (os.POSIX_SPAWN_DUP2, inherited[0], CONTROL_FD),
-                (os.POSIX_SPAWN_DUP2, inherited[1], DUMP_FD),
+                (os.POSIX_SPAWN_OPEN, DUMP_FD, os.devnull, os.O_WRONLY, 0),
             ],
             setsid=True,
         )
-    finally:
-        there.close()
-        for descriptor in inherited:
-            os.close(descriptor)
-    return Launched(pid, here, dump)
+    return Launched(pid, here)
 
 
 def main() -> NoReturn:
@@ -77,7 +67,7 @@ def main() -> NoReturn:
     keeper = os.getpid()
     pid = os.fork()
     if pid:
-        os.closerange(DUMP_FD, CONTROL_FD + 1)
+        os.close(CHANNEL_FD)
         processes.keep(pid)
         os._exit(0)
     os.setpgid(0, 0)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Union
 
 import msgspec
 
-from rtf.testing.events import KINDS
+from rtf.testing.events import KINDS, FixtureIncident, OutputCaptured
+from rtf.testing.events import Message as TestMessage
 from rtf.testing.outcome import TestingError
 from rtf.testing.plugins import PluginRef
 
@@ -34,10 +35,6 @@ STOP_LIMIT = 4.0
 #: What a fixture's process calls itself meanwhile (at most 15 bytes), so that its fork server knows without the runner.
 SAFE_STATE_NAME = "rtf parking"
 
-#: The files of our processes beside 0, 1 and 2: the channel to the runner, and the file for stacks.
-CHANNEL_FD = 3
-DUMP_FD = 4
-
 #: The exit status of a process of ours that cannot reach its runner any more.
 CUT_OFF = 71
 
@@ -57,7 +54,7 @@ class Message(msgspec.Struct, frozen=True, array_like=True, tag=True):
 
 
 class Fork(Message, frozen=True):
-    """Fork a child. Its channel, standard output and standard error come with the message, as descriptors."""
+    """Fork a child. Its channel, output, error output and the file for its stacks come with it, as descriptors."""
 
 
 class Signal(Message, frozen=True):
@@ -142,6 +139,13 @@ class Job(Message, frozen=True, kw_only=True):
     core_dumps: bool = False
 
 
+class Inspect(Message, frozen=True):
+    """Load plug-ins, try each use of them, and ``ask`` tests which fixtures they need; see ``inspection``."""
+
+    plugins: tuple[tuple[PluginRef, list[Any]], ...]
+    ask: bool
+
+
 class Answer(Message, frozen=True):
     """What the operator answered to a test's question, and who or what answered for them."""
 
@@ -151,7 +155,7 @@ class Answer(Message, frozen=True):
 
 
 class Command(Message, frozen=True):
-    """What a fixture's process is to do. ``detail`` is the path for ``stacks``, or the reason for ``teardown``."""
+    """What a fixture's process is to do: ``check``, ``enter_safe_state`` or ``teardown``; ``detail`` is its reason."""
 
     command: str
     detail: str = ""
@@ -169,11 +173,46 @@ class Finished(msgspec.Struct, frozen=True, tag_field="event", tag="finished"):
     stopped: str = ""
 
 
-class Said(msgspec.Struct, frozen=True, tag_field="event", tag="said"):
-    """What the process of a fixture says of its life: a word, and what belongs to it."""
+class Found(msgspec.Struct, frozen=True, tag_field="event", tag="found"):
+    """What an inspection has found, see ``inspection``."""
 
-    word: str
-    members: dict[str, Any] = {}
+    inspections: list[Any]
+
+
+# From a fixture's process to the runner, beside events; see ``supervision.fixture_process`` --------------------------
+
+
+class Doing(msgspec.Struct, frozen=True, tag_field="event", tag="doing"):
+    """The step that begins now, such as ``teardown()``; ``nothing`` when all is done."""
+
+    step: str
+
+
+class Provided(msgspec.Struct, frozen=True, tag_field="event", tag="provided"):
+    """What this generation hands to the tests on it: variables of their environment, and values by key."""
+
+    variables: dict[str, str] = {}
+    values: dict[str, Any] = {}
+
+
+class Ready(msgspec.Struct, frozen=True, tag_field="event", tag="ready"):
+    """It is set up. It may put a robot back, or the like; its ``stop_limit`` is in seconds."""
+
+    secures_robot: bool
+    stop_limit: float
+
+
+class Alive(msgspec.Struct, frozen=True, tag_field="event", tag="alive"):
+    """A check has held, or a command has been carried out: ``answered``."""
+
+    answered: bool = False
+
+
+class Lost(msgspec.Struct, frozen=True, tag_field="event", tag="lost"):
+    """It is not usable any more; ``hopeless`` says that another try would come to the same."""
+
+    incident: FixtureIncident
+    hopeless: bool = False
 
 
 # On the wire ---------------------------------------------------------------------------------------------------------
@@ -236,5 +275,8 @@ class Frames:
 
 to_fork_server = msgspec.msgpack.Decoder(Fork | Signal | MarkHost | Preload).decode
 to_runner = msgspec.msgpack.Decoder(Forked | Exited | Loaded).decode
-to_child = msgspec.msgpack.Decoder(Job | Answer | Command).decode
-from_child = msgspec.msgpack.Decoder(Union[(Finished, Said, *KINDS.values())]).decode
+to_child = msgspec.msgpack.Decoder(Job | Inspect | Answer | Command).decode
+from_child = msgspec.msgpack.Decoder(Union[(Finished, Found, *KINDS.values())]).decode
+from_fixture = msgspec.msgpack.Decoder(
+    Doing | Provided | Ready | Alive | Lost | FixtureIncident | TestMessage | OutputCaptured
+).decode

@@ -38,12 +38,6 @@ def adopt_orphans() -> None:
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
 
 
-def tie_to_parent(signum: int = signal.SIGKILL) -> None:
-    """Both of the above for a process that has just been forked, where it cannot fail and each call counts."""
-    _libc.prctl(_PR_SET_PDEATHSIG, signum, 0, 0, 0)
-    _libc.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
-
-
 @contextlib.contextmanager
 def named(name: str) -> Iterator[None]:
     """Have this process go by a name in the block, which others find with :func:`name_of`."""
@@ -75,23 +69,16 @@ def reap(pid: int) -> tuple[int, float, int]:
     return status, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
 
 
-def keep(child: int, lifeline: int | None = None) -> int:
-    """Wait for a child, then end all descendants of this process, a subreaper; return the child's wait status.
-
-    The child is ended, too, when ``lifeline`` is closed by its other end.
-    """
-    ended = os.pidfd_open(child)
-    select.select([ended] if lifeline is None else [ended, lifeline], [], [])
-    status = 0
+def keep(child: int) -> None:
+    """Wait for a child, then end all descendants of this process, a subreaper."""
+    os.waitid(os.P_PID, child, os.WEXITED | os.WNOWAIT)
     while True:
         for pid in descendants_of(os.getpid()):
-            signal_process(pid, signal.SIGKILL)  # a zombie keeps its status
+            signal_process(pid, signal.SIGKILL)
         try:
-            pid, wait_status = os.wait()
+            os.wait()
         except ChildProcessError:
-            return status
-        if pid == child:
-            status = wait_status
+            return
 
 
 def await_exit(pid: int, timeout: float | None) -> bool:
@@ -107,24 +94,14 @@ def await_exit(pid: int, timeout: float | None) -> bool:
 
 
 def children_of(pid: int) -> list[int]:
-    """The living and unreaped children of a single-threaded process; empty when it is gone."""
-    try:
-        with open(f"/proc/{pid}/task/{pid}/children", "rb") as stream:  # noqa: PTH123 - read after every test
-            return [int(word) for word in stream.read().split()]
-    except (FileNotFoundError, ProcessLookupError):
-        return []
-
-
-def all_children_of(pid: int) -> list[int]:
-    """The children of every thread of a process."""
-    try:
-        threads = os.listdir(f"/proc/{pid}/task")  # noqa: PTH208 - names only
-    except (FileNotFoundError, ProcessLookupError):
-        return []
+    """The living and unreaped children of a process, of all its threads; empty when it is gone."""
+    gone = (FileNotFoundError, ProcessLookupError)
     found: list[int] = []
+    threads: list[str] = []
+    with contextlib.suppress(*gone):
+        threads = os.listdir(f"/proc/{pid}/task")  # noqa: PTH208 - names only
     for thread in threads:
-        gone = contextlib.suppress(FileNotFoundError, ProcessLookupError)
-        with gone, open(f"/proc/{pid}/task/{thread}/children", "rb") as stream:  # noqa: PTH123
+        with contextlib.suppress(*gone), open(f"/proc/{pid}/task/{thread}/children", "rb") as stream:  # noqa: PTH123
             found.extend(int(word) for word in stream.read().split())
     return found
 
@@ -132,10 +109,10 @@ def all_children_of(pid: int) -> list[int]:
 def descendants_of(pid: int) -> list[int]:
     """All processes below ``pid``, nearest first."""
     found: list[int] = []
-    level = all_children_of(pid)
+    level = children_of(pid)
     while level:
         found.extend(level)
-        level = [child for parent in level for child in all_children_of(parent) if child not in found]
+        level = [child for parent in level for child in children_of(parent) if child not in found]
     return found
 
 
@@ -191,12 +168,6 @@ def describe_end(exit_status: int | None, signal_text: str) -> str:
 def limit_memory(limit: int) -> None:
     """Let allocations of this process fail beyond ``limit`` bytes of private memory, for the machine's sake."""
     resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
-
-
-def give_memory_back() -> None:
-    """Return to the kernel what the C library keeps of freed memory."""
-    with contextlib.suppress(AttributeError):  # the GNU C library has it, musl does not
-        _libc.malloc_trim(0)
 
 
 def no_core_dumps() -> None:

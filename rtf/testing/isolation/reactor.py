@@ -43,18 +43,17 @@ class Reactor:
 
     def run_once(self, deadline: clock.Deadline) -> None:
         """Wait until something happened or the deadline has come, and call what is to be called."""
-        for callback, moment in [*self._later.items()]:
-            if moment.expired:
-                del self._later[callback]
-                callback()
-            else:
-                deadline = deadline.earliest(moment)
+        for moment in self._later.values():
+            deadline = deadline.earliest(moment)
         remaining = deadline.remaining()
         timeout = None if remaining == clock.FOREVER else remaining
         for descriptor, _ in self._epoll.poll(timeout):
             reader = self._callbacks.get(descriptor)
             if reader is not None:  # an earlier callback may have unwatched it
                 reader()
+        for callback in [callback for callback, moment in self._later.items() if moment.expired]:
+            if self._later.pop(callback, None) is not None:  # an earlier one may have cancelled it
+                callback()
 
     def wake(self) -> None:
         """End the wait. Safe in signal handlers and other threads."""

@@ -21,9 +21,8 @@ from rtf.testing import plugins
 from rtf.testing.case import TestCase
 from rtf.testing.events import Measured, ParametersResolved
 from rtf.testing.isolation import messages, processes
+from rtf.testing.isolation.launch import CHANNEL_FD, DUMP_FD
 from rtf.testing.isolation.messages import (
-    CHANNEL_FD,
-    DUMP_FD,
     DUMP_SIGNAL,
     NUDGE_SIGNAL,
     STOP_SIGNAL,
@@ -31,6 +30,7 @@ from rtf.testing.isolation.messages import (
     Command,
     Finished,
     Frames,
+    Inspect,
     Job,
 )
 from rtf.testing.measurement import require_limits, wilson_interval
@@ -96,7 +96,7 @@ class Channel:
         self.on_lost: Callable[[], object] = _end_without_runner
         self._descriptor = descriptor
         self._frames = Frames()
-        self._received: deque[Job | Answer | Command] = deque()
+        self._received: deque[Job | Inspect | Answer | Command] = deque()
         self._lock = allocate_lock()
 
     def send(self, message: msgspec.Struct) -> None:
@@ -111,7 +111,7 @@ class Channel:
         except OSError:
             self.on_lost()
 
-    def receive(self, timeout: float | None = None) -> Job | Answer | Command | None:
+    def receive(self, timeout: float | None = None) -> Job | Inspect | Answer | Command | None:
         """Wait for one message; None when none came in ``timeout`` seconds (None: for ever), or without a runner."""
         while not self._received:
             if timeout is not None and not select.select([self._descriptor], [], [], timeout)[0]:
@@ -136,18 +136,24 @@ def _end_without_runner() -> NoReturn:
     os._exit(messages.CUT_OFF)
 
 
-def child_main(channel_fd: int, out_fd: int, err_fd: int) -> int:
+def child_main(channel_fd: int, out_fd: int, err_fd: int, dump_fd: int) -> int:
     """Live as a worker: tie this fresh fork to its parent, then do jobs until the last. Returns the exit status."""
     os.setpgid(0, 0)
-    processes.tie_to_parent()
+    processes.die_with_parent()
+    processes.adopt_orphans()
     os.dup2(out_fd, 1)
     os.dup2(err_fd, 2)
     os.dup2(channel_fd, CHANNEL_FD, inheritable=False)
+    os.dup2(dump_fd, DUMP_FD, inheritable=False)
     os.closerange(DUMP_FD + 1, _ALL_FILES)
     _seed_anew()
     channel = Channel(CHANNEL_FD)
     while True:
         job = channel.receive()
+        if isinstance(job, Inspect):
+            from rtf.testing import inspection
+
+            return inspection.serve(job, channel)
         if not isinstance(job, Job):  # a late answer to a question of the last job
             continue
         if job.memory:
@@ -163,7 +169,7 @@ def child_main(channel_fd: int, out_fd: int, err_fd: int) -> int:
         else:
             from rtf.testing.isolation import fork_server
 
-            return fork_server.serve_plugin(job.plugin, CHANNEL_FD)
+            return fork_server.serve_plugin(job.plugin)
 
 
 def _seed_anew() -> None:

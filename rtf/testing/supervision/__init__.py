@@ -1,1 +1,1 @@
-"""Fixtures as processes of their own: their host, their generations, and who watches over them."""
+"""Fixtures as processes of their own: their host, their generations, and their supervision."""

@@ -1,10 +1,7 @@
-"""The process in which one generation of a fixture lives.
+"""The process in which one generation of a fixture lives; ``fixture_process`` is the other end of its channel.
 
-It says ``listening`` when it can be interrupted, ``ready`` when it is set up, then ``alive`` after each check that
-held, ``collapsed`` at most once, ``failed`` when setting up did not work, ``doing`` before each of the last things, and
-``done`` when everything is torn down. It obeys ``check``, ``enter_safe_state`` and ``teardown``. SIGTERM makes it leave
-what it is doing and tear down. When its runner is gone it waits for the SIGTERM of the fork server, which ends fixtures
-in order; when the fork server is gone the kernel sends it.
+SIGTERM makes it leave what it is doing and tear down. When its runner is gone it waits for the SIGTERM of the fork
+server, which ends fixtures in order; when the fork server is gone the kernel sends it.
 """
 
 from __future__ import annotations
@@ -15,135 +12,106 @@ import os
 import signal
 import sys
 import threading
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import msgspec
 
 from rtf import clock
 from rtf.testing import plugins
-from rtf.testing.events import Message, OutputCaptured
+from rtf.testing.events import FixtureIncident, Message, OutputCaptured
 from rtf.testing.fixture import FixtureManager, FixtureUnusable
 from rtf.testing.isolation import processes
-from rtf.testing.isolation.messages import DUMP_FD, SAFE_STATE_NAME, Command, Said
+from rtf.testing.isolation.messages import SAFE_STATE_NAME, Alive, Command, Doing, Lost, Provided, Ready
 from rtf.testing.outcome import FixtureCollapsed, TestStopped
-from rtf.testing.session import author_traceback, bounded
-from rtf.testing.source_location import raised_place
+from rtf.testing.session import Stoppable, author_traceback, bounded, named_text_of, text_of
 from rtf.testing.verdict import Phase, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from types import FrameType
-
-    import msgspec
+    from typing import NoReturn
 
     from rtf.testing.isolation.messages import Job
     from rtf.testing.isolation.worker import Channel
 
-#: Seconds to wait for the order in which the fork server has fixtures torn down when the runner is gone: it has those
-#: that stand on this one park first. A fork server that is gone as well makes itself felt at once.
+#: Seconds to wait for the order in which the fork server has fixtures torn down when the runner is gone: those that
+#: depend on this one enter their safe states first. A fork server that is gone as well makes itself felt at once.
 ORPHAN_PATIENCE = 600.0
-_FIRST_COMMAND_LIMIT = 10.0
 
 
-class Host:
+class Host(Stoppable[msgspec.Struct]):
     """Runs one fixture manager and speaks for it. Any thread may speak; the main thread does the work."""
 
     def __init__(self, job: Job, channel: Channel) -> None:
+        super().__init__(channel.send)
+        self.phase: Phase = Phase.LOAD
         self.generation = job.attempt
         self.name = job.id
         self._job = job
         self._channel = channel
-        self._main = threading.get_ident()
-        self._sending = False  # the main thread is in the middle of a message, which must be whole
-        self._phase = Phase.LOAD
-        self._collapse_lock = threading.Lock()
-        self._cause: str | None = None  # why it collapsed, once it has
-        self._stoppable = False
-        self._stopped = False
-        self._lost = False
+        self._cause = ""  # why it collapsed, once it has
+        self._cause_lock = threading.Lock()
+        self._runner_gone = False
         self._provided: set[str] = set()  # the keys of the values that were handed on
 
     # What the manager says ---------------------------------------------------------------------------------------
 
-    def say(self, word: str, **members: object) -> None:
-        """Send a word to the runner, with what belongs to it; any thread may. What JSON lacks is sent as text."""
-        self._send(Said(word, json.loads(json.dumps(members, default=str))))
-
-    def _send(self, message: msgspec.Struct) -> None:
-        main = threading.get_ident() == self._main
-        if main:
-            self._sending = True
-        try:
-            self._channel.send(message)
-        finally:
-            if main:
-                self._sending = False
-        if main and self._stopped and self._stoppable:
-            self._leave()
-
-    def message(self, severity: Severity, title: str, detail: object, place: tuple[str, int]) -> None:
+    def message(self, severity: Severity, title: str, detail: object, place: tuple[str, int] = ("", 0)) -> None:
         """Send a message of the fixture into the journal."""
-        event = Message(
-            severity=severity,
-            title=title,
-            detail=bounded(str(detail)),
-            fixture=self.name,
-            phase=self._phase,
-            file=place[0],
-            line=place[1],
+        self.emit(
+            Message(
+                severity=severity,
+                title=title,
+                detail=bounded(str(detail)),
+                fixture=self.name,
+                phase=self.phase,
+                file=place[0],
+                line=place[1],
+            )
         )
-        self._send(event)
 
     def output(self, text: object, stream: str) -> None:
         """Send what a program of the fixture wrote: a line, or several."""
-        self._send(OutputCaptured(stream=stream, text=bounded(str(text)) + "\n", fixture=self.name))
+        self.emit(OutputCaptured(stream=stream, text=bounded(str(text)) + "\n", fixture=self.name))
 
-    def announce_collapse(self, reason: object, *, exit_status: int | None, signal_name: str, output: str) -> None:
-        """Say once that the fixture collapsed."""
-        cause = bounded(str(reason)) or "no reason was given"
-        with self._collapse_lock:
-            if self._cause is not None:
+    def collapse(self, cause: object, *, hopeless: bool = False, **details: Any) -> None:
+        """Say that the fixture is not usable any more, and why; only the first cause is sent. From any thread."""
+        text = str(cause) or "no reason was given"
+        with self._cause_lock:
+            if self._cause:
                 return
-            self._cause = cause
-        self.say(
-            "collapsed",
-            phase=self._phase,
-            cause=cause,
-            exit_status=exit_status,
-            signal=signal_name,
-            output=bounded(str(output)),
+            self._cause = text
+        self.emit(Lost(self._incident(text, **details), hopeless))
+
+    def _incident(self, cause: str, output: str = "", **details: Any) -> FixtureIncident:
+        return FixtureIncident(
+            fixture=self.name,
+            suite="",
+            generation=self.generation,
+            phase=self.phase,
+            cause=bounded(cause),
+            output=bounded(output),
+            **details,
         )
 
     def provide_value(self, key: str, value: object) -> None:
-        """Hand a value to those that stand on the fixture, and into the journal."""
+        """Hand a value to the tests and fixtures on this one, and write it into the journal."""
         self._provided.add(key)
-        self.say("value", key=key, value=value)
-        self.message(Severity.INFO, "provides", f"{key} = {json.dumps(value)}", ("", 0))
+        self.emit(Provided(values={key: value}))
+        self.message(Severity.INFO, "provides", f"{key} = {json.dumps(value)}")
 
     # The life ----------------------------------------------------------------------------------------------------
 
     def live(self) -> None:
         """Load, set up, watch and tear down."""
-        self._redirect_stacks()
-        self.say("listening")
+        self.emit(Doing("setup()"))
         manager = self._load()
-        if manager is not None:
+        if manager is not None and not self.stopped:
             up = self._set_up(manager)
             if up:
-                parks = type(manager).enter_safe_state is not FixtureManager.enter_safe_state
-                robot = bool(manager.occupies) and parks
-                self.say("ready", of_robot=robot, stop_limit=manager.stop_limit)
                 self._watch(manager)
             self._come_down(manager, up=up)
-        self.say("done")
-
-    def _redirect_stacks(self) -> None:
-        """Have the stacks of this process dumped where its runner says, apart from those of tests."""
-        command = self._channel.receive(_FIRST_COMMAND_LIMIT)
-        if not isinstance(command, Command) or command.command != "stacks":
-            return
-        with contextlib.suppress(OSError):  # without it they go where those of tests go
-            descriptor = os.open(command.detail, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC)
-            os.dup2(descriptor, DUMP_FD, inheritable=False)
-            os.close(descriptor)
+        self.emit(Doing("nothing"))
 
     def _load(self) -> FixtureManager | None:
         made: list[FixtureManager] = []
@@ -162,15 +130,16 @@ class Host:
                 folder=job.suite_folder,
             )
             for warning in manager.parameter_warnings:
-                self.message(Severity.WARNING, "parameters", warning, ("", 0))
+                self.message(Severity.WARNING, "parameters", warning)
             made.append(manager)
 
-        error = self._stoppably(load)
-        if error is not None and not isinstance(error, TestStopped):
-            self._failed(error, hopeless=True)
-        return made[0] if made and error is None else None
+        done = self._attempt(load, lambda error: self._raised(error, hopeless=True))
+        return made[0] if done else None
 
     def _set_up(self, manager: FixtureManager) -> bool:
+        """Set the fixture up and say that it is ready. False if it is not."""
+        ready: list[Ready] = []
+
         def set_up() -> None:
             if self.generation > 1:
                 manager.before_restart(self.generation)
@@ -179,168 +148,120 @@ class Host:
             missing = [key for key in manager.provides if key not in self._provided]
             if missing:
                 raise FixtureUnusable(f"setup() of fixture {self.name!r} did not provide {', '.join(missing)}")
+            has_safe_state = type(manager).enter_safe_state is not FixtureManager.enter_safe_state
+            ready.append(Ready(bool(manager.occupies) and has_safe_state, float(manager.stop_limit)))
 
-        self._phase = Phase.SETUP
-        error = self._stoppably(set_up)
-        if error is not None and not isinstance(error, TestStopped):
-            self._failed(error, hopeless=isinstance(error, FixtureUnusable))
-        return error is None and self._cause is None
+        self.phase = Phase.SETUP
+        done = self._attempt(set_up, lambda error: self._raised(error, hopeless=isinstance(error, FixtureUnusable)))
+        if not done or self._cause:
+            return False
+        self.phase = Phase.CHECK  # first, because a test may break it as soon as it is ready
+        self.emit(ready[0])
+        return True
 
-    def _failed(self, error: BaseException, *, hopeless: bool) -> None:
-        """Say that the fixture is not usable, and why; ``hopeless`` if another try would come to the same."""
-        known = isinstance(error, FixtureCollapsed)
-        self.say(
-            "failed",
-            hopeless=hopeless,
-            phase=self._phase,
-            cause=bounded(_text(error) if known else _named(error)),
-            traceback="" if known else author_traceback(error),
-        )
+    def _raised(self, error: BaseException, what: str = "", *, hopeless: bool = False) -> None:
+        """Say that the fixture is not usable because of an error, which ``what`` raised unless it is plain."""
+        if isinstance(error, FixtureCollapsed):
+            self.collapse(text_of(error), hopeless=hopeless)
+        else:
+            self.collapse(f"{what}{named_text_of(error)}", traceback=author_traceback(error), hopeless=hopeless)
 
     def _watch(self, manager: FixtureManager) -> None:
         """Check once in a while, and obey, until the end is asked for."""
-        self._phase = Phase.CHECK
-        while not self._stopped and not self._lost:
+        while not (self.stopped or self._runner_gone):
             command = self._next_command()
             kind = "check" if command is None else command.command
             if kind == "teardown":
-                self._note_reason(command)
                 return
             if kind == "enter_safe_state":
-                self._enter_safe_state(manager)
-            elif not self._stopped and not self._lost:
+                self._attempt(manager.enter_safe_state, self._not_safe)
+            elif not (self.stopped or self._runner_gone or self._cause):
                 self._check(manager)
-            if command is not None:
-                self.say("answered")
-        if not self._stopped:  # without a runner, the fork server says whose turn it is, dependents first
-            self._stoppably(lambda: clock.sleep(ORPHAN_PATIENCE))
+            if not (self.stopped or self._cause):
+                self.emit(Alive(answered=command is not None))
+        if not self.stopped:
+            # without a runner, the fork server says whose turn it is; however the wait ends, the robot is put right
+            self._attempt(lambda: clock.sleep(ORPHAN_PATIENCE), lambda _: None)
+
+    def _not_safe(self, error: BaseException) -> None:
+        """A fixture whose state after a test is unknown is as good as gone."""
+        self.collapse(f"enter_safe_state() raised {named_text_of(error)}", traceback=author_traceback(error))
 
     def _next_command(self) -> Command | None:
-        received: list[Command | None] = [None]
+        """Wait for a command until the next check is due; None without one."""
+        received: list[Command | None] = []
+        # an error: the author's code has closed the channel
+        self._attempt(lambda: received.append(self._receive(self._job.check_period)), lambda _: self.lost_runner())
+        return received[0] if received else None
 
-        def receive() -> None:
-            message = self._channel.receive(self._job.check_period)
-            received[0] = message if isinstance(message, Command) else None
-
-        error = self._stoppably(receive)
-        if error is not None and not isinstance(error, TestStopped):
-            self._lost = True  # the author's code has closed the channel
-        return received[0]
-
-    def _note_reason(self, command: Command | None) -> None:
-        if command is not None and command.detail and self._cause is None:
-            self._cause = command.detail
+    def _receive(self, timeout: float) -> Command | None:
+        """Wait for a command. Why the fixture has collapsed, where the runner found that out, is kept."""
+        command = self._channel.receive(timeout)
+        if not isinstance(command, Command):
+            return None
+        if command.command == "teardown":
+            self._cause = self._cause or command.detail
+        return command
 
     def _check(self, manager: FixtureManager) -> None:
-        if self._cause is not None:
-            return
-        held: list[bool | None] = []
-        error = self._stoppably(lambda: held.append(manager.check()))
-        if isinstance(error, TestStopped):
-            return
-        if isinstance(error, FixtureCollapsed):
-            self._collapse(_text(error))
-        elif error is not None:
-            self._collapse(f"check() raised {_named(error)}")
-        elif held[0] is False:
-            self._collapse("check() returned False")
-        else:
-            self.say("alive")
+        def check() -> None:
+            if manager.check() is False:
+                raise FixtureCollapsed("check() returned False")
 
-    def _enter_safe_state(self, manager: FixtureManager) -> None:
-        """A fixture whose state after a test is unknown is as good as gone."""
-        error = self._stoppably(manager.enter_safe_state)
-        if error is not None and not isinstance(error, TestStopped):
-            self._collapse(f"enter_safe_state() raised {_named(error)}")
-
-    def _collapse(self, cause: str) -> None:
-        self.announce_collapse(cause, exit_status=None, signal_name="", output="")
+        self._attempt(check, lambda error: self._raised(error, "check() raised "))
 
     # The end -----------------------------------------------------------------------------------------------------
 
     def _come_down(self, manager: FixtureManager, *, up: bool) -> None:
-        self._phase = Phase.TEARDOWN
-        self._read_pending_reason()
+        self.phase = Phase.TEARDOWN
+        with contextlib.suppress(OSError):  # the author's code has closed the channel
+            while self._receive(0) is not None:  # a runner that interrupts says before why
+                pass
         cause = self._cause
-        if up and cause is not None:
-            self._last_thing("on_collapse()", lambda: manager.on_collapse(cause))
+        if up and cause:
+            self._last_step("on_collapse()", lambda: manager.on_collapse(cause))
         elif up:
             with processes.named(SAFE_STATE_NAME):
-                self._last_thing("enter_safe_state()", manager.enter_safe_state)
-        self.say("doing", what="teardown()")
-        self._tell(self._caught(manager.teardown), "teardown()")
+                self._last_step("enter_safe_state()", manager.enter_safe_state)
+        self._last_step("teardown()", manager.teardown, stoppable=False)
 
-    def _read_pending_reason(self) -> None:
-        """The runner that interrupts says before why."""
-        with contextlib.suppress(OSError):  # the author's code has closed the channel
-            while (command := self._channel.receive(0)) is not None:
-                if isinstance(command, Command) and command.command == "teardown":
-                    self._note_reason(command)
-
-    def _last_thing(self, what: str, function: Callable[[], object]) -> None:
-        """Do something that must not keep teardown from being done: it may be interrupted on its own."""
-        self.say("doing", what=what)
-        self._stopped = False
-        self._tell(self._stoppably(function), what)
-
-    def _tell(self, error: BaseException | None, what: str) -> None:
-        if error is None:
-            return
-        stopped = isinstance(error, TestStopped)
-        cause = f"{what} did not come back and was interrupted" if stopped else f"{what} raised {_named(error)}"
-        trace = "" if stopped else author_traceback(error)
-        file, line = raised_place(error)
-        self.say("problem", phase=self._phase, cause=bounded(cause), traceback=trace, file=file, line=line)
+    def _last_step(self, step: str, function: Callable[[], object], *, stoppable: bool = True) -> None:
+        """Do something on the way down: what goes wrong is reported, and a stop that came before has no effect."""
+        self.emit(Doing(step))
+        try:
+            if stoppable:
+                self.run_stoppable(function)
+            else:
+                function()
+        except TestStopped:
+            self.emit(self._incident(f"{step} did not come back and was interrupted"))
+        except BaseException as error:  # noqa: BLE001 - reported; even sys.exit() must not skip what follows
+            self.emit(self._incident(f"{step} raised {named_text_of(error)}", traceback=author_traceback(error)))
 
     # Being stopped from outside ----------------------------------------------------------------------------------
 
+    def _attempt(self, function: Callable[[], object], failed: Callable[[BaseException], object]) -> bool:
+        """Call something that SIGTERM may end; an error goes to ``failed``. Returns whether it came to its end."""
+        try:
+            self.run_stoppable(function)
+        except TestStopped:
+            return False
+        except BaseException as error:  # noqa: BLE001 - even sys.exit() must not skip teardown
+            failed(error)
+            return False
+        return True
+
     def on_signal(self, _signum: int, _frame: FrameType | None) -> None:
         """Leave what is being done, to tear down. Teardown itself is never left."""
-        self._stopped = True
-        if self._stoppable and not self._sending:
-            self._leave()
+        self.stop("stopped by the runner")
 
-    def _leave(self) -> None:
-        self._stoppable = False
-        raise TestStopped
+    def _raise_stop(self) -> NoReturn:
+        self._stoppable = False  # a second signal must not end what the first has the author's code undo
+        super()._raise_stop()
 
     def lost_runner(self) -> None:
-        """There is nobody left to work for, and still something to tear down. Called by the channel, in any thread."""
-        self._lost = True
-
-    def _stoppably(self, function: Callable[[], object]) -> BaseException | None:
-        """Call something that SIGTERM may end; gives what it raised, TestStopped if it was ended."""
-
-        def call() -> None:
-            try:
-                self._stoppable = True  # before the look at _stopped, so that no signal falls between the two
-                if self._stopped:
-                    raise TestStopped
-                function()
-            finally:
-                self._stoppable = False
-
-        return self._caught(call)
-
-    @staticmethod
-    def _caught(function: Callable[[], object]) -> BaseException | None:
-        try:
-            function()
-        except BaseException as error:  # noqa: BLE001 - told by the caller; even sys.exit() must not skip teardown
-            return error
-        return None
-
-
-def _text(error: BaseException) -> str:
-    try:
-        return str(error)
-    except Exception:  # noqa: BLE001 - an author's exception may be broken itself
-        return f"{type(error).__name__}, whose text cannot be had"
-
-
-def _named(error: BaseException) -> str:
-    text = _text(error)
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+        """Note that the runner is gone; the fixture still has to come down. Called by the channel in any thread."""
+        self._runner_gone = True
 
 
 def host(job: Job, channel: Channel) -> int:

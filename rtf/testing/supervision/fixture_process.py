@@ -1,8 +1,22 @@
-"""One generation of a fixture, seen from the runner: the conversation with its process, and the ending of it.
+"""One generation of a fixture, seen from the runner: the conversation with its process, and how it is ended.
 
-The process is the host (``fixture_host``), which runs an author's code and is not to be trusted: it may
-be silent, say nonsense, say too much, die or refuse to. Whatever it does ends here as a cause, an event or a kill. All
-of it happens in the thread of the supervisor.
+=========================================  =====================================================================
+the runner sends                           the process sends (``isolation.messages``)
+=========================================  =====================================================================
+``Job``                                    ``Doing setup()``: from now on SIGTERM makes it leave what it is doing
+.                                          ``Provided``; ``Ready``, or ``Lost``, after which it comes down by itself
+.                                          ``Alive`` after each check, every check period, or ``Lost``
+``check``, ``enter_safe_state``            ``Alive``, with ``answered``, or ``Lost``
+``teardown``, with the reason if it is     ``Doing enter_safe_state()``, or ``Doing on_collapse()`` if it was lost
+lost                                       ``Doing teardown()``; a ``FixtureIncident`` for what goes wrong here
+.                                          ``Doing nothing``, and it ends
+=========================================  =====================================================================
+
+Its messages and its output come in between, as events. Each step has its time. A generation that is up and exceeds it
+has collapsed; one that is coming down is interrupted (SIGTERM), or killed where that is no use.
+
+The process (``fixture_host``) runs an author's code and is not to be trusted: it may be silent, say nonsense, say too
+much, die or refuse to. Whatever it does ends here as an incident, an event or a kill, in the thread of the supervisor.
 """
 
 from __future__ import annotations
@@ -10,21 +24,29 @@ from __future__ import annotations
 import signal
 from typing import TYPE_CHECKING, Any
 
+from msgspec.structs import replace
+
 from rtf import clock
-from rtf.testing.events import Message, OutputCaptured
+from rtf.testing.events import FixtureIncident, Message, OutputCaptured, StackDumped
 from rtf.testing.isolation import messages, processes
-from rtf.testing.isolation.capture import Capture, StackFile, Tail
-from rtf.testing.isolation.messages import NUDGE_PERIOD, NUDGE_SIGNAL, SAFE_STATE_LIMIT, Command, Said
+from rtf.testing.isolation.capture import Capture, Tail
+from rtf.testing.isolation.messages import (
+    SAFE_STATE_LIMIT,
+    Alive,
+    Command,
+    Doing,
+    Provided,
+    Ready,
+)
 from rtf.testing.permission import seconds_to_wait
 from rtf.testing.session import bounded
-from rtf.testing.supervision.fixture_record import Cause
 from rtf.testing.verdict import FixtureState, Phase, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rtf.testing.isolation.child import Child, End
     from rtf.testing.isolation.messages import Job
-    from rtf.testing.isolation.worker_pool import Child, End, ForkServerClient
     from rtf.testing.supervision.fixture_record import Fixture, Notes
 
 #: Seconds that are allowed where the suite says nothing.
@@ -34,18 +56,17 @@ TEARDOWN_LIMIT = 30.0
 CHECK_LIMIT = 10.0
 #: How long a fixture may take to leave what it is doing when it is to be torn down.
 GRACE = 2.0
-_VANISH = 6.0
-#: How much of its time to come down, when the run has to end at once, a fixture may spend on one thing.
+#: How much of its time to come down, when the run has to end at once, a fixture may spend on one step.
 _PART_OF_STOP = 0.75
 
 #: Bytes a second of a fixture's output that the journal takes in the long run: 29 MB an hour.
 _OUTPUT_RATE = 8192.0
 #: Beyond these, what a fixture says is counted and left out.
 _MESSAGE_BYTES = 16 << 20
-_PROBLEMS = 100
+_INCIDENTS = 100
 _COMPLAINTS = 5
-#: What a host may be doing on its way down, each once.
-_LAST_THINGS = ("on_collapse()", "enter_safe_state()", "teardown()")
+#: The steps on the way down, each of which begins once.
+_LAST_STEPS = ("on_collapse()", "enter_safe_state()", "teardown()")
 #: A process that says this much nonsense is not the one we started.
 _NONSENSE_LIMIT = 1000
 
@@ -61,110 +82,96 @@ class FixtureProcess:
         self,
         fixture: Fixture,
         notes: Notes,
-        fork_server: ForkServerClient,
+        child: Child,
         wait: Callable[[Callable[[], bool], clock.Deadline], None],
         kill_now: Callable[[], bool],
         stop_by: Callable[[], clock.Deadline] = clock.Deadline,
     ) -> None:
         self._fixture = fixture
         self._notes = notes
-        self._fork_server = fork_server
         self._wait = wait
         self._kill_now = kill_now
         self._stop_by = stop_by
-        self._child: Child = fork_server.take()
-        self.pid = self._child.pid
+        self._child = child
+        self.pid = child.pid
         self.answered = False
         self.deadline = clock.Deadline()
-        self._period = fixture.entry.check_period
-        self._doing = "setup()"
+        #: What it provides for the tests and fixtures on it: variables of their environment, and values by key.
+        self.variables: dict[str, str] = {}
+        self.values: dict[str, Any] = {}
+        self._step = ""  # what it is doing; nothing yet: SIGTERM would only kill it
         self._phase = Phase.SETUP
-        self._dump_cause = ""  # why its stacks were asked for
-        self._to_come = {*_LAST_THINGS}
-        self._listening = False  # before that SIGTERM would only kill it
-        self._pressed = False  # it has been sent a signal to leave what it is doing
-        self._killed = False
+        self._last_steps: set[str] = set()  # those that have begun
+        self._interrupted = False  # it has been sent a signal to leave this step
         self._done = False
-        self._end_told = False
-        self._silence = clock.Deadline()
-        # its own, so that its stacks are never taken for those of the test that runs meanwhile
-        self._stacks = StackFile()
+        self._end_reported = False
+        self._overdue = ""  # why its stacks were asked for
         self._tail = Tail()
-        self._capture = Capture(
-            lambda stream, text, omitted: notes.output(fixture, stream, text, omitted), refill=_OUTPUT_RATE
-        )
+        self._capture = Capture(self._captured, refill=_OUTPUT_RATE)
         self._bytes = 0
         self._left_out = 0
-        self._problems = 0
+        self._incidents = 0
         self._nonsense = 0
 
     def begin(self, job: Job) -> None:
         """Have the process set the fixture up."""
         child = self._child
         child.mark_as_host()
-        limit = self._fixture.entry.timeouts.setup or SETUP_LIMIT
-        self.deadline = clock.Deadline.after(limit + seconds_to_wait())
+        self.deadline = clock.Deadline.after(self._limit("setup()"))
         child.begin(job, self._hear, self._written)
-        self._child.send(Command("stacks", self._stacks.path))
+
+    def _limit(self, step: str) -> float:
+        """Return the seconds that a step may take."""
+        entry = self._fixture.entry
+        if step == "setup()":
+            return (entry.timeouts.setup or SETUP_LIMIT) + seconds_to_wait()
+        if step == "check()":
+            return entry.check_period + CHECK_LIMIT
+        limit = SAFE_STATE_LIMIT if step == "enter_safe_state()" else entry.timeouts.teardown or TEARDOWN_LIMIT
+        stop_by = self._stop_by()
+        if self._phase is not Phase.TEARDOWN or stop_by.at == clock.FOREVER:
+            return limit
+        # the run has to end at once: a part is left for what comes after this step
+        return min(limit, _PART_OF_STOP * min(self._fixture.stop_limit, stop_by.remaining()))
+
+    def _enter(self, step: str, phase: Phase) -> None:
+        self._step, self._phase = step, phase
+        self.deadline = clock.Deadline.after(self._limit(step))
 
     # While tests run ---------------------------------------------------------------------------------------------
 
-    def ask(self, what: str) -> None:
+    @property
+    def up(self) -> bool:
+        """Whether tests can run on this very generation."""
+        return self._fixture.ready and self._fixture.process is self
+
+    def ask(self, command: str) -> None:
         """Have it ``check`` or ``enter_safe_state`` now; ``answered`` becomes true when it has."""
         self.answered = False
-        if what == "enter_safe_state":
-            self._doing = "enter_safe_state()"
-            self.deadline = clock.Deadline.after(SAFE_STATE_LIMIT)
-        self._child.send(Command(what))
+        if command == "enter_safe_state":
+            self._enter("enter_safe_state()", Phase.CHECK)
+        self._child.send(Command(command))
 
     def look(self) -> None:
         """Notice that it has ended, fallen silent or cut its channel. Called after whatever happened."""
         if not self._fixture.active:
             return
-        if self._child.end is not None:
-            self._ended(self._child.end)
-        elif self._child.channel_closed:
-            self._cut_off()
-        elif self.deadline.expired:
-            self._too_late()
+        phase, end = self._phase, self._child.end
+        if end is not None:
+            self._end_reported = True
+            self._collapse(f"the fixture's process ended: {_how(end)}", phase, end)
+        elif self._child.cut_off:
+            self._collapse("the fixture's process closed the channel to its runner", phase)
+        elif self.deadline.expired and not self._child.channel_closed:
+            self._collapse(self._dump_stacks(), phase)  # also if it comes to its end while they are written
 
-    def _ended(self, end: End) -> None:
-        self._end_told = True
-        self._collapse(f"the fixture's process ended: {_how(end)}", exit_status=end.exit_status, signal_name=end.signal)
-
-    def _cut_off(self) -> None:
-        """A process that dies closes its channel a moment before its end is known; one that lives on is cut off."""
-        if self._silence.at == clock.FOREVER:
-            self._silence = clock.Deadline.after(GRACE)
-            self.deadline = self.deadline.earliest(self._silence)
-        elif self._silence.expired:
-            self._collapse("the fixture's process closed the channel to its runner")
-
-    def _too_late(self) -> None:
-        phase = self._phase
-        cause = self._did_not_come_back()
-        self._phase = phase  # a setup that comes to its end while its stacks are written was too late all the same
-        self._collapse(cause)
-
-    @property
-    def up(self) -> bool:
-        """Whether tests can stand on this very generation."""
-        return self._fixture.ready and self._fixture.process is self
-
-    def _did_not_come_back(self) -> str:
-        """Have the stacks dumped, and say what takes too long."""
-        cause = f"{self._doing} did not come back within {self.deadline.limit:g} s"
-        if "(stopped)" in processes.kernel_state(self.pid):
+    def _dump_stacks(self) -> str:
+        """Have its stacks dumped, and say what takes too long."""
+        cause = f"{self._step or 'setup()'} did not come back within {self.deadline.limit:g} s"
+        if "(stopped)" in self._child.dump_stacks():
             cause += "; the process had been stopped by a signal"
-        self._child.signal(signal.SIGCONT)
-        self._dump_cause = cause
-        self._stacks.dump(self._child, self._fork_server.reactor)
+        self._overdue = cause
         return cause
-
-    def _patience(self) -> clock.Deadline:
-        return clock.Deadline.after(
-            SAFE_STATE_LIMIT if self._doing == "enter_safe_state()" else self._period + CHECK_LIMIT
-        )
 
     # Down --------------------------------------------------------------------------------------------------------
 
@@ -174,11 +181,12 @@ class FixtureProcess:
         try:
             if child.end is None:
                 child.send(Command("teardown", reason))
+            if not self._last_steps:  # else it comes down already, and has its time for that
                 self.deadline = clock.Deadline.after(GRACE)
-                if self._listening and (self._doing == "setup()" or self._dump_cause):
+                if self._step == "setup()" or (self._step and self._overdue):
                     self._interrupt()
-            while child.end is None and not self._killed:
-                self._wait_for_end(child)
+            while child.end is None and not self._end_reported:
+                self._wait(lambda: child.end is not None or self._time_is_up(), clock.Deadline())
                 if child.end is None:
                     self._press_on(self._phase if reason else Phase.TEARDOWN)
             if child.end is not None:
@@ -186,23 +194,13 @@ class FixtureProcess:
         finally:
             self._close()
 
-    def _wait_for_end(self, child: Child) -> None:
-        """Wait for it, or for the moment to press on; what has been interrupted is nudged until it notices."""
-
-        def over() -> bool:
-            return child.end is not None or self.deadline.expired or self._kill_now()
-
-        while not over():
-            nudge = clock.Deadline.after(NUDGE_PERIOD)
-            self._wait(lambda nudge=nudge: over() or nudge.expired, nudge)  # type: ignore[misc]
-            if self._pressed:
-                child.signal(NUDGE_SIGNAL)
+    def _time_is_up(self) -> bool:
+        return self.deadline.expired or self._kill_now()
 
     def _interrupt(self) -> None:
         """Have it leave what it is doing, so that it gets to its teardown."""
-        self._pressed = True
-        self._child.signal(signal.SIGCONT)
-        self._child.signal(signal.SIGTERM)
+        self._interrupted = True
+        self._child.interrupt(signal.SIGTERM)
         self.deadline = clock.Deadline.after(GRACE)
 
     def _press_on(self, phase: Phase) -> None:
@@ -212,57 +210,48 @@ class FixtureProcess:
             by = self._stop_by()
             why = f"the run had to end within {by.limit:g} s" if by.expired else "the run was ended by force"
             self._problem(f"killed before the end of teardown(), because {why}", Phase.TEARDOWN)
-        elif self._doing != "teardown()" and not self._pressed:
+        elif self._step != "teardown()" and not self._interrupted:
             self._interrupt()
         else:
-            overdue, cause = self._doing, self._did_not_come_back()
-            if self._child.end is not None or not (self.deadline.expired or self._kill_now()):
-                # meanwhile it has ended, or come to the next of the last things, which has its own time
-                if overdue == "teardown()":
+            step, cause = self._step, self._dump_stacks()
+            if self._child.end is not None or not self._time_is_up():
+                # meanwhile it has ended, or come to the next of the last steps, which has its own time
+                if step == "teardown()":
                     self._problem(cause, Phase.TEARDOWN)
                 return
             self._kill()
-            if self._doing == "teardown()":
+            if self._step == "teardown()":
                 self._problem(f"{cause}; killed", Phase.TEARDOWN)
             else:
-                self._problem(f"{self._doing} could not be interrupted; killed without teardown()", phase)
+                self._problem(f"{self._step} could not be interrupted; killed without teardown()", phase)
 
     def _kill(self) -> None:
-        self._killed = True
+        self._end_reported = True
         child = self._child
-        child.signal(signal.SIGKILL, group=True)
-        deadline = clock.Deadline.after(_VANISH)
-        self.deadline = deadline
-        self._wait(lambda: child.end is not None or deadline.expired, deadline)
-        if child.end is None:
-            self._fork_server.abandon()
+        child.kill()
+        self.deadline = clock.Deadline()
+        self._wait(lambda: child.end is not None, clock.Deadline())
 
     def _conclude(self, end: End) -> None:
-        """Tell of a process that did not live to the end of its teardown, unless that is known."""
-        if self._killed or self._end_told:
+        """Report a process that did not live to the end of its teardown, unless that has been done."""
+        if self._end_reported:
             return
-        if not self._done and not (end.status == 0 and self._silence.expired):
-            where = "in" if self._doing == "teardown()" else "before"
-            cause = f"the fixture's process ended {where} teardown(): {_how(end)}"
+        if not self._done and not (end.status == 0 and self._child.cut_off):
+            where = "in" if self._step == "teardown()" else "before"
+            self._problem(f"the fixture's process ended {where} teardown(): {_how(end)}", Phase.TEARDOWN, end)
         elif end.status != 0:
-            cause = f"after teardown() the fixture's process ended badly: {_how(end)}"
-        else:
-            return
-        self._problem(cause, Phase.TEARDOWN, exit_status=end.exit_status, signal_name=end.signal)
+            self._problem(f"after teardown() the fixture's process ended badly: {_how(end)}", Phase.TEARDOWN, end)
 
     def _close(self) -> None:
         self._capture.close()
-        fixture = self._fixture
-        stacks = self._stacks.new()
-        if not stacks and self._dump_cause:
+        stacks = self._child.new_stacks()
+        if not stacks and self._overdue:
             stacks = "the process did not answer the request for its stacks\n"
         if stacks:
-            self._notes.stacks(fixture, stacks, self._dump_cause or "crash")
-        self._stacks.close()
-        for count, what in ((self._left_out, "messages"), (max(0, self._nonsense - _COMPLAINTS), "lines of nonsense")):
-            if count:
-                text = f"{count} {what} left out: the fixture said too much"
-                self._notes.say(fixture, Severity.WARNING, "journal", text, self._phase)
+            self._notes.emit(StackDumped(text=stacks, cause=self._overdue or "crash", fixture=self._fixture.name))
+        for count, what in ((self._left_out, "messages"), (self._nonsense - _COMPLAINTS, "lines of nonsense")):
+            if count > 0:
+                self._say(Severity.WARNING, "journal", f"{count} {what} left out: the fixture said too much")
 
     # What it says ------------------------------------------------------------------------------------------------
 
@@ -270,117 +259,94 @@ class FixtureProcess:
         if self._nonsense >= _NONSENSE_LIMIT:
             return
         try:
-            message = messages.from_child(data)
-            if isinstance(message, Said):
-                self._hear_host(message.word, message.members)
-            elif isinstance(message, OutputCaptured):
-                self._written(message.stream, message.text.encode("utf-8", "backslashreplace"))
-            elif isinstance(message, Message) and message.fixture == self._fixture.name:
-                self._take(message, len(data))
-            else:
-                self._complain(f"it may not say {type(message).__name__}")
-        except (ValueError, TypeError, KeyError, RecursionError) as error:
+            message = messages.from_fixture(data)
+        except (ValueError, RecursionError) as error:
             self._complain(str(error))
+            return
+        fixture = self._fixture
+        if isinstance(message, OutputCaptured):
+            self._written(message.stream, message.text.encode("utf-8", "backslashreplace"))
+        elif isinstance(message, Message):
+            self._pass_on(message, len(data))
+        elif isinstance(message, FixtureIncident):
+            self._incidents += 1
+            if self._incidents <= _INCIDENTS:
+                self._notes.incident(fixture, self._completed(message))
+            else:
+                self._left_out += 1
+        elif isinstance(message, Alive):
+            self._alive(answered=message.answered)
+        elif isinstance(message, Doing):
+            self._begins(message.step)
+        elif isinstance(message, Provided):
+            self.variables |= message.variables
+            self.values |= message.values
+        elif isinstance(message, Ready):
+            self._ready(message)
+        elif fixture.active:
+            fixture.hopeless = message.hopeless
+            self._notes.collapse(fixture, self._completed(message.incident))
 
     def _complain(self, problem: str) -> None:
         self._nonsense += 1
         if self._nonsense <= _COMPLAINTS:
-            text = bounded(f"the fixture's process said something unintelligible: {problem}")
-            self._notes.say(self._fixture, Severity.ERROR, "protocol", text, self._phase)
+            self._say(Severity.ERROR, "protocol", f"the fixture's process said something unintelligible: {problem}")
         elif self._nonsense == _NONSENSE_LIMIT:
-            self._collapse("the fixture's process says only nonsense")
+            self._collapse("the fixture's process says only nonsense", self._phase)
 
-    def _take(self, event: Message, size: int) -> None:
+    def _pass_on(self, message: Message, size: int) -> None:
         self._bytes += size
         if self._bytes > _MESSAGE_BYTES:
             self._left_out += 1
         else:
-            self._notes.forward(event)
+            self._notes.pass_on(self._fixture, message)
 
-    def _hear_host(self, kind: str, message: dict[str, Any]) -> None:
-        if kind in ("collapsed", "failed", "problem"):
-            self._hear_of_problem(kind, message)
-        elif kind == "listening":
-            if not self._listening and self._fixture.state is FixtureState.STOPPING:
-                self._interrupt()
-            self._listening = True
-        elif kind == "doing" and self._fixture.state is FixtureState.STOPPING:
-            self._going_down(str(message["what"]))
-        elif kind == "done":
-            self._done = True
-        elif kind == "provides":
-            self._provides(message["variables"])
-        elif kind == "value":
-            self._fixture.values[str(message["key"])] = message["value"]
-        else:
-            if kind == "ready":
-                self._fixture.secures_robot = message["of_robot"] is True
-                self._fixture.stop_limit = float(message["stop_limit"])
-            self._hear_of_life(kind)
-
-    def _provides(self, variables: dict[str, str]) -> None:
-        if all(type(name) is str and type(value) is str for name, value in variables.items()):
-            self._fixture.variables |= variables
-
-    def _hear_of_life(self, kind: object) -> None:
+    def _ready(self, message: Ready) -> None:
         fixture = self._fixture
-        if kind == "ready" and fixture.state is FixtureState.STARTING:
-            self._doing = "check()"
-            self._phase = Phase.CHECK
-            self.deadline = self._patience()
+        fixture.secures_robot, fixture.stop_limit = message.secures_robot, message.stop_limit
+        if fixture.state is FixtureState.STARTING:
+            self._enter("check()", Phase.CHECK)
             self._notes.change(fixture, FixtureState.READY)
-        elif kind in ("alive", "answered") and fixture.ready:
-            if kind == "answered":
-                self.answered = True
-                self._doing = "check()"
-            self.deadline = self._patience()
 
-    def _hear_of_problem(self, kind: str, message: dict[str, Any]) -> None:
-        cause = self._cause_from(message)
-        fixture = self._fixture
-        if kind != "problem":
-            if fixture.active:
-                fixture.hopeless = message.get("hopeless") is True
-                self._notes.collapse(fixture, cause)
-            return
-        self._problems += 1
-        if self._problems <= _PROBLEMS:
-            self._notes.incident(fixture, cause)
+    def _alive(self, *, answered: bool) -> None:
+        if self._fixture.ready:
+            self.answered = self.answered or answered
+            self._enter("check()" if answered else self._step, Phase.CHECK)
 
-    def _going_down(self, what: str) -> None:
-        """It has come to the next of the last things, each of which has its own time and begins once."""
-        if what not in self._to_come:
-            return
-        self._to_come.remove(what)
-        self._doing = what
-        self._phase = Phase.TEARDOWN
-        self._pressed = False
-        limit = self._fixture.entry.timeouts.teardown or TEARDOWN_LIMIT
-        limit = SAFE_STATE_LIMIT if what == "enter_safe_state()" else limit
-        if self._stop_by().at != clock.FOREVER:  # a part is left for what comes after it
-            limit = min(limit, _PART_OF_STOP * min(self._fixture.stop_limit, self._stop_by().remaining()))
-        self.deadline = clock.Deadline.after(limit)
+    def _begins(self, step: str) -> None:
+        """It has come to a step of its way down, each of which begins once; or it can be interrupted from now on."""
+        if step == "nothing":
+            self._done = True
+        elif step == "setup()" and not self._step:
+            self._step = step
+            if self._fixture.state is FixtureState.STOPPING:
+                self._interrupt()
+        elif step in _LAST_STEPS and step not in self._last_steps and not self._fixture.active:
+            self._last_steps.add(step)
+            self._interrupted = False
+            self._child.stop_nudging()
+            self._enter(step, Phase.TEARDOWN)
 
-    def _cause_from(self, message: dict[str, Any]) -> Cause:
-        status = message.get("exit_status")
-        return Cause(
-            text=bounded(str(message["cause"])),
-            phase=Phase(message["phase"]),
-            exit_status=status if isinstance(status, int) else None,
-            signal=str(message.get("signal", "")),
-            output=bounded(str(message.get("output", ""))) or self._last_lines(),
-            traceback=bounded(str(message.get("traceback", ""))),
+    def _completed(self, incident: FixtureIncident) -> FixtureIncident:
+        """The incident with the last lines of its output, and no longer than an event may be."""
+        return replace(
+            incident,
+            cause=bounded(incident.cause) or "no reason was given",
+            output=bounded(incident.output) or self._last_lines(),
+            traceback=bounded(incident.traceback),
         )
 
-    def _collapse(self, text: str, *, exit_status: int | None = None, signal_name: str = "") -> None:
-        cause = Cause(
-            text=text, phase=self._phase, exit_status=exit_status, signal=signal_name, output=self._last_lines()
-        )
-        self._notes.collapse(self._fixture, cause)
+    # Events --------------------------------------------------------------------------------------------------------
 
-    def _problem(self, text: str, phase: Phase, *, exit_status: int | None = None, signal_name: str = "") -> None:
-        cause = Cause(text=text, phase=phase, exit_status=exit_status, signal=signal_name, output=self._last_lines())
-        self._notes.incident(self._fixture, cause)
+    def _collapse(self, cause: str, phase: Phase, end: End | None = None) -> None:
+        self._notes.collapse(self._fixture, self._fixture.incident(cause, phase, end, self._last_lines()))
+
+    def _problem(self, cause: str, phase: Phase, end: End | None = None) -> None:
+        self._notes.incident(self._fixture, self._fixture.incident(cause, phase, end, self._last_lines()))
+
+    def _say(self, severity: Severity, title: str, text: str) -> None:
+        message = Message(severity=severity, title=title, detail=bounded(text), phase=self._phase)
+        self._notes.pass_on(self._fixture, message)
 
     def _last_lines(self) -> str:
         self._child.drain()
@@ -389,6 +355,9 @@ class FixtureProcess:
     def _written(self, stream: str, data: bytes) -> None:
         self._tail.feed(stream, data)
         self._capture.feed(stream, data)
+
+    def _captured(self, stream: str, text: str, omitted: int) -> None:
+        self._notes.pass_on(self._fixture, OutputCaptured(stream=stream, text=text, omitted=omitted))
 
 
 def _how(end: End) -> str:

@@ -1,23 +1,34 @@
 """Supervision of fixtures: they are set up in dependency order, watched while tests run, restarted, and torn down.
 
-A worked example. ``server`` stands alone, ``simulator`` depends on it, ``logger`` stands alone; a test needs all three.
+A worked example, as the suite worker calls it for a test on ``simulator`` and ``logger``. ``simulator`` depends on
+``server``; both may be restarted once. Behind each step stands the state of each fixture, with its generation:
 
-====================================  ===========  ===========  ===========
-what happens                          server       simulator    logger
-====================================  ===========  ===========  ===========
-set up, in dependency order           ready #1     ready #1     ready #1
-the server's program dies             collapsed    ready #1     ready #1
-the test is stopped: fixture lost
-dependents come down first            collapsed    stopped      ready #1
-then the collapsed one                stopped      stopped      ready #1
-set up again, after the back-off      ready #2     ready #2     ready #1
-the test is run again on #2, #2, #1
-====================================  ===========  ===========  ===========
+=====================================================  ============  ============  ============
+step                                                   server        simulator     logger
+=====================================================  ============  ============  ============
+``adopt(...)``                                         stopped #0    stopped #0    stopped #0
+``bring_up([simulator, logger])`` starts what is not
+up, in dependency order, each when the last is ready   ready #1      ready #1      ready #1
+the test runs; the server's program dies: ``watch()``
+emits an incident, and ``lost()`` says so              collapsed #1  ready #1      ready #1
+the test is stopped: *fixture lost*. Nobody knows what
+it left: ``enter_safe_state()`` asks those that are
+up, dependents first; the server owes it               collapsed #1  ready #1      ready #1
+``bring_up(...)`` before the test is run again: what
+depends on the collapsed one comes down, then itself   stopped #1    stopped #1    ready #1
+after the back-off the server is started, which uses
+up its restart; it enters its safe state at once       ready #2      stopped #1    ready #1
+the simulator is started; it came down through no
+fault of its own, and has its restart left             ready #2      ready #2      ready #1
+``confirm()`` has all check once more: the verdict of
+the test counts                                        ready #2      ready #2      ready #1
+``take_down()``: dependents first, each enters its
+safe state and is torn down                            stopped #2    stopped #2    stopped #1
+=====================================================  ============  ============  ============
 
-What is up parks as soon as the test was stopped: nobody knows what that left behind. ``server`` is asked to when it is
-up again. The restart counts for ``server`` alone: ``simulator`` came down through no fault of its own. When ``server``
-has used up its restarts it is *failed*, and every test that needs it, or something that depends on it, is blocked. Each
-generation is a process (``generation``); nothing here runs an author's code.
+A server that collapses again has no restart left and is *failed*: each test on it, or on something that depends on it,
+is blocked. A fixture of a robot that owes its safe state at the end is started once more by ``take_down()``, as long as
+it has a restart left. Each generation is a process (``fixture_process``); nothing here runs an author's code.
 """
 
 from __future__ import annotations
@@ -28,7 +39,7 @@ from rtf import clock
 from rtf.testing.isolation.messages import STOP_LIMIT
 from rtf.testing.isolation.worker_pool import ForkServerLostError
 from rtf.testing.supervision.fixture_process import FixtureProcess
-from rtf.testing.supervision.fixture_record import Cause, Fixture, Notes
+from rtf.testing.supervision.fixture_record import Fixture, Notes
 from rtf.testing.verdict import FixtureState, Phase
 
 if TYPE_CHECKING:
@@ -71,32 +82,23 @@ class Supervisor:
         self._stop_by = stop_by
         self._fixtures: dict[str, Fixture] = {}
         self._settling = False  # what a test left is being put right, which only force keeps from being done
-        self._unsettled: set[tuple[str, PluginRef | None]] = set()  # what was forgotten while it owed a park
-
-    @property
-    def suite(self) -> str:
-        """The suite in whose name events are told."""
-        return self._notes.suite
-
-    @suite.setter
-    def suite(self, suite: str) -> None:
-        self._notes.suite = suite
+        self._unsettled: set[tuple[str, PluginRef | str]] = set()  # forgotten while they owed a safe state
 
     # What the suite's run asks for -------------------------------------------------------------------------------
 
-    def adopt(self, fixtures: Iterable[Fixture]) -> None:
-        """Take over fixtures, given in dependency order. One that is known, and the same, stays as it is.
+    def adopt(self, suite: str, fixtures: Iterable[Fixture]) -> None:
+        """Take over the fixtures of a suite, in dependency order. One that is known, and the same, stays as it is.
 
-        One by the name and plug-in of one that was forgotten while it owed a park owes it instead.
+        One of the name and plug-in of one that was forgotten while it owed its safe state owes it instead.
         """
+        self._notes.suite = suite
         for fixture in fixtures:
             known = self._fixtures.get(fixture.name)
-            if known is not None and _same(known, fixture):
+            if known is not None and known.same_as(fixture):
                 continue
             if known is not None:  # another fixture of that name, from an earlier suite of the run
                 self.take_down([dependent.name for dependent in self._dependents(known)])
                 self.forget([fixture.name])
-            fixture.restarts_left = fixture.entry.restarts
             if (fixture.name, fixture.plugin) in self._unsettled:
                 self._unsettled.remove((fixture.name, fixture.plugin))
                 fixture.owes_safe_state = fixture.secures_robot = True
@@ -111,18 +113,23 @@ class Supervisor:
         return {name: self._fixtures[name].generation for name in names}
 
     def variables(self, names: Iterable[str]) -> tuple[tuple[str, str], ...]:
-        """What these fixtures, and those they depend on, provide for who stands on them; the last one has its way."""
+        """The environment variables that these fixtures, and those they depend on, provide; the last one wins."""
         found: dict[str, str] = {}
-        for fixture in self._with_dependencies(names):
-            found |= fixture.variables
+        for process in self._processes(names).values():
+            found |= process.variables
         return tuple(found.items())
 
     def values(self, names: Iterable[str]) -> dict[str, dict[str, Any]]:
-        """The values that these fixtures, and those they depend on, hand to those that stand on them."""
-        return {fixture.name: fixture.values for fixture in self._with_dependencies(names)}
+        """The values that these fixtures, and those they depend on, provide, by fixture."""
+        return {name: process.values for name, process in self._processes(names).items()}
+
+    def _processes(self, names: Iterable[str]) -> dict[str, FixtureProcess]:
+        return {
+            fixture.name: fixture.process for fixture in self._with_dependencies(names) if fixture.process is not None
+        }
 
     def lost(self, names: Iterable[str]) -> str:
-        """What happened to the first of these fixtures that is not up, or an empty text when all are."""
+        """Say what happened to the first of these fixtures that is not up; empty when all are."""
         for name in names:
             fixture = self._fixtures[name]
             if not fixture.ready:
@@ -179,8 +186,8 @@ class Supervisor:
     def take_down(self, names: Iterable[str] | None = None) -> None:
         """Tear down these fixtures (default: all), dependents first; whatever goes wrong with one, all are done.
 
-        One of a robot that is there, which collapsed under a test that was cut short, comes up once more to park it,
-        whatever stops the run but force. Where it cannot, an incident says so.
+        One of a robot, which collapsed under a test that was cut short, comes up once more to bring it into its safe
+        state, whatever stops the run but force. Where it cannot, an incident says so.
         Raises an ExceptionGroup, after all of them, if the supervision itself failed somewhere.
         """
         chosen = {*self._fixtures} if names is None else {*names}
@@ -199,7 +206,7 @@ class Supervisor:
         """Drop fixtures that are down. What they still owe is remembered for those that :meth:`adopt` gets later."""
         for name in [*names]:
             fixture = self._fixtures.pop(name, None)
-            if fixture is not None and _owes_safe_state(fixture):
+            if fixture is not None and fixture.robot_unsafe:
                 self._unsettled.add((name, fixture.plugin))
 
     # Up ----------------------------------------------------------------------------------------------------------
@@ -219,53 +226,42 @@ class Supervisor:
         return [fixture for name, fixture in self._fixtures.items() if name in wanted]
 
     def _dependents(self, fixture: Fixture) -> list[Fixture]:
-        """What stands on a fixture, directly or not, the fixture itself included; dependents last."""
+        """The fixture and all that depend on it, directly or not; dependents last."""
         found = {fixture.name}
         for other in self._fixtures.values():
             if found.intersection(other.entry.depends):
                 found.add(other.name)
         return [other for name, other in self._fixtures.items() if name in found]
 
-    def _take_down_with_dependents(self, fixture: Fixture) -> None:
-        for dependent in reversed(self._dependents(fixture)):
-            self._stop(dependent)
-
     def _take_down_collapsed(self) -> None:
         for fixture in [*self._fixtures.values()]:
             if fixture.state is FixtureState.COLLAPSED:
-                self._take_down_with_dependents(fixture)
+                for dependent in reversed(self._dependents(fixture)):
+                    self._stop(dependent)
 
     def _start(self, fixture: Fixture) -> None:
         """Start the next generation of a stopped fixture, if it may have one; what it depends on is up."""
-        if _used_up(fixture):
-            self._give_up(fixture)
-        elif fixture.plugin is None:
-            fixture.last_cause = fixture.problem
-            self._notes.incident(fixture, Cause(text=fixture.problem, phase=Phase.LOAD))
-            self._give_up(fixture)
-        elif fixture.owes_restart and not self._backed_off(fixture):
-            return
-        else:
-            if fixture.owes_restart:
-                fixture.restarts_left -= 1
-                fixture.owes_restart = False
+        if isinstance(fixture.plugin, str):
+            fixture.last_cause = fixture.plugin
+            self._notes.incident(fixture, fixture.incident(fixture.plugin, Phase.LOAD))
+        if isinstance(fixture.plugin, str) or fixture.used_up:
+            self._notes.change(fixture, FixtureState.FAILED, fixture.failure)
+        elif not fixture.last_cause:
             self._start_once(fixture)
-
-    def _give_up(self, fixture: Fixture) -> None:
-        fixture.failure = _why_given_up(fixture)
-        self._notes.change(fixture, FixtureState.FAILED, fixture.failure)
+        elif self._backed_off(fixture):
+            fixture.restarts += 1
+            self._start_once(fixture)
 
     def _start_once(self, fixture: Fixture) -> None:
         fixture.generation += 1
         fixture.last_cause = ""
-        fixture.variables.clear()
-        fixture.values.clear()
         try:
-            process = FixtureProcess(fixture, self._notes, self._fork_server, self._wait, self._kill_now, self._stop_by)
+            child = self._fork_server.take()
         except ForkServerLostError as error:
             fixture.state = FixtureState.STARTING
-            self._notes.collapse(fixture, Cause(text=str(error), phase=Phase.SETUP))
+            self._notes.collapse(fixture, fixture.incident(str(error), Phase.SETUP))
             return
+        process = FixtureProcess(fixture, self._notes, child, self._wait, self._kill_now, self._stop_by)
         fixture.process = process
         self._notes.change(fixture, FixtureState.STARTING)
         process.begin(self._make_job(fixture))
@@ -291,8 +287,7 @@ class Supervisor:
 
     def _backed_off(self, fixture: Fixture) -> bool:
         """Let the time before a restart pass. False when meanwhile the run is to stop, or what it needs collapsed."""
-        used = fixture.entry.restarts - fixture.restarts_left
-        pause = clock.Deadline.after(min(_LONGEST_BACK_OFF, fixture.entry.backoff * 2.0**used))
+        pause = clock.Deadline.after(min(_LONGEST_BACK_OFF, fixture.entry.backoff * 2.0**fixture.restarts))
         self._wait(lambda: pause.expired or self._no_longer_startable(fixture), pause)
         return not self._no_longer_startable(fixture)
 
@@ -332,26 +327,23 @@ class Supervisor:
     # Down --------------------------------------------------------------------------------------------------------
 
     def _settle(self, fixture: Fixture) -> None:
-        """Have a fixture that owes a park come up once more for it, and tell of one that cannot.
+        """Have a fixture that owes its safe state come up once more for it, and report one that cannot.
 
-        One that was only handed the debt of an earlier suite's, and that nobody needed, passes it on untold.
+        One that took over the debt of an earlier suite's, and that no test needed, hands it on without a report.
         """
-        if not _owes_safe_state(fixture) or fixture.generation == 0 or fixture.ready:
+        if not fixture.robot_unsafe or fixture.generation == 0 or fixture.ready:
             return  # one that is up enters its safe state when it is stopped
-        problem = "" if _used_up(fixture) else self._bring_up_for_safe_state(fixture)
+        why = fixture.failure
+        if not fixture.used_up:
+            self._settling = True
+            try:
+                problem = self.bring_up([fixture.name])
+            finally:
+                self._settling = False
+            why = problem if problem not in ("", _INTERRUPTED) else "the run was ended by force"
         if fixture.owes_safe_state:
-            why = problem or _why_given_up(fixture)
             text = f"{fixture.name} did not put back what a test left: {why}"
-            self._notes.incident(fixture, Cause(text=text, phase=Phase.TEARDOWN))
-
-    def _bring_up_for_safe_state(self, fixture: Fixture) -> str:
-        """Says why it did not park, if it did not."""
-        self._settling = True
-        try:
-            problem = self.bring_up([fixture.name])
-        finally:
-            self._settling = False
-        return problem if problem not in ("", _INTERRUPTED) else "the run was ended by force"
+            self._notes.incident(fixture, fixture.incident(text, Phase.TEARDOWN))
 
     def _stop(self, fixture: Fixture) -> None:
         process = fixture.process
@@ -366,27 +358,3 @@ class Supervisor:
         finally:
             fixture.process = None
             self._notes.change(fixture, FixtureState.STOPPED)
-
-
-def _owes_safe_state(fixture: Fixture) -> bool:
-    """Whether it has to put right what a test left on a robot that is there."""
-    return fixture.owes_safe_state and fixture.secures_robot
-
-
-def _used_up(fixture: Fixture) -> bool:
-    """Whether it may not have another generation."""
-    return fixture.owes_restart and (fixture.restarts_left <= 0 or fixture.hopeless)
-
-
-def _why_given_up(fixture: Fixture) -> str:
-    used = fixture.entry.restarts - fixture.restarts_left
-    times = f" ({used} restart{'s' if used != 1 else ''} used up)" if used else ""
-    return f"{fixture.last_cause}{times}"
-
-
-def _same(known: Fixture, other: Fixture) -> bool:
-    """Whether two entries of suites mean the same thing, so that a fixture kept up for the run serves both."""
-    mine, its = known.entry, other.entry
-    return known.plugin == other.plugin and all(
-        getattr(mine, name) == getattr(its, name) for name in ("param", "parameters", "environment", "depends")
-    )

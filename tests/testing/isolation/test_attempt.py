@@ -8,9 +8,10 @@ import pytest
 
 from rtf import clock
 from rtf.testing.events import Event, Message, OutputCaptured, PhaseStarted, StackDumped, TestStarted
-from rtf.testing.isolation.attempt import Attempt, Limits, Stop
+from rtf.testing.isolation.attempt import Attempt, Limits
+from rtf.testing.isolation.child import End
+from rtf.testing.isolation.judge import Stop
 from rtf.testing.isolation.messages import DUMP_SIGNAL, STOP_SIGNAL, Finished, Frames, Job, pack
-from rtf.testing.isolation.worker_pool import End
 from rtf.testing.plugins import PluginRef
 from rtf.testing.verdict import Phase, Severity, Verdict
 
@@ -32,12 +33,11 @@ class Scripted:
         self.steps = [*steps]
         self.pid = 0
         self.end: End | None = None
-        self.channel_closed = False
+        self.channel_closed = self.cut_off = False
         self.garbled = False
         self.loading_took = 0.0
         self.done: set[str] = set()
         self.signals: list[tuple[int, bool]] = []
-        self.abandoned = False
         self.waits: list[float] = []
         self.stacks = ""
 
@@ -72,22 +72,25 @@ class Scripted:
     def drain(self) -> None:
         pass
 
-    def dump_stacks(self, child: Scripted) -> None:
-        child.signal(DUMP_SIGNAL)
-        if child.end is None:
+    def interrupt(self, signum: int) -> None:
+        self.signal(signum)
+
+    def stop_nudging(self) -> None:
+        pass
+
+    def kill(self) -> None:
+        self.signal(9, group=True)
+
+    def dump_stacks(self) -> str:
+        self.signal(DUMP_SIGNAL)
+        if self.end is None:
             self.run_once(clock.Deadline.after(1.0))
             self.stacks += "stacks\n"
+        return "State: S (sleeping)"
 
     def new_stacks(self) -> str:
         new, self.stacks = self.stacks, ""
         return new
-
-    def rouse(self) -> None:
-        pass
-
-    def abandon(self) -> None:
-        self.abandoned = True
-        self.end = End(None)
 
 
 def phase(name: Phase, repetition: int = 0) -> bytes:
@@ -254,7 +257,6 @@ def test_stop_is_asked_for_then_pressed():
     outcome, _, child = attempt(
         phase(Phase.RUN), *[nothing] * 4, End(9), limits=limits, tick=lambda: stop, kill_now=lambda: next(kills, True)
     )
-    assert (18, False) in child.signals
     assert (2, False) in child.signals
     assert (9, True) in child.signals
     assert (outcome.verdict, outcome.detail) == (
@@ -286,7 +288,7 @@ class TestTimeOut:
         outcome, events, child = attempt(
             phase(Phase.RUN), later(301.0), nothing, phase(Phase.TEARDOWN), FINISHED, End(0), limits=self.LIMITS
         )
-        assert child.signals == [(18, False), (DUMP_SIGNAL, False), (18, False), (STOP_SIGNAL, False)]
+        assert child.signals == [(DUMP_SIGNAL, False), (STOP_SIGNAL, False)]
         assert (outcome.verdict, outcome.reason) == (Verdict.ERROR, "timeout")
         assert outcome.detail == "run() did not end within 300 s"
         assert [event.text for event in events if isinstance(event, StackDumped)] == ["stacks\n"]

@@ -12,11 +12,13 @@ from harness import Outcome, run_suite
 from rtf import clock
 from rtf.testing import plugins
 from rtf.testing.events import OutputCaptured, TestEnded, TestStarted
+from rtf.testing.isolation import child as child_module
 from rtf.testing.isolation import messages
+from rtf.testing.isolation.child import Child
 from rtf.testing.isolation.fork_server import unfit_because
 from rtf.testing.isolation.messages import Frames, Job
 from rtf.testing.isolation.reactor import Reactor
-from rtf.testing.isolation.worker_pool import Child, ForkServerClient, LoadTimeoutError
+from rtf.testing.isolation.worker_pool import ForkServerClient, LoadTimeoutError
 from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import Verdict
 
@@ -246,9 +248,9 @@ def test_loading_that_does_not_end_is_given_up_once(fork_server: ForkServerClien
     """The test that waits for it has its own limit; those after it load the file for themselves."""
     (tmp_path / "a.py").write_text("import time\nwhile True:\n    time.sleep(1)\n")
     fork_server.take()  # now it is up
-    with pytest.raises(LoadTimeoutError, match=r"^loading did not end within 1 s$"):
+    with pytest.raises(LoadTimeoutError, match=r"^loading did not end within 1 s$") as caught:
         fork_server.take(found(tmp_path, "a"), {}, 1.0)
-    assert "a.py" in fork_server.new_stacks()
+    assert "a.py" in caught.value.stacks
     child = fork_server.take(found(tmp_path, "a"))
     assert parent_of(child) == parent_of(fork_server.take())
 
@@ -287,3 +289,32 @@ def test_a_fork_server_that_was_killed_is_replaced(fork_server: ForkServerClient
     assert child.end is not None
     assert child.end.status is None
     assert fork_server.take().pid != child.pid
+
+
+def test_a_child_that_is_ended_twice_takes_nothing_with_it(
+    fork_server: ForkServerClient, monkeypatch: pytest.MonkeyPatch
+):
+    """To kill what is gone starts no timer at whose end the fork server is given up."""
+    child, other = fork_server.take(), fork_server.take()
+    child.dismiss()
+    monkeypatch.setattr(child_module, "_VANISH", 0.01)
+    child.dismiss()
+    child.interrupt(signal.SIGTERM)
+    for _ in range(3):
+        fork_server.reactor.run_once(clock.Deadline.after(0.05))
+    assert other.end is None
+    assert parent_of(fork_server.take()) == parent_of(other)
+
+
+def test_a_fork_server_that_does_not_end_a_killed_child_is_replaced(
+    fork_server: ForkServerClient, monkeypatch: pytest.MonkeyPatch
+):
+    """What cannot be killed in time must not hold up the run: its fork server is lost with it."""
+    monkeypatch.setattr(child_module, "_VANISH", 0.05)
+    child = fork_server.take()
+    monkeypatch.setattr(child._pool, "rouse", lambda: None)
+    first = parent_of(child)
+    os.kill(first, signal.SIGSTOP)
+    child.dismiss()
+    assert child.end is not None
+    assert parent_of(fork_server.take()) != first

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import signal
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from rtf import clock
 from rtf.testing.events import Event, FixtureIncident
-from rtf.testing.isolation.messages import DUMP_SIGNAL, SAFE_STATE_LIMIT, Command, Frames, Job, Said, pack
-from rtf.testing.isolation.worker_pool import End
+from rtf.testing.isolation.child import End
+from rtf.testing.isolation.messages import DUMP_SIGNAL, SAFE_STATE_LIMIT, Command, Doing, Frames, Job, Ready, pack
 from rtf.testing.plugins import PluginRef
 from rtf.testing.suite.model import FixtureEntry
 from rtf.testing.supervision.fixture_process import TEARDOWN_LIMIT, FixtureProcess
@@ -21,35 +20,27 @@ from rtf.testing.verdict import FixtureState
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import msgspec
+
 PLUGIN = PluginRef("fixture", "fx", "fx.py", "python")
-TEARDOWN = {"host": "doing", "what": "teardown()"}
-PARK = {"host": "doing", "what": "enter_safe_state()"}
-DONE = {"host": "done"}
+TEARDOWN, PARK, DONE = Doing("teardown()"), Doing("enter_safe_state()"), Doing("nothing")
 
 
 class Scripted:
-    """A child, its fork server and its reactor in one, whose time passes only while it is waited for.
+    """A child and its reactor in one, whose time passes only while it is waited for.
 
     ``plan`` is what it says at which second, ``in_dump`` what it says while its stacks are written: a message, or how
     it ends.
     """
 
-    def __init__(self, *plan: tuple[float, dict[str, str] | End], in_dump: tuple[dict[str, str] | End, ...] = ()):
+    def __init__(self, *plan: tuple[float, msgspec.Struct | End], in_dump: tuple[msgspec.Struct | End, ...] = ()):
         self.time = 0.0
         self.plan = [*plan]
         self.in_dump = [*in_dump]
         self.pid = 0
         self.end: End | None = None
-        self.channel_closed = False
+        self.channel_closed = self.cut_off = False
         self.signals: list[int] = []
-        self.path = ""
-
-    @property
-    def reactor(self) -> Scripted:
-        return self
-
-    def take(self) -> Scripted:
-        return self
 
     def mark_as_host(self) -> None: ...
 
@@ -58,22 +49,30 @@ class Scripted:
     def begin(self, job: Job, on_message: Callable[[bytes], None], on_output: Callable[[str, bytes], None]) -> None:
         self.on_message = on_message
 
-    def send(self, message: Command) -> None:
-        if message.command == "stacks":
-            self.path = message.detail
+    def send(self, message: Command) -> None: ...
 
-    def say(self, said: dict[str, object]) -> None:
-        word, members = str(said["host"]), {name: value for name, value in said.items() if name != "host"}
-        self.on_message(b"".join(Frames().feed(pack(Said(word, members)))))
+    def say(self, said: msgspec.Struct) -> None:
+        self.on_message(b"".join(Frames().feed(pack(said))))
 
-    def signal(self, signum: int, *, group: bool = False) -> None:
+    def interrupt(self, signum: int) -> None:
         self.signals.append(int(signum))
-        if signum == DUMP_SIGNAL:
-            Path(self.path).write_text("stacks\n")
-            self.plan = [(self.time, said) for said in self.in_dump] + self.plan
-            self.in_dump = []
-        elif signum == signal.SIGKILL:
-            self.end = self.end or End(9)
+
+    def stop_nudging(self) -> None: ...
+
+    def kill(self) -> None:
+        self.signals.append(int(signal.SIGKILL))
+        self.end = self.end or End(9)
+
+    def dump_stacks(self) -> str:
+        """Say at once what is said while they are written."""
+        self.signals.append(int(DUMP_SIGNAL))
+        said, self.in_dump = self.in_dump, []
+        for one in said:
+            self.play(one)
+        return "State: S (sleeping)"
+
+    def new_stacks(self) -> str:
+        return "stacks\n"
 
     def run_once(self, deadline: clock.Deadline) -> None:
         assert self.time < 3600.0, "it should be over"
@@ -82,6 +81,9 @@ class Scripted:
             return
         when, said = self.plan.pop(0)
         self.time = max(self.time, when)
+        self.play(said)
+
+    def play(self, said: msgspec.Struct | End) -> None:
         if isinstance(said, End):
             self.end = said
         else:
@@ -97,14 +99,14 @@ def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[]
 
     def wait(until: Callable[[], bool], limit: clock.Deadline) -> None:
         while not until():
-            child.run_once(limit)
+            child.run_once(limit.earliest(generation.deadline))
 
     generation = FixtureProcess(fixture, notes, child, wait, kill_now)  # type: ignore[arg-type]
     fixture.process = generation
     fixture.state = FixtureState.STARTING
     generation.begin(Job(kind="fixture", id="fx", name="fx", plugin=PLUGIN, folder="", run_folder=""))
-    child.say({"host": "listening"})
-    child.say({"host": "ready", "of_robot": True, "stop_limit": 5.0})
+    child.say(Doing("setup()"))
+    child.say(Ready(secures_robot=True, stop_limit=5.0))
     fixture.state = FixtureState.STOPPING
     generation.stop("")
     return [event.cause for event in events if isinstance(event, FixtureIncident)]
@@ -140,8 +142,8 @@ def test_teardown_that_hangs_is_killed_however_late_it_began(monkeypatch: pytest
     assert child.time < SAFE_STATE_LIMIT + TEARDOWN_LIMIT + 4.0
 
 
-@pytest.mark.parametrize("said", [PARK, TEARDOWN, {"host": "doing", "what": "nothing much"}, {"host": "listening"}])
-def test_each_of_the_last_things_begins_once(said: dict[str, str], monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("said", [PARK, TEARDOWN, Doing("nothing much"), Doing("setup()")])
+def test_each_of_the_last_things_begins_once(said: Doing, monkeypatch: pytest.MonkeyPatch):
     """A process that says again and again what it is doing lives no longer for that."""
     child = Scripted((0.5, PARK), (1.0, TEARDOWN), *((float(second), said) for second in range(2, 300)))
     assert stop(child, monkeypatch) == ["teardown() did not come back within 30 s; killed"]

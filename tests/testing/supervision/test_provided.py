@@ -152,7 +152,7 @@ def test_values_follow_a_restart(tmp_path: Path):
     [
         ("str", "server", "port", "'port' of fixture 'server' is 1001, which is no str"),
         ("int", "server", "prt", "fixture 'server' provides no 'prt'; it provides port, names"),
-        ("int", "sever", "port", "it does not stand on a fixture 'sever'; its fixtures are: server"),
+        ("int", "sever", "port", "it has no fixture 'sever'; its fixtures are: server"),
     ],
 )
 def test_a_value_that_a_test_cannot_have_is_an_error_before_it_begins(

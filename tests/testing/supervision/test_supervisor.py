@@ -289,6 +289,11 @@ class TestSetup:
             "fx teardown #2",
         ]
 
+    def test_leaves_teardown_its_time(self, lab: Lab):
+        """What comes down by itself, because its setup failed, is neither interrupted in its teardown nor killed."""
+        lab.run(fixture(on_setup="raise", on_teardown="linger") + case())
+        assert lab.calls[:3] == ["fx setup #1", "fx teardown #1", "fx parked #1"]
+
     def test_that_never_works_blocks_the_tests(self, lab: Lab):
         """When the restarts are used up the fixture is failed, what needs it blocked, and the exit code 6."""
         outcome = lab.run(fixture(on_setup="raise", times=9, restarts=2) + case() + case("u"))

@@ -1,0 +1,244 @@
+"""The attempts at one test, up to its final verdict.
+
+What keeps it from being started, whether it is tried again, and what a lost fixture, a retry or an expectation make of
+its verdict is decided here. One attempt is ``isolation.attempt``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf import clock
+from rtf.testing.events import TestEnded
+from rtf.testing.isolation.attempt import Attempt, run_in_process
+from rtf.testing.isolation.judge import Outcome, Stop
+from rtf.testing.isolation.messages import Job
+from rtf.testing.requirements import unmet
+from rtf.testing.suite.model import Expected, Isolation, LostPolicy
+from rtf.testing.verdict import Verdict
+
+if TYPE_CHECKING:
+    from rtf.testing.plan import PlannedTest
+    from rtf.testing.suite_worker import SuiteWorker
+
+_RETRIED = frozenset({Verdict.FAILED, Verdict.ERROR})
+#: Seconds in which the end of a program becomes known after its last connection was closed.
+_SETTLING = 0.1
+
+
+class Attempts:
+    """All attempts at a test of the suite that a suite worker is at. One thread's."""
+
+    def __init__(self, worker: SuiteWorker, test: PlannedTest) -> None:
+        self._worker = worker
+        self._run = worker.whole_run
+        self._supervisor = worker.supervisor
+        self._emit = worker.emit
+        self._test = test
+        self._entry = test.entry
+        self._names = [fixture.name for fixture in worker.planned.suite.fixtures_of(test.entry)]
+        self._failed: list[Verdict] = []  # what earlier attempts came to, which nothing hides
+
+    def run(self) -> None:
+        """Run the test, up to its final end."""
+        obstacle = self._obstacle()
+        if obstacle is not None:
+            self._never_started(*obstacle)
+        else:
+            self._run_attempts()
+
+    def bring_up(self) -> bool:
+        """Have what the test needs up. False when it cannot be started; :meth:`run` then says at once why."""
+        return self._obstacle() is None and not self._bring_up()
+
+    def _bring_up(self) -> str:
+        return self._supervisor.bring_up(self._names) if self._names else ""
+
+    def _obstacle(self) -> tuple[Verdict, str, str] | None:
+        """Why the test is not to be started: its verdict, the reason, and the sentence for people."""
+        reason = self._worker.stop_reason()
+        if reason:
+            return Verdict.NOT_RUN, "not run", reason
+        if self._test.plugin is None:
+            return Verdict.ERROR, "load", self._test.problem
+        missing = unmet(self._test, self._run.results, self._run.options.features)
+        return None if missing is None else (missing.verdict, "requirement", missing.text)
+
+    def _never_started(self, verdict: Verdict, reason: str, detail: str) -> None:
+        test = self._entry.id
+        self._emit(TestEnded(test=test, verdict=verdict, outcome=verdict, attempt=0, reason=reason, detail=detail))
+
+    def _run_attempts(self) -> None:
+        retries = self._run.retries_of(self._entry) if self._entry.expected is Expected.PASS else 0
+        reruns = 1
+        attempt = 0
+        while True:
+            problem = self._bring_up()
+            if problem:
+                self._not_up(attempt, problem)
+                return
+            attempt += 1
+            outcome = self._attempt(attempt)
+            if outcome.verdict is Verdict.FIXTURE_LOST:
+                again = reruns > 0 and self._lost_policy() is LostPolicy.RERUN
+                reruns -= 1
+            else:
+                again = outcome.verdict in _RETRIED and len(self._failed) < retries
+            again = again and not self._worker.is_to_stop()
+            self._ended(attempt, outcome, final=not again)
+            if not again:
+                return
+            if outcome.verdict in _RETRIED:
+                self._failed.append(outcome.verdict)
+
+    def _not_up(self, attempt: int, problem: str) -> None:
+        """The last word on a test that cannot be started, or not once more."""
+        reason = self._worker.stop_reason()
+        if self._failed:
+            detail = f"it did not pass, and was not tried again: {reason or problem}"
+            self._never_started(_worst(self._failed), "fixture", detail)
+        elif reason:
+            verdict = Verdict.INTERRUPTED if attempt else Verdict.NOT_RUN
+            self._never_started(verdict, "interrupted" if attempt else "not run", reason)
+        else:
+            self._never_started(Verdict.FIXTURE_LOST if attempt else Verdict.BLOCKED, "fixture", problem)
+
+    def _lost_policy(self) -> LostPolicy:
+        for entry in self._worker.planned.suite.fixtures:
+            if entry.name in self._names and entry.on_lost is not None and self._supervisor.lost([entry.name]):
+                return entry.on_lost
+        return self._entry.on_lost
+
+    # One attempt -------------------------------------------------------------------------------------------------
+
+    def _attempt(self, count: int) -> Outcome:
+        worker = self._worker
+        worker.running = self._entry.id
+        isolation = self._run.options.isolation or self._entry.isolation
+        job = self._job(count, last=isolation is not Isolation.SUITE)
+        if isolation is Isolation.NONE:
+            outcome = run_in_process(job, self._emit)
+        else:
+            attempt = Attempt(
+                job,
+                self._run.limits_of(worker.planned, self._test),
+                worker.fork_server,
+                self._emit,
+                tick=self._tick,
+                next_tick=worker.next_tick,
+                kill_now=worker.kills_test,
+                ask=self._run.control.ask,
+                fixtures=self._supervisor.generations(self._names),
+            )
+            outcome = attempt.run(worker.shared_child if isolation is Isolation.SUITE else None)
+            if attempt.stopped and isolation is Isolation.SUITE:
+                worker.end_shared()  # what stopped this test is not to reach the next one
+        outcome = self._confirmed(outcome)
+        if outcome.cut_short:
+            self._supervisor.enter_safe_state(self._names)
+        worker.running = ""
+        return outcome
+
+    def _tick(self) -> Stop | None:
+        self._supervisor.watch()
+        lost = self._supervisor.lost(self._names) if self._names else ""
+        return Stop(Verdict.FIXTURE_LOST, "fixture", lost) if lost else self._worker.stop_of_test()
+
+    def _confirmed(self, outcome: Outcome) -> Outcome:
+        """A verdict on a robot counts only if what the test needs is still there."""
+        if not self._names or outcome.verdict in (Verdict.FIXTURE_LOST, Verdict.INTERRUPTED):
+            return outcome
+        if outcome.verdict in _RETRIED:
+            self._settle()
+        self._supervisor.confirm(self._names)
+        lost = self._supervisor.lost(self._names)
+        if not lost:
+            return outcome
+        detail = f"{lost} (the test itself had come to: {outcome.verdict})"
+        return replace(outcome, verdict=Verdict.FIXTURE_LOST, reason="fixture", detail=detail, cut_short=True)
+
+    def _settle(self) -> None:
+        """Wait a moment for bad news: a program that dies drops its connections before its end can be seen.
+
+        A test that failed only because of this must not be blamed for it.
+        """
+        deadline = clock.Deadline.after(_SETTLING)
+        while not deadline.expired and not self._supervisor.lost(self._names):
+            self._worker.reactor.run_once(deadline)
+
+    def _job(self, attempt: int, *, last: bool) -> Job:
+        entry, options = self._entry, self._run.options
+        if self._test.plugin is None:
+            raise RuntimeError(f"test {entry.id} has no plug-in and cannot be run")
+        folder = f"{options.run_folder}/files/{entry.id}"
+        file = self._worker.planned.suite.file
+        return Job(
+            kind="test",
+            id=entry.id,
+            name=entry.name,
+            plugin=self._test.plugin,
+            folder=folder if attempt == 1 else f"{folder}.attempt{attempt}",
+            run_folder=str(options.run_folder),
+            param=entry.param,
+            parameters=entry.parameters,
+            overrides=options.overrides,
+            suite_place=str(entry.location) if entry.location.file else "",
+            suite_folder=str(Path(file).parent) if file else "",
+            environment=entry.environment,
+            repetition=self._run.repetition_of(entry),
+            attempt=attempt,
+            memory=options.memory,
+            can_ask=self._run.control.attended,
+            last=last,
+            variables=self._supervisor.variables(self._names),
+            values=self._worker.fixture_values(self._names),
+            terminal=options.terminal,
+            core_dumps=options.core_dumps,
+        )
+
+    # The verdict -------------------------------------------------------------------------------------------------
+
+    def _ended(self, attempt: int, outcome: Outcome, *, final: bool) -> None:
+        verdict = self._final_verdict(outcome) if final else outcome.verdict
+        detail, why = outcome.detail, self._entry.expected_reason
+        if verdict is Verdict.EXPECTED_FAILURE and why:
+            detail = f"{why}: {detail}"
+        elif verdict is Verdict.UNEXPECTED_PASS:
+            detail = f"expected to fail{': ' + why if why else ''}"
+        self._emit(
+            TestEnded(
+                test=self._entry.id,
+                verdict=verdict,
+                outcome=outcome.verdict,
+                attempt=attempt,
+                final=final,
+                reason=outcome.reason,
+                detail=detail,
+                duration=outcome.duration,
+                exit_status=outcome.exit_status,
+                signal=outcome.signal,
+                cpu_time=outcome.cpu_time,
+                max_rss=outcome.max_rss,
+            ),
+        )
+
+    def _final_verdict(self, outcome: Outcome) -> Verdict:
+        """What is said of the test in the end."""
+        verdict = outcome.verdict
+        passed = verdict in (Verdict.PASSED, Verdict.MEASURED)
+        if self._entry.expected is Expected.FAIL:
+            if verdict is Verdict.FAILED:
+                return Verdict.EXPECTED_FAILURE
+            return Verdict.UNEXPECTED_PASS if passed else verdict
+        if self._failed:
+            return Verdict.FLAKY if passed else _worst([*self._failed, verdict])
+        if verdict is Verdict.FIXTURE_LOST and self._lost_policy() is LostPolicy.SKIP:
+            return Verdict.SKIPPED
+        return verdict
+
+
+def _worst(verdicts: list[Verdict]) -> Verdict:
+    """What several attempts say together when none of them settled it: that something failed is never hidden."""
+    return Verdict.FAILED if Verdict.FAILED in verdicts else Verdict.ERROR

@@ -1,0 +1,188 @@
+"""What the process of a test says: each message is decoded, checked, counted and emitted.
+
+The process runs an author's code and is not to be trusted: it may say nonsense, speak for other tests, begin a phase
+again to have its time again, or say too much. Each of these becomes an event, and none stops the run.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from rtf.testing.events import (
+    Answered,
+    Asked,
+    Attached,
+    Event,
+    Measured,
+    Message,
+    OutputCaptured,
+    ParametersResolved,
+    PhaseStarted,
+    Progressed,
+    SeriesRecorded,
+    SeriesSampled,
+    SubResultEnded,
+    TestRenamed,
+)
+from rtf.testing.isolation import messages
+from rtf.testing.isolation.capture import Capture
+from rtf.testing.isolation.messages import Finished
+from rtf.testing.verdict import UNDOING_PHASES, MeasurementVerdict, Phase, Severity
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
+    from rtf.testing.isolation.messages import Job
+
+#: Beyond this many bytes of events, what only informs is counted and not kept; beyond twice as many, failures too.
+EVENT_BYTES = 64 << 20
+#: So many protocol errors are told, and as many late events; the rest are counted. So much is quoted of each.
+_TOLD = 20
+_QUOTED = 300
+_ORDER = (Phase.LOAD, Phase.SETUP, Phase.RUN, Phase.TEARDOWN, Phase.CLEANUP)
+
+#: What a test may say; anything else on its channel is an error of the test.
+_ALLOWED = (
+    Message,
+    Measured,
+    SeriesRecorded,
+    SeriesSampled,
+    SubResultEnded,
+    Attached,
+    Progressed,
+    PhaseStarted,
+    ParametersResolved,
+    TestRenamed,
+    Asked,
+    Answered,
+)
+
+
+class Transcript:
+    """What one attempt has said so far.
+
+    ``enter`` is called with each phase that begins and returns its limit in seconds; ``finish`` is called at the last
+    word; ``ask`` takes a question to the operator. ``earlier`` are the tests that ran in the same process before.
+    """
+
+    def __init__(
+        self,
+        job: Job,
+        emit: Callable[[Event], None],
+        *,
+        enter: Callable[[Phase], float | None],
+        finish: Callable[[], None],
+        ask: Callable[[Asked], None],
+        earlier: Collection[str],
+    ) -> None:
+        self.phase = Phase.LOAD
+        self.finished: Finished | None = None
+        self.failures = 0
+        self.errors = 0
+        #: The first thing that went wrong, and whether something did while the test undid what it had done.
+        self.first = ""
+        self.undoing_failed = False
+        self._job = job
+        self._emit = emit
+        self._enter = enter
+        self._finish = finish
+        self._ask = ask
+        self._earlier = earlier
+        self._repetition = 0
+        self._garbled = 0
+        self._late = 0
+        self._bytes = 0
+        self._left_out = 0
+        self._capture = Capture(self._written)
+        self.write = self._capture.feed
+
+    def hear(self, data: bytes) -> None:
+        """Take one message."""
+        try:
+            message = messages.from_child(data)
+        except (ValueError, RecursionError) as error:
+            self._garble(f"said something unintelligible: {str(error)[:_QUOTED]}: {data[:_QUOTED]!r}")
+            return
+        if isinstance(message, Finished):
+            self.finished = message
+            self._finish()
+        elif not isinstance(message, _ALLOWED):
+            self._garble(f"may not say {message.kind if isinstance(message, Event) else 'that'}")
+        elif message.test == self._job.id:
+            self._take(message, len(data))
+        elif message.test in self._earlier:
+            self._say_late(message, message.test)
+        else:
+            self._garble(f"may not say {message.kind} of {message.test[:_QUOTED]!r}")
+
+    def note(self, severity: Severity, title: str, detail: str) -> None:
+        """Say something in the name of the test; an error counts."""
+        event = Message(severity=severity, title=title, detail=detail, test=self._job.id, phase=self.phase)
+        if severity is Severity.ERROR:
+            self.errors += 1
+            self.first = self.first or detail
+        self._emit(event)
+
+    def close(self) -> None:
+        """Hand on what was held back, and say how much was left out."""
+        self._capture.close()
+        if self._left_out:
+            self.note(Severity.WARNING, "journal", f"{self._left_out} events left out: the test said too much")
+
+    def _written(self, stream: str, text: str, omitted: int) -> None:
+        self._emit(OutputCaptured(stream=stream, text=text, test=self._job.id, omitted=omitted))
+
+    def _garble(self, what: str) -> None:
+        self._garbled += 1
+        if self._garbled <= _TOLD:
+            self.note(Severity.ERROR, "protocol", f"the test's process {what}")
+        else:
+            self._left_out += 1
+
+    def _say_late(self, event: Event, test: str) -> None:
+        """A thread of an earlier test lives on in the process that this test shares with it."""
+        self._late += 1
+        if self._late > _TOLD:
+            self._left_out += 1
+            return
+        text = f"{event.title}: {event.detail}" if isinstance(event, Message) else event.kind
+        detail = f"said by a thread of the test after the test was over: {text}"[:_QUOTED]
+        self._emit(Message(severity=Severity.WARNING, title="late", detail=detail, test=test))
+
+    def _take(self, event: Event, size: int) -> None:
+        self._bytes += size
+        bad = self._weigh(event)
+        if isinstance(event, PhaseStarted):
+            if not self._comes_next(event):
+                self._garble(f"may not enter {event.phase} (repetition {event.repetition}) now")
+                return
+            self.phase, self._repetition = event.phase, event.repetition
+            event = msgspec.structs.replace(event, limit=self._enter(event.phase))
+        elif self._bytes > (2 * EVENT_BYTES if bad else EVENT_BYTES):
+            self._left_out += 1
+            return
+        elif isinstance(event, Asked):
+            self._ask(event)
+        self._emit(event)
+
+    def _weigh(self, event: Event) -> bool:
+        """Count a failure or an error, whether it is kept or not; says whether it is one."""
+        if isinstance(event, Message) and event.severity in (Severity.FAILURE, Severity.ERROR):
+            self.failures += event.severity is Severity.FAILURE
+            self.errors += event.severity is Severity.ERROR
+            self.first = self.first or event.detail or event.title
+        elif isinstance(event, Measured) and event.verdict is MeasurementVerdict.FAILED:
+            self.failures += 1
+            self.first = self.first or event.name
+        else:
+            return False
+        self.undoing_failed = self.undoing_failed or self.phase in UNDOING_PHASES
+        return True
+
+    def _comes_next(self, event: PhaseStarted) -> bool:
+        """Whether this phase may begin now: each begins once and has one limit, so that no test outlives its limits."""
+        if event.phase is Phase.RUN and self.phase is Phase.RUN:
+            return self._repetition < event.repetition <= self._job.repetition + 1
+        return _ORDER.index(event.phase) > _ORDER.index(self.phase) if event.phase in _ORDER else False

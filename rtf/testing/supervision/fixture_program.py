@@ -1,0 +1,261 @@
+"""A program that a fixture runs: started without a shell, heard, its end noticed at once, and always ended.
+
+For fixture plug-ins. What the program writes goes into the journal, and its end is the collapse of the fixture. It is
+the leader of a session of its own, so that it and what it starts can be signalled together and no terminal reaches it;
+it dies with the thread that started it, which therefore has to be the main thread of the fixture's process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import itertools
+import os
+import select
+import signal
+import subprocess
+import threading
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+from rtf import clock
+from rtf.testing.fixture import FixtureUnusable
+from rtf.testing.isolation import processes
+from rtf.testing.isolation.capture import Tail
+from rtf.testing.isolation.reactor import Reactor
+from rtf.testing.languages.program import LineCutter, why_not_started
+from rtf.testing.outcome import FixtureCollapsed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from rtf.testing.fixture import FixtureManager
+
+_CHUNK = 64 * 1024
+#: The largest pipe an unprivileged process can have: what may still be unread when the program has ended.
+_PIPE = 1 << 20
+#: A line is cut after this many bytes.
+_LINE_LIMIT = 8192
+_VANISH = 5.0
+#: Seconds between two looks at a program that is not ready.
+_POLL = 0.05
+_MARK = "RTF_PROGRAM"
+
+_numbers = itertools.count(1)
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramEnd:
+    """How a program ended: ``exit_status``, or the name of a signal; ``str`` says it, as ``killed by SIGSEGV``."""
+
+    exit_status: int | None
+    signal: str
+
+    def __str__(self) -> str:
+        return processes.describe_end(self.exit_status, self.signal)
+
+
+class FixtureProgram:
+    """One run of a program. ``name`` is that for people, such as *the simulator*; else the program's file name.
+
+    ``variables`` are added to the environment of the run. ``heard`` is called in a thread of its own with whole lines,
+    joined, without the last line end. An end that was not asked for with :meth:`stop` is announced as the fixture's
+    collapse at the moment it comes, with all that the program wrote handed on before.
+    """
+
+    def __init__(
+        self,
+        fixture: FixtureManager,
+        words: Sequence[str],
+        *,
+        name: str = "",
+        variables: Mapping[str, str] | None = None,
+        directory: str | Path | None = None,
+        heard: Callable[[str], object] = lambda _: None,
+    ) -> None:
+        self.words = tuple(words)
+        self.name = name or Path(self.words[0]).name
+        self.end: ProgramEnd | None = None
+        self._fixture = fixture
+        self._mark = f"{os.getpid()}-{next(_numbers)}"
+        self._environ = {**os.environ, "PYTHONUNBUFFERED": "1", **(variables or {}), _MARK: self._mark}
+        self._directory = directory
+        self._heard = heard
+        self._tail = Tail()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._streams: list[_Stream] = []
+        self._pidfd = -1
+        self._thread = threading.Thread(target=self._attend, name=f"rtf-program-{self.name}", daemon=True)
+        self._ended = threading.Event()
+        self._stopping = False
+
+    def start(self) -> None:
+        """Start it. Raises FixtureUnusable, which names the program and the hint, when that is not possible."""
+        parent = os.getpid()
+
+        def tie() -> None:
+            processes.die_with_parent()
+            if os.getppid() != parent:  # it died in between
+                os._exit(1)
+
+        try:
+            self._process = subprocess.Popen(
+                self.words,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                bufsize=0,
+                env=self._environ,
+                cwd=self._directory,
+                start_new_session=True,
+                preexec_fn=tie,  # noqa: PLW1509 - it makes two system calls and takes no lock
+            )
+        except (OSError, ValueError) as error:
+            raise FixtureUnusable(self._why_not(error)) from None
+        self._pidfd = os.pidfd_open(self._process.pid)
+        self._thread.start()
+
+    def _why_not(self, error: OSError | ValueError) -> str:
+        file = self.words[0]
+        if isinstance(error, ValueError):  # a NUL character
+            return f"{file}: {error}"
+        if self._directory is not None and not Path(self._directory).is_dir():
+            return f"the directory {self._directory}, in which {file} is to run, does not exist or is none"
+        if "/" not in file and error.errno == errno.ENOENT:
+            return f"there is no program {file!r} on PATH; install it, or write its path"
+        if error.errno == errno.ENOENT and not (Path(self._directory or ".") / file).exists():
+            return f"there is no program {file}; install it, or correct its path"
+        return why_not_started(str(Path(self._directory or ".") / file), error)
+
+    def await_ready(self, missing: Callable[[float], str], timeout: float) -> None:
+        """Wait until ``missing``, which is given the seconds that are left, says nothing.
+
+        Raises FixtureCollapsed when the program ends, or with what is missing after ``timeout`` seconds.
+        """
+        deadline = clock.Deadline.after(timeout)
+        while True:
+            what = missing(deadline.remaining())
+            if self.wait(_POLL if what else 0.0):
+                raise FixtureCollapsed(f"{self.name} ended: {self.end}")
+            if not what:
+                return
+            if deadline.expired:
+                raise FixtureCollapsed(f"{self.name} was not ready after {timeout:g} s: {what}")
+
+    def wait(self, timeout: float) -> bool:
+        """Wait at most ``timeout`` seconds for its end to be known. Any thread."""
+        return self._ended.wait(timeout)
+
+    def exited(self) -> bool:
+        """Whether it has ended, even if that has not been announced yet."""
+        return self._pidfd >= 0 and bool(select.select([self._pidfd], [], [], 0)[0])
+
+    def has_ended(self, timeout: float, *, lost: BaseException | None = None) -> bool:
+        """Whether it has ended; for this to be announced ``timeout`` seconds are waited.
+
+        ``lost`` is what went wrong when it was asked something. A program that dies drops its connections before its
+        end can be seen, so that is waited for, too; not after a TimeoutError: what is silent may be alive.
+        """
+        if isinstance(lost, TimeoutError) or (lost is None and not self.exited()):
+            return False
+        return self.wait(timeout) or self.exited()
+
+    def stop(self, signum: int, timeout: float) -> bool:
+        """End it and everything it started: ``signum`` to the group, after ``timeout`` seconds SIGKILL, with a warning.
+
+        Returns whether it ended without being killed. Safe in every state, and more than once.
+        """
+        process = self._process
+        if process is None:
+            return True
+        self._stopping = True
+        for number in (signum, signal.SIGCONT):
+            self._signal_group(process.pid, number)
+        gently = self._ended.wait(timeout)
+        self._signal_group(process.pid, signal.SIGKILL)  # its children; it is not reaped, so the group is still its own
+        for pid in processes.descendants_of(os.getpid()):
+            if processes.carries(pid, f"{_MARK}={self._mark}"):  # one that left the group
+                processes.signal_process(pid, signal.SIGKILL)
+        self._ended.wait(_VANISH)
+        self._thread.join(_VANISH)
+        if self.end is not None:
+            process.wait()
+            self._process = None
+            os.close(self._pidfd)
+            self._pidfd = -1
+        if not gently:
+            name = processes.signal_name(signum)
+            self._fixture.warn(f"{self.name} did not end within {timeout:g} s of {name}; killed")
+        return gently
+
+    @staticmethod
+    def _signal_group(pid: int, signum: int) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(pid, signum)
+
+    # The thread --------------------------------------------------------------------------------------------------
+
+    def _attend(self) -> None:
+        """Read what it writes until it has ended and its pipes are closed."""
+        assert self._process is not None
+        assert self._process.stdout is not None
+        assert self._process.stderr is not None
+        self._streams = [_Stream("stdout", self._process.stdout), _Stream("stderr", self._process.stderr)]
+        self._reactor = Reactor()
+        for stream in self._streams:
+            self._reactor.watch(stream.file.fileno(), partial(self._read, stream))
+        self._reactor.watch(self._pidfd, self._note_end)
+        while self._streams or self.end is None:
+            self._reactor.run_once(clock.Deadline())
+        self._reactor.close()
+
+    def _read(self, stream: _Stream) -> bool:
+        """Read once. False when there is nothing at the moment, or nothing more."""
+        try:
+            data = os.read(stream.file.fileno(), _CHUNK)
+        except BlockingIOError:
+            return False
+        self._tail.feed(stream.name, data)
+        if lines := [*(stream.lines.feed(data) if data else stream.lines.finish())]:
+            text = "\n".join(lines)
+            self._fixture.output(text, stream.name)
+            self._heard(text)
+        if not data:
+            self._reactor.unwatch(stream.file.fileno())
+            stream.file.close()
+            self._streams.remove(stream)
+        return bool(data)
+
+    def _note_end(self) -> None:
+        """Look how it ended, without reaping it: until then no other process can get its number."""
+        self._reactor.unwatch(self._pidfd)
+        for stream in [*self._streams]:
+            for _ in range(_PIPE // _CHUNK):  # what it left in its pipe, and no more: a grandchild may write for ever
+                if not self._read(stream):
+                    break
+        result = os.waitid(os.P_PIDFD, self._pidfd, os.WEXITED | os.WNOWAIT)
+        status = result.si_status if result is not None else 0
+        exited = result is not None and result.si_code == os.CLD_EXITED
+        end = self.end = ProgramEnd(status if exited else None, "" if exited else processes.signal_name(status))
+        try:
+            if not self._stopping:
+                self._fixture.collapsed(
+                    f"{self.name} ended: {end}",
+                    exit_status=end.exit_status,
+                    signal_name=end.signal,
+                    output=self._tail.text(),
+                )
+        finally:
+            self._ended.set()
+
+
+class _Stream:
+    """One of its two streams."""
+
+    def __init__(self, name: str, file: IO[bytes]) -> None:
+        self.name = name
+        self.file = file
+        self.lines = LineCutter(_LINE_LIMIT)
+        os.set_blocking(file.fileno(), False)
