@@ -170,14 +170,14 @@ def test_any_text_reads_or_raises_our_error(text: str):
 
 @pytest.mark.fuzz
 def test_mutated_text_reads_or_raises_our_error(mutations: Callable[..., Iterator[str]]):
-    """A hundred thousand damaged texts are read, and no error but ours comes out."""
+    """Twenty thousand damaged texts are read, and no error but ours comes out."""
     seeds = [
         '1 2.5 "hi there" [vo] (1 2 3) true {1 2 255}',
         '--joints (0 1 2) --home (0.0 -10.5 1e-3) --name "a b" --on true',
         '((a (b "c) d")) x) [ok] -7.5e-3 0x1f 010 null',
         'key "v\\"q\\\\" {1 2} (a,b, c)\n next',
     ]
-    for text in mutations(seeds, 100_000, '()[]{}" \t\n,\\.-+0x9eabn'):
+    for text in mutations(seeds, 20_000, '()[]{}" \t\n,\\.-+0x9eabn'):
         try:
             Bottle.parse(text)
         except BottleError:
@@ -189,9 +189,9 @@ def test_mutated_text_is_read_alike_by_both_readers(mutations: Callable[..., Ite
     """Whenever the quick reader accepts a damaged text, the exact one agrees with it."""
     seeds = ['1 2.5 "hi \\" there" [vo] (1 (2 3)) true {1 2 255} 0x1f -inf']
     agreed = 0
-    for text in mutations(seeds, 20_000, '()[]{}" \t\n,\\.-+0x9eabn', seed=2):
+    for text in mutations(seeds, 5_000, '()[]{}" \t\n,\\.-+0x9eabn', seed=2):
         quick = read_quickly(text, Dialect.YARP3)
         if quick is not None:
             agreed += 1
             assert repr(Bottle.adopt(quick)) == repr(Bottle.adopt(read_exactly(text, Dialect.YARP3)))
-    assert agreed > 1000
+    assert agreed > 250
