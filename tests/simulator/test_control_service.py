@@ -149,7 +149,7 @@ def test_what_was_achieved_is_measured(moving: Bench):
     eventually(lambda: moving.control.status().time > 2.0, "time does not pass")
     assert moving.control.status().achieved > 1.5
     moving.control.set_factor(0.5)
-    began, then = moving.control.status().time, clock.monotonic()
+    then, began = clock.monotonic(), moving.control.status().time
     eventually(lambda: moving.control.status().time > began + 0.3, "time stands still")
     assert (moving.control.status().time - began) / (clock.monotonic() - then) < 0.7
     assert moving.control.status().factor == 0.5
