@@ -21,6 +21,7 @@ from rtf.bottle import (
     Dialect,
     Vocab,
     Vocab64,
+    reading,
 )
 from rtf.bottle.reading import read_exactly, read_quickly
 
@@ -132,10 +133,11 @@ def test_size_is_bounded():
         Bottle.parse(" " * (MAX_TEXT + 1))
 
 
-def test_work_is_bounded():
+def test_work_is_bounded(monkeypatch: pytest.MonkeyPatch):
     """Long text that is deeply nested and malformed is refused instead of being read level by level."""
+    monkeypatch.setattr(reading, "MAX_WORK", reading.MAX_WORK // 16)  # the test itself is work, too
     with pytest.raises(BottleLimitError):
-        Bottle.parse("(" * 90 + "(a)b " * (MAX_TEXT // 8) + ")" * 90)
+        Bottle.parse("(" * 90 + "(a)b " * (MAX_TEXT // 8 // 16) + ")" * 90)
 
 
 @pytest.mark.parametrize("pattern", ['"', "\\", "[", "0", "0x", " ,", "(a)b", '"\\a', "1.", "{ ", "a\\"])
