@@ -59,7 +59,7 @@ class TestSurvey:
         assert found["/a"].outputs == (Link("/a", "/b", "fast_tcp"),)
         assert found["/b"].inputs == ("/a",)
         assert found["/a"].inputs == found["/b"].outputs == ()
-        assert all(port.alive and 0 < port.latency < 1 for port in found.values())
+        assert all(port.alive and 0 < port.latency < 10 for port in found.values())
 
     def test_only_a_part(self, network: Network):
         """A prefix picks whole parts of names."""
