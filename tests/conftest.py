@@ -9,37 +9,50 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# How long an example takes says how busy the machine is, and nothing about what is tested.
-settings.register_profile("project", deadline=None)
+# How long an example takes says how busy the machine is, and nothing about what is tested. Each run has other examples.
+settings.register_profile("project", deadline=None, max_examples=50)
 settings.load_profile("project")
 
-# A shell has what it runs in the background ignore SIGINT, and so would all programs that are started and interrupted
-# here.
+# A shell has what it runs in the background ignore SIGINT, and nohup SIGHUP; so would all programs that are started and
+# stopped here.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 _HERE = Path(__file__).parent
 #: The files that take longest, the longest first: begun at the end, one of them would have all other processes wait.
 _LONGEST = (
     "robot_testing/test_proof_fast.py",
-    "torture/test_kill.py",
+    "fixtures/test_robot.py",
+    "testing/supervision/test_supervisor.py",
     "docs/test_snippets.py",
-    "torture/test_hostile.py",
-    "cli/test_demo.py",
+    "icub_tests/test_camera_test.py",
     "browser/test_for_everybody.py",
+    "icub_tests/test_optical_encoders_drift.py",
+    "icub_tests/test_position_direct.py",
+    "pytest_plugin/test_xdist.py",
+    "torture/test_kill.py",
     "browser/test_live_page.py",
-    "page/test_live_run.py",
-    "icub_tests/test_stimuli.py",
+    "torture/test_hostile.py",
+    "cli/test_testrunner.py",
+    "cli/test_implied_fixtures.py",
+    "icub_tests/test_coupled_boards.py",
+    "icub_tests/test_ft_sensor_test.py",
+    "cli/test_new.py",
+    "cli/test_demo.py",
+    "testing/test_lifecycle.py",
     "icub_tests/test_torque_tests.py",
-    "browser/test_hostile_texts.py",
-    "simulator/test_part.py",
-    "cli/test_robotinterface.py",
-    "icub_tests/test_step_tests.py",
-    "fixtures/test_simulator.py",
+    "page/test_live_run.py",
+    "benchmarks/test_simulator_benchmarks.py",
+    "icub_tests/test_moving_joints.py",
     "simulator/test_program.py",
-    "browser/test_archived_page.py",
-    "simulator/test_boards.py",
-    "benchmarks/test_browser_benchmarks.py",
+    "testing/test_runner.py",
+    "icub_tests/test_motor_stiction.py",
+    "testing/test_interrupts.py",
+    "icub_tests/test_motor_encoders_sign_check.py",
+    "icub_tests/test_stimuli.py",
+    "simulator/test_part.py",
 )
 
 

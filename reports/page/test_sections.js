@@ -169,7 +169,7 @@ function attachmentItem(record, page) {
   const item = h("li", {}, h("p", {}, link, h("span", { class: "dim", text: ` ${formatBytes(size ?? 0)}` })));
   page.source.file(record).then((address) => {
     if (!address) {
-      const left = page.facts.omitted?.find((one) => one.path === record.path);
+      const left = page.facts.left_out?.find((one) => one.path === record.path);
       item.replaceChildren(h("p", {}, free(name), h("span", { class: "dim", text: ` ${formatBytes(size ?? 0)}, not in this page${left ? `: ${left.reason}` : ""}` })));
       return;
     }

@@ -21,6 +21,7 @@ from rtf.bottle import (
     Dialect,
     Vocab,
     Vocab64,
+    reading,
 )
 from rtf.bottle.reading import read_exactly, read_quickly
 
@@ -132,10 +133,11 @@ def test_size_is_bounded():
         Bottle.parse(" " * (MAX_TEXT + 1))
 
 
-def test_work_is_bounded():
+def test_work_is_bounded(monkeypatch: pytest.MonkeyPatch):
     """Long text that is deeply nested and malformed is refused instead of being read level by level."""
+    monkeypatch.setattr(reading, "MAX_WORK", reading.MAX_WORK // 16)  # the test itself is work, too
     with pytest.raises(BottleLimitError):
-        Bottle.parse("(" * 90 + "(a)b " * (MAX_TEXT // 8) + ")" * 90)
+        Bottle.parse("(" * 90 + "(a)b " * (MAX_TEXT // 8 // 16) + ")" * 90)
 
 
 @pytest.mark.parametrize("pattern", ['"', "\\", "[", "0", "0x", " ,", "(a)b", '"\\a', "1.", "{ ", "a\\"])
@@ -170,14 +172,14 @@ def test_any_text_reads_or_raises_our_error(text: str):
 
 @pytest.mark.fuzz
 def test_mutated_text_reads_or_raises_our_error(mutations: Callable[..., Iterator[str]]):
-    """A hundred thousand damaged texts are read, and no error but ours comes out."""
+    """Twenty thousand damaged texts are read, and no error but ours comes out."""
     seeds = [
         '1 2.5 "hi there" [vo] (1 2 3) true {1 2 255}',
         '--joints (0 1 2) --home (0.0 -10.5 1e-3) --name "a b" --on true',
         '((a (b "c) d")) x) [ok] -7.5e-3 0x1f 010 null',
         'key "v\\"q\\\\" {1 2} (a,b, c)\n next',
     ]
-    for text in mutations(seeds, 100_000, '()[]{}" \t\n,\\.-+0x9eabn'):
+    for text in mutations(seeds, 20_000, '()[]{}" \t\n,\\.-+0x9eabn'):
         try:
             Bottle.parse(text)
         except BottleError:
@@ -189,9 +191,9 @@ def test_mutated_text_is_read_alike_by_both_readers(mutations: Callable[..., Ite
     """Whenever the quick reader accepts a damaged text, the exact one agrees with it."""
     seeds = ['1 2.5 "hi \\" there" [vo] (1 (2 3)) true {1 2 255} 0x1f -inf']
     agreed = 0
-    for text in mutations(seeds, 20_000, '()[]{}" \t\n,\\.-+0x9eabn', seed=2):
+    for text in mutations(seeds, 5_000, '()[]{}" \t\n,\\.-+0x9eabn', seed=2):
         quick = read_quickly(text, Dialect.YARP3)
         if quick is not None:
             agreed += 1
             assert repr(Bottle.adopt(quick)) == repr(Bottle.adopt(read_exactly(text, Dialect.YARP3)))
-    assert agreed > 1000
+    assert agreed > 250

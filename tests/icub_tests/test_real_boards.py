@@ -160,8 +160,13 @@ def test_a_joint_far_outside_of_its_limits_is_not_driven(tmp_path):
 
 
 def test_a_joint_that_runs_away_by_what_should_hold_it_fails(tmp_path):
-    """It is held at once, and said how far it went, whatever its torques were until then."""
+    """It is held at once, and said how far it went, whatever its torques were until then.
+
+    In real time a machine that is too busy proves nothing, and says so.
+    """
     outcome, told = run(tmp_path, RUNAWAY_SUITE, "runaway")
-    assert outcome.verdict("runaway") is Verdict.FAILED
-    assert "joint0 moved by 15.0 deg at torques within 0.1 Nm of its holding torque" in outcome.detail("runaway")
+    detail = outcome.detail("runaway")
+    busy = "this machine is too busy" in detail
+    assert outcome.verdict("runaway") is (Verdict.INCONCLUSIVE if busy else Verdict.FAILED)
+    assert "joint0 moved by 15.0 deg at torques within 0.1 Nm of its holding torque" in detail
     assert [what for _, what, _ in told if isinstance(what, ControlMode)][-1] is ControlMode.POSITION

@@ -19,7 +19,7 @@ def entry(name, test, inject="", **parameters):
 
 
 ARM = {"part": "left_arm", "joints": "(2 3)"}
-ELBOW = {"part": "left_arm", "joints": "(3)"}
+ELBOW = {"part": "left_arm", "joints": "(3)", "duration": 5}
 ROLL = {"part": "left_arm", "joints": "(1)", "postures": 4, "speed": 60}
 SUITE = "".join([
     entry("references", "TorqueControlConsistency", **ARM),
@@ -29,7 +29,8 @@ SUITE = "".join([
     entry("gravity", "TorqueControlGravityConsistency", **ROLL),
     entry("gravity-bias", "TorqueControlGravityConsistency", "torque_bias l_shoulder_roll", **ROLL),
     entry("gravity-sign", "TorqueControlGravityConsistency", "torque_scale l_shoulder_roll factor=-1", **ROLL),
-    entry("gravity-friction", "TorqueControlGravityConsistency", "friction l_elbow", **{**ROLL, "joints": "(1 3)"}),
+    entry("gravity-friction", "TorqueControlGravityConsistency", "friction l_elbow",
+          **{**ROLL, "joints": "(1 3)", "postures": 3}),
     entry("gravity-no-model", "TorqueControlGravityConsistency", **ROLL, model="nowhere.urdf"),
     entry("impedance", "TorqueControlStiffDampCheck", **ELBOW),
     entry("impedance-scale", "TorqueControlStiffDampCheck", "torque_scale l_elbow factor=1.5", **ELBOW),

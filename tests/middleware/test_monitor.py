@@ -59,7 +59,7 @@ class TestSurvey:
         assert found["/a"].outputs == (Link("/a", "/b", "fast_tcp"),)
         assert found["/b"].inputs == ("/a",)
         assert found["/a"].inputs == found["/b"].outputs == ()
-        assert all(port.alive and 0 < port.latency < 1 for port in found.values())
+        assert all(port.alive and 0 < port.latency < 10 for port in found.values())
 
     def test_only_a_part(self, network: Network):
         """A prefix picks whole parts of names."""
@@ -89,15 +89,25 @@ class TestTraffic:
         return traffic.flows(survey(network)).get(name)
 
     def test_messages_over_tcp(self, network: Network):
-        """Messages are counted by their acknowledgements, bytes as they come."""
-        count = []
-        with Port("/a", network=network) as a, Port("/b", count.append, network=network):
+        """Messages are counted by their acknowledgements, bytes as they come.
+
+        The kernel's counts are read within two moments at the beginning, and within two at the end.
+        """
+        arrived: list[object] = []
+        traffic = Traffic()
+        moments = []
+        with Port("/a", network=network) as a, Port("/b", arrived.append, network=network):
             a.add_output("/b")
             with writing(a):
-                before, since = len(count), clock.monotonic()
-                found = self.flow(network, "/b")
-                really = (len(count) - before) / (clock.monotonic() - since)
-        assert found.rate == pytest.approx(really, rel=0.3)
+                for ports in ([], survey(network)):
+                    clock.sleep(0.3)
+                    moments.append((len(arrived), clock.monotonic()))
+                    found = traffic.flows(ports).get("/b")
+                    moments.append((len(arrived), clock.monotonic()))
+        counts, times = zip(*moments, strict=True)
+        fewest, most = counts[2] - counts[1], counts[3] - counts[0]
+        shortest, longest = times[2] - times[1], times[3] - times[0]
+        assert 0.9 * fewest / longest < found.rate < 1.1 * most / shortest
         assert found.bandwidth / found.rate == pytest.approx(_MESSAGE, abs=2)
 
     def test_bytes_over_fast_tcp(self, network: Network):

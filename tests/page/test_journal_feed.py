@@ -42,7 +42,7 @@ SIZES = st.lists(
 )
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(sizes=SIZES, cuts=st.lists(st.integers(1, 200_000), min_size=1), data=st.data())
 def test_every_line_comes_once_and_in_order(tmp_path: Path, sizes: list[int], cuts: list[int], data: st.DataObject):
     """However the file grows, a client that keeps up and one that comes back after any line get all of it."""

@@ -117,6 +117,7 @@ def test_interrupt_between_tests_takes_everything_down(lab):
 
 def test_interrupt_reaches_the_workers(lab):
     """With pytest-xdist the workers take down what they have up before they end."""
+    lab.write(conftest__py="from xdist.workermanage import NodeManager\nNodeManager.EXIT_TIMEOUT = 2\n")  # 10 otherwise
     session = lab.start(lab.suite(SUITE), "-p", "xdist", "-n", "2")
     session.wait_until(running(lab))
     session.interrupt()

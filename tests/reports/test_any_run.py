@@ -243,7 +243,7 @@ def refuse(word: str):
     raise AssertionError(word)
 
 
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(runs(), st.sampled_from(["strict", "rich"]))
 def test_every_report_of_any_run_is_well_formed_and_can_be_made_again(run: tuple[list[e.Event], bool], family: str):
     """Live and from the journal to the last byte, with every planned test in it."""
@@ -268,7 +268,7 @@ def test_every_report_of_any_run_is_well_formed_and_can_be_made_again(run: tuple
     assert not re.search(rb"[\x00-\x08\x0b-\x1f\x7f]", files["result.txt"])
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(runs(), st.integers(-1, 2))
 def test_consoles_show_any_run_and_keep_the_terminal_whole(run: tuple[list[e.Event], bool], verbosity: int):
     """No control character of anybody's gets through, and the verdict is the last line."""
@@ -317,13 +317,14 @@ def test_a_megabyte_in_every_text_is_survived(tmp_path: Path, family: str):
         *again,
         e.SuiteEnded(suite="s1", verdict=Verdict.FAILED, duration=1.0),
     ]
-    results = make(tmp_path, FILES, events, ended=True, extra={"junit-family": family})
+    strict = family == "strict"  # the other files are the same in both
+    results = make(tmp_path, FILES if strict else ("junit",), events, ended=True, extra={"junit-family": family})
     parser = etree.XMLParser(huge_tree=True)
     root = etree.fromstring((tmp_path / "junit.xml").read_bytes(), parser)
-    if family == "strict":
+    if strict:
         SCHEMA.assertValid(root)
+        VALIDATOR.validate(json.loads((tmp_path / "result.json").read_bytes()))
     assert root.get("failures") == "1"
-    VALIDATOR.validate(json.loads((tmp_path / "result.json").read_bytes()))
     assert results.tests
 
 

@@ -145,4 +145,4 @@ def test_a_history_that_cannot_be_read_is_told_of_in_the_page(tmp_path: Path):
     broadcast.close()
     assert not broadcast.results.internal_errors
     facts = json.loads(blocks(target.read_bytes())['id="rtf-facts"'])
-    assert (facts["history"], [row["path"] for row in facts["omitted"]]) == (False, [history])
+    assert (facts["history"], [row["path"] for row in facts["left_out"]]) == (False, [history])

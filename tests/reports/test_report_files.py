@@ -143,7 +143,7 @@ def test_memory_does_not_grow_with_what_tests_say(name: str, story: Story, tmp_p
         broadcast.emit(event)
     tracemalloc.start()
     sizes = []
-    for number in range(300):
+    for number in range(150):
         test = f"arm/{number}"
         broadcast.emit(TestPlanned(test=test, suite="arm", name=test))
         story.events.clear()
@@ -153,7 +153,7 @@ def test_memory_does_not_grow_with_what_tests_say(name: str, story: Story, tmp_p
         sizes.append(tracemalloc.get_traced_memory()[0])
     tracemalloc.stop()
     broadcast.close()
-    assert sizes[299] - sizes[99] < 200 * 3000
+    assert sizes[149] - sizes[49] < 100 * 3000
 
 
 def said(test: str, count: int) -> Message:

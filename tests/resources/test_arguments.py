@@ -104,9 +104,9 @@ def test_any_words_parse_or_raise_our_error(words: list[str]):
 
 @pytest.mark.fuzz
 def test_mutated_parameter_strings_parse_or_raise_our_error(mutations: Callable[..., Iterator[str]]):
-    """A hundred thousand damaged parameter strings are cut and parsed, and no error but ours comes out."""
+    """Twenty thousand damaged parameter strings are cut and parsed, and no error but ours comes out."""
     seeds = ['--name "a b" --joints "(0 1 2)" --from x.ini', "--grp::sub::key -5 --flag", "--a [set] {1 2} --b c"]
-    for text in mutations(seeds, 100_000, '-:"()[]{} \\\t1a'):
+    for text in mutations(seeds, 20_000, '-:"()[]{} \\\t1a'):
         words = split_arguments(text)
         assert '"' not in "".join(words)
         try:

@@ -414,7 +414,7 @@ def test_clients_do_not_wait_for_each_other(network: Network, stepped: ManualClo
         waiting.join(10)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(question=QUESTIONS)
 def test_any_question_is_answered(question: Bottle):
     """Whatever is asked, there is an answer that can be sent, and no error of ours in it."""

@@ -444,7 +444,7 @@ CALLS = st.builds(lambda name, rest: Bottle([name, *rest]), st.one_of(FUNCTIONS,
 
 
 @pytest.mark.fuzz
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.one_of(ANYTHING, CALLS))
 def test_any_question_is_answered(question: Bottle):
     """With results, a code, or a failure, all of which can be written; and nothing goes wrong."""
@@ -455,7 +455,7 @@ def test_any_question_is_answered(question: Bottle):
 
 
 @pytest.mark.fuzz
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=75, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     answer=st.one_of(ANYTHING, ANYTHING.map(lambda rest: Bottle([[Vocab("ok")], *rest]))),
     message=st.sampled_from(MESSAGES),

@@ -180,7 +180,7 @@ questions = st.builds(
 
 
 @pytest.mark.fuzz
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(questions, questions)
 def test_any_question_and_any_answer(question: Bottle, answer: Bottle):
     """The server answers each; the client takes each for what it is, or for an error of robots."""

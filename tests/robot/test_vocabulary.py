@@ -53,7 +53,7 @@ def test_values_travel(kind: kinds.Kind, values: st.SearchStrategy, several: boo
     assert kind.read(elements) == (value if several else (value,))
 
 
-@settings(max_examples=400)
+@settings(max_examples=200)
 @given(elements=st.lists(st.one_of(st.floats(), WHOLE, st.text(max_size=4), WHOLE.map(Vocab)), max_size=12))
 def test_anything_else_is_refused(elements: list[object]):
     """Reading gives something or refuses, and no number that is none comes out, whatever kind is expected."""

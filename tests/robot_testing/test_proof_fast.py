@@ -1,4 +1,4 @@
-"""The fast part of the proof, by the command itself: healthy robots, and faults that are soon found.
+"""The fast part of the proof, by the command itself: healthy robots, and some faults that are soon found.
 
 It is also where the command is seen to run real tests, to write the matrix, and to say that the claims hold.
 """

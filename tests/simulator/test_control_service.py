@@ -147,9 +147,9 @@ def test_time_that_has_ended_is_told(bench: Bench, said: list[str]):
 def test_what_was_achieved_is_measured(moving: Bench):
     """As fast as it can is faster than real time by far; the paced robot keeps its pace."""
     eventually(lambda: moving.control.status().time > 2.0, "time does not pass")
-    assert moving.control.status().achieved > 1.5
+    eventually(lambda: moving.control.status().achieved > 1.5, "time is not faster than the machine's")
     moving.control.set_factor(0.5)
-    began, then = moving.control.status().time, clock.monotonic()
+    then, began = clock.monotonic(), moving.control.status().time
     eventually(lambda: moving.control.status().time > began + 0.3, "time stands still")
     assert (moving.control.status().time - began) / (clock.monotonic() - then) < 0.7
     assert moving.control.status().factor == 0.5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import subprocess
 import sys
 import textwrap
@@ -11,7 +12,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rtf import clock
 from rtf.simulator import engine
 from rtf.simulator.axes import AXES, INDEX
 from rtf.simulator.engine import mujoco
@@ -213,13 +213,14 @@ class TestBuilding:
     """Making the model."""
 
     def test_building_is_quick(self):
-        """A simulator that must start in a second and a half cannot spend it here."""
-        spent = []
-        for _ in range(3):
-            began = clock.monotonic()
+        """A simulator that must start in a second and a half cannot spend it here; a busy machine is not counted."""
+
+        def seconds() -> float:
+            began = resource.getrusage(resource.RUSAGE_THREAD).ru_utime
             build()
-            spent.append(clock.monotonic() - began)
-        assert min(spent) < 0.4
+            return resource.getrusage(resource.RUSAGE_THREAD).ru_utime - began
+
+        assert any(seconds() < 0.4 for _ in range(3))
 
     @pytest.mark.parametrize("options", [Options(), Options(cameras=True)], ids=["plain", "cameras"])
     def test_two_builds_are_the_same_to_the_byte(self, options):

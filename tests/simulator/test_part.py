@@ -143,9 +143,10 @@ class TestPart:
     """What a part is among the others, and what it tells beyond the contract."""
 
     @pytest.mark.parametrize("name", PARTS)
-    def test_axes_are_those_of_the_part(self, name: str):
+    def test_axes_are_those_of_the_part(self, name: str, rig: Rig):
         """Names, limits and speeds are the robot's."""
-        part = Rig().part(name)
+        rig.simulation.reset()
+        part = rig.part(name)
         assert part.axis_names() == tuple(axis.name for axis in PARTS[name])
         assert [part.limits(joint) for joint in range(part.axes())] == [
             (axis.minimum, axis.maximum) for axis in PARTS[name]

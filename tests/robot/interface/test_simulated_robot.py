@@ -136,8 +136,9 @@ def test_the_time_of_the_simulation_is_that_of_the_process(network: Network):
     with closing(robot):
         time = clock.current()
         here = time.now()
+        assert here < 3600.0  # counted from its beginning, and not that of the machine
         time.sleep(1.0)
-        assert 1.0 <= time.now() - here < 1.5
+        assert time.now() - here >= 1.0
         with pytest.raises(DeviceError, match="there is a port /clock already"):
             make_device("simulatedICub", network=network)
         assert clock.current() is time

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-ROUNDS = 100_000
+ROUNDS = 25_000
 SEED = 20260913
 
 SEEDS = (
