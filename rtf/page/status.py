@@ -16,6 +16,7 @@ from rtf.testing.events import (
     TestStarted,
 )
 from rtf.testing.journal import JournalReader
+from rtf.testing.suite.ids import program_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -75,8 +76,8 @@ class Status:
             self._names[event.test] = event.name
             self._tests.setdefault(event.test, NOT_RUN)
         elif isinstance(event, PlanChanged):
-            for test in event.removed:
-                self._tests.pop(test, None)
+            for test in [test for test in self._tests if program_of(test) in event.removed]:
+                del self._tests[test]
         elif isinstance(event, TestRenamed):
             self._names[event.test] = event.name
         elif isinstance(event, TestStarted):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rtf.testing import journal
 from rtf.testing.events import (
     Event,
+    EventError,
     Interrupted,
     PlanChanged,
     RunEnded,
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 #: A test that ended like this has said nothing yet, and runs again when the run is resumed.
 _OPEN = frozenset({Verdict.NOT_RUN, Verdict.INTERRUPTED, Verdict.BLOCKED})
+#: So many runs are looked at to learn which cases a program has.
+_LOOKED_AT = 10
 
 
 class RunIndex:
@@ -33,12 +36,15 @@ class RunIndex:
 
     ``planned`` has the fingerprint of each test, ``finished`` the tests whose final verdict stands. Of each part that
     another one follows ``finished_by`` has the tests that were finished by its end, and ``void`` the suites and tests
-    of which a later part says that they are no part of the run any more.
+    of which a later part says that they are no part of the run any more. ``cases`` has the program of each case: it
+    stands and falls with its program. ``limited`` has the ids and names of the only cases that are wanted of a program.
     """
 
     def __init__(self, events: Iterable[Event]) -> None:
         self.started: RunStarted | None = None
         self.planned: dict[str, str] = {}
+        self.cases: dict[str, str] = {}
+        self.limited: dict[str, dict[str, str]] = {}
         self.suites: set[str] = set()
         self.finished: set[str] = set()
         self.plan_is_whole = False  # all suites are planned before the first is started
@@ -55,7 +61,7 @@ class RunIndex:
         elif isinstance(event, SuitePlanned):
             self.suites.add(event.suite)
         elif isinstance(event, TestPlanned):
-            self.planned[event.test] = event.fingerprint
+            self._take_plan(event)
         elif isinstance(event, SuiteStarted):
             self.plan_is_whole = True
         elif isinstance(event, PlanChanged):
@@ -65,13 +71,26 @@ class RunIndex:
         elif isinstance(event, TestEnded) and event.final and event.verdict not in _OPEN:
             self.finished.add(event.test)
 
+    def _take_plan(self, event: TestPlanned) -> None:
+        if not event.parent:
+            self.planned[event.test] = event.fingerprint
+            if event.cases:
+                self.limited[event.test] = dict.fromkeys(event.cases, "")
+            return
+        self.cases[event.test] = event.parent
+        limited = self.limited.get(event.parent, {})
+        if event.test in limited:
+            limited[event.test] = event.case
+
     def end_part(self) -> None:
         """Take note that another part follows."""
+        self.finished.difference_update([case for case, program in self.cases.items() if program not in self.finished])
         self.finished_by.append(frozenset(self.finished))
         self.void.append(set())
 
     def drop(self, ids: Collection[str]) -> None:
         """Take these suites and tests out of the parts before."""
+        ids = [*ids, *(case for case, program in self.cases.items() if program in ids)]
         self.finished.difference_update(ids)
         self.suites.difference_update(ids)
         for test in ids:
@@ -87,6 +106,28 @@ class RunIndex:
         if not (added or removed or changed):
             return None
         return PlanChanged(added=tuple(added), removed=tuple(sorted(removed)), changed=tuple(changed))
+
+
+def cases_told(runs: Path, programs: Collection[str]) -> dict[str, dict[str, str]]:
+    """Return the cases of programs, their names by their ids, as the last runs in this folder told them.
+
+    A run that was limited to some cases of a program does not say which there are; one before it may.
+    """
+    told: dict[str, dict[str, str]] = {}
+    missing = set(programs)
+    folders = sorted((path for path in runs.glob("*") if path.is_dir() and not path.is_symlink()), reverse=True)
+    for folder in folders[:_LOOKED_AT] if missing else ():
+        try:
+            planned = [event for event in journal.read(folder) if isinstance(event, TestPlanned)]
+        except (journal.JournalError, EventError):
+            continue
+        for event in planned:
+            if event.parent in missing:
+                told.setdefault(event.parent, {})[event.test] = event.case
+        missing.difference_update(event.test for event in planned if not event.cases)
+        if not missing:
+            break
+    return told
 
 
 def as_one_run(path: Path, *, resuming: bool = False, void: Collection[str] = ()) -> Iterator[Event]:
@@ -121,7 +162,8 @@ def _is_void(event: Event, index: RunIndex, part: int) -> bool:
     test, gone = getattr(event, "test", ""), index.void[part]
     if test in gone or getattr(event, "suite", "") in gone:
         return True
-    return bool(test) and not isinstance(event, TestPlanned) and test not in index.finished_by[part]
+    planned = isinstance(event, TestPlanned) and not event.parent
+    return bool(test) and not planned and test not in index.finished_by[part]
 
 
 def _is_new(event: Event, seen: set[str]) -> bool:

@@ -52,6 +52,7 @@ class TestResult:
     measured: int = 0
     started: float | None = None
     running: bool = False
+    cases: list[TestResult] = field(default_factory=list)  # of a program; each is a test of the run, too
 
     @property
     def id(self) -> str:
@@ -62,6 +63,11 @@ class TestResult:
     def label(self) -> str:
         """The part of the id behind the suite's."""
         return self.planned.test.removeprefix(f"{self.planned.suite}/")
+
+    @property
+    def good(self) -> bool:
+        """Whether it has ended well; a program only together with its cases."""
+        return self.verdict is not None and self.verdict.good and all(case.good for case in self.cases)
 
     @property
     def last(self) -> TestEnded | None:
@@ -181,6 +187,8 @@ class RunResult:
         if event.test in self.tests:
             return
         result = self.tests[event.test] = TestResult(event, event.name)
+        if event.parent in self.tests:
+            self.tests[event.parent].cases.append(result)
         suite = self.suites.get(event.suite)
         if suite is not None:
             suite.tests[event.test] = result

@@ -21,6 +21,8 @@ from rtf.testing.verdict import UNDOING_PHASES, Phase, Severity, Verdict
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
+    from rtf.testing.isolation.messages import Case
+
 #: A text longer than this is cut in the middle, and says so: an event must stay something a page can show.
 TEXT_LIMIT = 1 << 20
 
@@ -106,13 +108,17 @@ class Session:
     examine: Callable[[Exception], None] | None = None
     #: Whether the core dumps of the programs that the test runs are kept.
     core_dumps = False
+    #: The names of the only cases that a program is to run; none means all.
+    cases: tuple[str, ...] = ()
+    #: How many cases of a program, which are tests of their own, did not pass.
+    bad_cases = 0
     #: Whether something went wrong in the teardown or a clean-up.
     undoing_failed = False
 
     def __init__(
         self,
         test: str,
-        send: Callable[[Event], None],
+        send: Callable[[Event | Case], None],
         *,
         folder: str | Path,
         run_folder: str | Path,
@@ -144,8 +150,8 @@ class Session:
         """The folder of the run."""
         return Path(self._run_folder)
 
-    def emit(self, event: Event) -> None:
-        """Send one event. A stop that arrives meanwhile takes effect after the event is whole."""
+    def emit(self, event: Event | Case) -> None:
+        """Send one event, or case. A stop that arrives meanwhile takes effect after the event is whole."""
         main = get_ident() == self._main
         if main:
             self._sending = True

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
+from rtf.testing.cases import CaseTests
 from rtf.testing.dispatch import copy_suffix
 from rtf.testing.events import (
     Diagnosed,
@@ -67,6 +68,7 @@ class SuiteWorker:
         self._fixtures_deadline = clock.Deadline()  # of a run that has to end at once
         self._interrupts_before = 0  # what comes after these ends a fixture's teardown by force
         self._aborted = ""
+        self._cases: CaseTests  # of the test that runs
         self._shared: Child | None = None
         preload = tuple(dict.fromkeys(name for planned in suites for name in planned.suite.preload))
         self._fork_server = ForkServerClient(
@@ -219,7 +221,7 @@ class SuiteWorker:
         bad = any(not verdict.good for verdict in counts) or result.problems
         verdict = Verdict.FAILED if bad else Verdict.PASSED
         done = self._run.options.done  # tests of earlier parts of this run, whose time is the suite's too
-        earlier = sum(test.duration for test in result.tests.values() if test.id in done)
+        earlier = sum(test.duration for test in result.tests.values() if test.id in done and not test.planned.parent)
         self._emit(
             SuiteEnded(
                 suite=planned.suite.id,
@@ -234,12 +236,12 @@ class SuiteWorker:
     def run_test(self, test: PlannedTest) -> None:
         """Run a test of the suite, up to its final end."""
         obstacle = self._obstacle(test)
+        self._cases = self._cases_of(test)
         if obstacle is not None:
             self._never_started(test, *obstacle)
         else:
             self._run_attempts(test)
-        if not self._verdict_is_good(test):
-            self._run.count_failure()
+        self._run.count_failures(self._cases.failures + (not self._verdict_is_good(test)))
 
     def bring_up(self, test: PlannedTest) -> bool:
         """Have what a test stands on up. False when it cannot be started; :meth:`run_test` then says at once why."""
@@ -275,7 +277,24 @@ class SuiteWorker:
         verdict = self._run.results.tests[test.entry.id].verdict
         return verdict is None or verdict.good
 
+    def _cases_of(self, test: PlannedTest) -> CaseTests:
+        """What becomes of the cases of a test that is a program."""
+        names = self._fixtures_of(test)
+        several = names or self._run.retries_of(test.entry) or self._run.repetition_of(test.entry)
+        return CaseTests(
+            test.entry,
+            self._run.results.tests[test.entry.id].planned,
+            self._emit,
+            lambda verdict, failed: self._verdict_of_case(test, verdict, failed, names),
+            live=not several,
+        )
+
+    def _verdict_of_case(self, test: PlannedTest, verdict: Verdict, failed: list[Verdict], names: list[str]) -> Verdict:
+        """The final verdict of a case. Where a program is expected to fail, not each of its cases is."""
+        return verdict if verdict.good and not failed else self._final_verdict(test, verdict, failed, names)
+
     def _never_started(self, test: PlannedTest, verdict: Verdict, reason: str, detail: str) -> None:
+        self._cases.give_up(verdict, reason, detail)
         self._emit(
             TestEnded(test=test.entry.id, verdict=verdict, outcome=verdict, attempt=0, reason=reason, detail=detail),
         )
@@ -286,6 +305,7 @@ class SuiteWorker:
         retries = self._run.retries_of(entry) if entry.expected is Expected.PASS else 0
         reruns = 1
         attempt = 0
+        retried = 0
         failed: list[Verdict] = []
         while True:
             problem = self._supervisor.bring_up(names) if names else ""
@@ -298,8 +318,11 @@ class SuiteWorker:
                 again = reruns > 0 and self._lost_policy(test, names) is LostPolicy.RERUN
                 reruns -= 1
             else:
-                again = outcome.verdict in _RETRIED and len(failed) < retries
+                bad = outcome.verdict in _RETRIED or (outcome.verdict.good and self._cases.any_bad)
+                again = bad and retried < retries
+                retried += 1
             again = again and not (self._run.interrupts.stage or self._suite_deadline.expired or self._aborted)
+            self._cases.end_attempt(outcome.verdict, outcome.detail, again=again)
             self._ended(test, attempt, outcome, final=not again, failed=failed, names=names)
             if not again:
                 return
@@ -332,7 +355,7 @@ class SuiteWorker:
         if isolation is Isolation.NONE:
             from rtf.testing.isolation.attempt import run_in_process
 
-            outcome = run_in_process(job, self._emit)
+            outcome = run_in_process(job, self._emit, self._cases.take)
         else:
             attempt = Attempt(
                 job,
@@ -342,6 +365,7 @@ class SuiteWorker:
                 tick=lambda: self._tick(names),
                 next_tick=self._next_tick,
                 kill_now=self._kill_test,
+                take_case=self._cases.take,
                 ask=self._run.options.ask,
                 fixtures=self._supervisor.generations(names),
             )
@@ -414,7 +438,10 @@ class SuiteWorker:
         failed: list[Verdict],
         names: list[str],
     ) -> None:
-        verdict = self._final_verdict(test, outcome, failed, names) if final else outcome.verdict
+        verdict = outcome.verdict
+        if final:
+            as_expected = test.entry.expected is Expected.FAIL and verdict.good and self._cases.any_bad
+            verdict = self._final_verdict(test, Verdict.FAILED if as_expected else verdict, failed, names)
         detail = outcome.detail
         if verdict is Verdict.EXPECTED_FAILURE and test.entry.expected_reason:
             detail = f"{test.entry.expected_reason}: {detail}"
@@ -437,9 +464,8 @@ class SuiteWorker:
             ),
         )
 
-    def _final_verdict(self, test: PlannedTest, outcome: Outcome, failed: list[Verdict], names: list[str]) -> Verdict:
-        """What is said of the test; ``failed`` holds the verdicts of the attempts before, which nothing hides."""
-        verdict = outcome.verdict
+    def _final_verdict(self, test: PlannedTest, verdict: Verdict, failed: list[Verdict], names: list[str]) -> Verdict:
+        """What is said of a test that came to ``verdict``; nothing hides those of the attempts before, ``failed``."""
         if test.entry.expected is Expected.FAIL:
             if verdict is Verdict.FAILED:
                 return Verdict.EXPECTED_FAILURE
@@ -480,6 +506,7 @@ class SuiteWorker:
             values=self._values(names),
             terminal=options.terminal,
             core_dumps=options.core_dumps,
+            cases=self._cases.begin(attempt),
         )
 
     def _fixture_job(self, fixture: Fixture) -> Job:

@@ -32,7 +32,7 @@ from rtf.testing.events import (
 )
 from rtf.testing.isolation import messages, processes
 from rtf.testing.isolation.capture import Capture
-from rtf.testing.isolation.messages import NUDGE_PERIOD, NUDGE_SIGNAL, STOP_SIGNAL, Answer, Finished
+from rtf.testing.isolation.messages import NUDGE_PERIOD, NUDGE_SIGNAL, STOP_SIGNAL, Answer, Case, Finished
 from rtf.testing.isolation.worker_pool import ForkServerLostError, LoadTimeoutError
 from rtf.testing.verdict import UNDOING_PHASES, MeasurementVerdict, Phase, Severity, Verdict
 
@@ -68,6 +68,7 @@ _ALLOWED = (
     TestRenamed,
     Asked,
     Answered,
+    Case,
 )
 
 
@@ -122,7 +123,7 @@ class Attempt:
 
     ``tick`` is called after whatever happened, and says whether and why the attempt must be ended from outside: the
     suite knows of lost fixtures, interrupts and its own limits. ``next_tick`` is the moment it wants to be asked at
-    the latest.
+    the latest. ``take_case`` is called with each case of a program, and says whether it is kept.
     """
 
     def __init__(
@@ -135,6 +136,7 @@ class Attempt:
         tick: Callable[[], Stop | None],
         next_tick: Callable[[], clock.Deadline],
         kill_now: Callable[[], bool],
+        take_case: Callable[[Case], bool],
         ask: Callable[[Asked, Callable[[str | None, str], None]], None] | None = None,
         fixtures: dict[str, int] | None = None,
     ) -> None:
@@ -145,6 +147,7 @@ class Attempt:
         self._tick = tick
         self._next_tick = next_tick
         self._kill_now = kill_now
+        self._take_case = take_case
         self._ask = ask
         self._fixtures = fixtures or {}
         self._child: Child | None = None
@@ -327,19 +330,31 @@ class Attempt:
         elif not isinstance(message, _ALLOWED):
             self._garble(f"may not say {message.kind if isinstance(message, Event) else 'that'}")
         elif message.test == self._job.id:
-            self._take(message, len(data))
+            if isinstance(message, Case):
+                self._hear_case(message, len(data))
+            else:
+                self._take(message, len(data))
         elif message.test in self._require_child().done:
             self._say_late(message, message.test)
         else:
-            self._garble(f"may not say {message.kind} of {message.test[:_QUOTED]!r}")
+            self._garble(f"may not say {_kind(message)} of {message.test[:_QUOTED]!r}")
 
-    def _say_late(self, event: Event, test: str) -> None:
+    def _hear_case(self, case: Case, size: int) -> None:
+        """Have a case kept. One that is bad and cannot be kept makes the program fail."""
+        self._bytes += size
+        bad = not case.verdict.good
+        if self._bytes > (2 * EVENT_BYTES if bad else EVENT_BYTES) or not self._take_case(case):
+            self._left_out += 1
+            self._failures += bad
+            self._first = self._first or (f"{case.name}: {case.detail}" if bad else "")
+
+    def _say_late(self, event: Event | Case, test: str) -> None:
         """A thread of an earlier test lives on in the process that this test shares with it."""
         if self._late >= _PROTOCOL_ERRORS:
             self._left_out += 1
             return
         self._late += 1
-        text = f"{event.title}: {event.detail}" if isinstance(event, Message) else event.kind
+        text = f"{event.title}: {event.detail}" if isinstance(event, Message) else _kind(event)
         detail = f"said by a thread of the test after the test was over: {text}"[:_QUOTED]
         self._emit(Message(severity=Severity.WARNING, title="late", detail=detail, test=test))
 
@@ -509,6 +524,10 @@ class Attempt:
         return self._child
 
 
+def _kind(message: Event | Case) -> str:
+    return message.kind if isinstance(message, Event) else "case"
+
+
 def _left(limit: float | None, used: float) -> clock.Deadline:
     """What is left of a time limit. The deadline names the limit as a whole."""
     if limit is None:
@@ -516,7 +535,7 @@ def _left(limit: float | None, used: float) -> clock.Deadline:
     return clock.Deadline(clock.monotonic() + max(0.0, limit - used), limit)
 
 
-def run_in_process(job: Job, emit: Callable[[Event], None]) -> Outcome:
+def run_in_process(job: Job, emit: Callable[[Event], None], take_case: Callable[[Case], object]) -> Outcome:
     """Run one attempt inside the runner, for a debugger's sake; nothing can end a test that hangs.
 
     Limits, memory and questions do not apply.
@@ -526,7 +545,14 @@ def run_in_process(job: Job, emit: Callable[[Event], None]) -> Outcome:
 
     began = clock.monotonic()
     emit(TestStarted(test=job.id, attempt=job.attempt))
-    session = Session(job.id, emit, folder=job.folder, run_folder=job.run_folder)
+
+    def send(said: Event | Case) -> None:
+        if isinstance(said, Case):
+            take_case(said)
+        else:
+            emit(said)
+
+    session = Session(job.id, send, folder=job.folder, run_folder=job.run_folder)
     finished = run_test(job, session)
     return Outcome(
         verdict=Verdict(finished.outcome),

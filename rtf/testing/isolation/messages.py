@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Any, Union
 
 import msgspec
 
+from rtf import clock
 from rtf.testing.events import KINDS
+from rtf.testing.events import Message as TestMessage
 from rtf.testing.outcome import TestingError
 from rtf.testing.plugins import PluginRef
+from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -116,6 +119,7 @@ class Job(Message, frozen=True, kw_only=True):
     private memory in bytes a process may use, 0 for no limit. ``last`` says that no other job follows.
     ``variables`` are set in the environment of the process; ``values`` are those of its fixtures, as a JSON text.
     ``terminal`` is the device at which the test is debugged; ``core_dumps`` says whether those of programs are kept.
+    ``cases`` are the names of the only cases that a program is to run.
     """
 
     plugin: PluginRef
@@ -140,6 +144,7 @@ class Job(Message, frozen=True, kw_only=True):
     values: str = ""
     terminal: str = ""
     core_dumps: bool = False
+    cases: tuple[str, ...] = ()
 
 
 class Answer(Message, frozen=True):
@@ -167,6 +172,25 @@ class Finished(msgspec.Struct, frozen=True, tag_field="event", tag="finished"):
     reason: str = ""
     detail: str = ""
     stopped: str = ""
+
+
+class Case(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_field="event", tag="case"):
+    """One case of the program that ``test`` runs, when it is over: the runner makes a test of its own of it.
+
+    No two cases of one run of a program have one name. ``subject`` names the repetition. ``detail`` is the sentence for
+    people, ``duration`` in seconds as far as the program tells it, ``file`` and ``line`` say where the case is written.
+    """
+
+    test: str
+    name: str
+    verdict: Verdict
+    detail: str = ""
+    duration: float = 0.0
+    subject: str = ""
+    file: str = ""
+    line: int = 0
+    messages: tuple[TestMessage, ...] = ()
+    time: float = msgspec.field(default_factory=clock.now)
 
 
 class Said(msgspec.Struct, frozen=True, tag_field="event", tag="said"):
@@ -237,4 +261,4 @@ class Frames:
 to_fork_server = msgspec.msgpack.Decoder(Fork | Signal | MarkHost | Preload).decode
 to_runner = msgspec.msgpack.Decoder(Forked | Exited | Loaded).decode
 to_child = msgspec.msgpack.Decoder(Job | Answer | Command).decode
-from_child = msgspec.msgpack.Decoder(Union[(Finished, Said, *KINDS.values())]).decode
+from_child = msgspec.msgpack.Decoder(Union[(Finished, Case, Said, *KINDS.values())]).decode

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
 
-from rtf.testing.languages.raw_parameters import RawParameters
+from rtf.testing.languages.scripts import RawParameters
 from rtf.testing.outcome import TestFailure, TestProblem
 from rtf.testing.plugins import PluginError, PluginRef
 from rtf.testing.verdict import Severity

@@ -16,7 +16,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from rtf.testing.languages.raw_parameters import RawParameters
+from rtf.testing.languages.scripts import RawParameters
 from rtf.testing.outcome import SkipTest, TestFailure, TestingError, TestProblem, TestStopped
 from rtf.testing.plugins import PluginError, PluginRef
 from rtf.testing.verdict import Severity
