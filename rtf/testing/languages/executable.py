@@ -28,24 +28,20 @@ import mimetypes
 import os
 import re
 import sys
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.testing.events import Attached, Message
-from rtf.testing.isolation.messages import Case
+from rtf.testing.events import Attached
+from rtf.testing.languages.case_report import CaseReport, TapReport, tell_junit, wanted_cases
 from rtf.testing.languages.program import LineCutter, run_program
 from rtf.testing.languages.scripts import RawParameters
-from rtf.testing.languages.tap import BailOut, Comment, Fault, Item, Point, SkippedAll, TapParser, looks_like_tap
+from rtf.testing.languages.tap import looks_like_tap
 from rtf.testing.outcome import SkipTest, TestFailure, TestProblem, TestStopped
-from rtf.testing.verdict import Phase, Severity, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
-    from rtf.testing.languages.junit_file import JunitCase
     from rtf.testing.languages.program import Ended
-    from rtf.testing.session import Session
 
 MODES = ("", "tap", "junit", "exit")
 
@@ -54,9 +50,6 @@ _SKIPPED = 77
 _HARD_ERROR = 99
 _MAX_ATTACHED = 1000
 _STDOUT = 1
-#: Characters of the name of a case, and of all names that a program is given; Linux allows 128 KiB for one variable.
-_MAX_NAME = 500
-_MAX_NAMES = 100_000
 
 
 class ExecutableTest(RawParameters):
@@ -149,7 +142,7 @@ class ExecutableTest(RawParameters):
         if not (told or self._session.cases):
             raise TestProblem("the program wrote a JUnit file without a test case", title="no results")
         for case in told:
-            _tell_junit_case(cases, case)
+            tell_junit(cases, case)
 
     def _judge_status(self, status: int | None, text: str) -> None:
         self._session.judged()
@@ -170,23 +163,6 @@ class ExecutableTest(RawParameters):
                 size=path.stat().st_size,
             )
         )
-
-
-def wanted_cases(names: Sequence[str]) -> dict[str, str]:
-    """Return the variables that tell a program which cases are wanted; none, so that it runs all, if they do not fit.
-
-    A name that came several times is given without its number, too, as the program knows it.
-    """
-    known = dict.fromkeys([*names, *(_NUMBERED.sub("", name) for name in names)])
-    fit = all(name.isprintable() and "\ufffd" not in name and len(name) < _MAX_NAME for name in known)
-    if not known or not fit or sum(len(name.encode()) + 1 for name in known) > _MAX_NAMES:
-        return {}
-    return {"RTF_CASES": "\n".join(known), "GTEST_FILTER": ":".join(_NOT_IN_A_FILTER.sub("?", name) for name in known)}
-
-
-_NUMBERED = re.compile(r" \([0-9]+\)$")
-#: What divides the patterns of GoogleTest's filter.
-_NOT_IN_A_FILTER = re.compile(r"[:-]")
 
 
 class _Output:
@@ -236,149 +212,3 @@ def _files_below(folder: Path) -> Iterator[Path]:
             path = Path(root, name)
             if path.is_file() and not path.is_symlink():
                 yield path
-
-
-# What a program says of itself ---------------------------------------------------------------------------------------
-
-
-class CaseReport:
-    """What one run of a program tells of its cases: handed to the runner one by one, and added up."""
-
-    def __init__(self, session: Session) -> None:
-        self.session = session
-        self.failed = False  # a case did, or the protocol was broken
-        self.all_skipped: str | None = None  # why, while nothing was tested
-        self._counts: Counter[str] = Counter()
-
-    def tell(
-        self,
-        name: str,
-        verdict: Verdict,
-        detail: str = "",
-        messages: Sequence[Message] = (),
-        *,
-        duration: float = 0.0,
-        place: tuple[str, int] = ("", 0),
-    ) -> None:
-        """Tell of a case that is over. From the second of a name on they are numbered."""
-        first = not self._counts
-        session, name = self.session, self._unique(name[:_MAX_NAME])
-        if not verdict.good:
-            self.failed = True
-            session.bad_cases += 1
-        if verdict is not Verdict.SKIPPED:
-            self.all_skipped = None
-        elif first:
-            self.all_skipped = detail
-        session.emit(
-            Case(
-                test=session.test,
-                name=name,
-                verdict=verdict,
-                detail=detail,
-                duration=duration,
-                subject=session.subject,
-                file=place[0],
-                line=place[1],
-                messages=tuple(messages),
-            )
-        )
-
-    def message(self, severity: Severity, detail: str, place: tuple[str, int] = ("", 0)) -> Message:
-        """Make a message of a case."""
-        test, title = self.session.test, "checks"
-        return Message(
-            severity=severity, title=title, detail=detail, test=test, phase=Phase.RUN, file=place[0], line=place[1]
-        )
-
-    def _unique(self, name: str) -> str:
-        self._counts[name] += 1
-        count = self._counts[name]
-        return name if count == 1 else self._unique(f"{name} ({count})")
-
-
-_BLOCK_FILE = re.compile(r"""^\s*(?:file|fileName):\s*["']?([^"'\n]+?)["']?\s*$""", re.MULTILINE)
-_BLOCK_LINE = re.compile(r"""^\s*(?:line|lineNumber):\s*["']?([0-9]{1,9})["']?\s*$""", re.MULTILINE)
-
-
-class TapReport:
-    """Feeds the lines of one run of a program to a parser, and tells what they mean while it runs."""
-
-    def __init__(self, cases: CaseReport) -> None:
-        self._cases = cases
-        self._session = cases.session
-        self._parser = TapParser()
-        self.bailed_out: str | None = None  # why
-
-    def feed(self, line: str) -> None:
-        """Take one line of the program."""
-        for item in self._parser.feed(line):
-            self._tell(item)
-
-    def finish(self, *, cut_off: bool) -> None:
-        """Tell what is known when the program has ended."""
-        for item in self._parser.finish(cut_off=cut_off):
-            self._tell(item)
-
-    def _tell(self, item: Item) -> None:
-        match item:
-            case Point():
-                self._tell_point(item)
-            case Comment():
-                self._session.message(Severity.INFO, "reports", item.text, ("", 0))
-            case Fault():
-                self._cases.failed = True
-                self._session.judged()
-                where = f"{'/'.join(item.path)}: " if item.path else ""
-                self._session.message(Severity.FAILURE, "breaks the TAP protocol", f"{where}{item.text}", ("", 0))
-            case SkippedAll():
-                self._cases.all_skipped = item.reason or "the program has nothing to test (1..0)"
-            case BailOut():
-                self.bailed_out = item.reason
-
-    def _tell_point(self, point: Point) -> None:
-        name = "/".join([*point.path, point.description or f"test {point.number}"])
-        detail = f"{name}\n{point.block}" if point.block else name
-        place = _place(point.block)
-        todo = f"TODO {point.reason}".rstrip()
-        if point.directive == "skip":
-            self._cases.tell(name, Verdict.SKIPPED, point.reason or "skipped")
-        elif point.directive == "todo" and point.ok:
-            warning = self._cases.message(Severity.WARNING, f"passed, and was expected to fail: {todo}")
-            self._cases.tell(name, Verdict.PASSED, todo, [warning])
-        elif point.directive == "todo":
-            note = self._cases.message(Severity.INFO, f"{detail} ({todo})", place)
-            self._cases.tell(name, Verdict.EXPECTED_FAILURE, todo, [note])
-        elif point.ok:
-            notes = [self._cases.message(Severity.PASS, detail, place)] if point.block else []
-            self._cases.tell(name, Verdict.PASSED, messages=notes)
-        else:
-            failure = self._cases.message(Severity.FAILURE, detail, place)
-            self._cases.tell(name, Verdict.FAILED, detail, [failure])
-
-
-def _place(block: str) -> tuple[str, int]:
-    """Where a YAML block says that the failure lies."""
-    file = _BLOCK_FILE.search(block)
-    line = _BLOCK_LINE.search(block)
-    return (file[1], int(line[1]) if line else 0) if file else ("", 0)
-
-
-def _tell_junit_case(cases: CaseReport, case: JunitCase) -> None:
-    place, duration = (case.file, case.line), case.time or 0.0
-    problems = [
-        cases.message(
-            Severity.ERROR if problem.kind == "error" else Severity.FAILURE,
-            str(problem) or f"{case.subject}: {problem.kind}",
-            (problem.file, problem.line) if problem.file else place,
-        )
-        for problem in case.problems
-    ]
-    if problems:
-        failed = any(problem.severity is Severity.FAILURE for problem in problems)
-        verdict = Verdict.FAILED if failed else Verdict.ERROR
-        cases.tell(case.subject, verdict, problems[0].detail, problems, duration=duration, place=place)
-    elif case.skipped is not None:
-        cases.tell(case.subject, Verdict.SKIPPED, case.skipped, duration=duration, place=place)
-    else:
-        cases.tell(case.subject, Verdict.PASSED, duration=duration, place=place)

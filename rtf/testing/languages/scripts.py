@@ -1,7 +1,7 @@
-"""Tests that declare no parameters: executables, Lua scripts and the C++ framework's Python scripts.
+"""Tests that are no classes of ours: programs, and scripts for the C++ framework in Lua or Python.
 
-They take the suite's ``param`` string as it stands. A ``<parameter>`` element or a ``--set`` becomes ``--key value``
-behind it, where programs that read their arguments from left to right let the last one win.
+They declare no parameters and take the suite's ``param`` string as it stands. A ``<parameter>`` element or a ``--set``
+becomes ``--key value`` behind it, where programs that read their arguments from left to right let the last one win.
 """
 
 from __future__ import annotations
@@ -11,9 +11,17 @@ from typing import TYPE_CHECKING
 from rtf.resources.arguments import split_arguments
 from rtf.testing.case import TestCase
 from rtf.testing.secret_values import MASK, is_secret, masked_text
+from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from rtf.testing.session import Session
+
+    Place = tuple[str, int]
+
+#: Characters of a condition that are shown in a title.
+_SHOWN = 200
 
 
 class RawParameters(TestCase):
@@ -68,3 +76,30 @@ def _option(key: str, value: str) -> str:
     if not value:
         return f"--{key}"
     return f'--{key} "{value}"' if " " in value and '"' not in value else f"--{key} {value}"
+
+
+class ScriptTest(RawParameters):
+    """Base of scripts for the C++ framework: what its functions do, called with the line of the script."""
+
+    @property
+    def session(self) -> Session:
+        """Where the script's calls go."""
+        return self._session
+
+    def tell(self, place: Place, text: str) -> None:
+        """Say something."""
+        self.session.message(Severity.INFO, "reports", text, place)
+
+    def tell_check(self, place: Place, holds: object, text: str) -> None:
+        """Report the text if the condition holds, as a failure if it does not."""
+        self.session.judged()
+        self.session.message(Severity.PASS if holds else Severity.FAILURE, "checks", text, place)
+
+    def fail_unless(self, place: Place, holds: object, shown: str, text: str) -> None:
+        """Report a failure if the condition, as ``shown``, does not hold.
+
+        This is the ``testFailIf`` of the C++ framework, whose name says the opposite.
+        """
+        self.session.judged()
+        if not holds:
+            self.session.message(Severity.FAILURE, f"checking ({shown[:_SHOWN]})", text, place)

@@ -31,8 +31,6 @@ _INDENT = 4
 _BLOCK_INDENT = 2
 _LISTED = 10
 
-# Lines, each read on its own ------------------------------------------------------------------------------------------
-
 _VERSION = re.compile(r"TAP version ([0-9]{1,9})\s*$", re.IGNORECASE)
 _PLAN = re.compile(r"1\.\.([0-9]{1,9})\s*(?:#\s*(.*))?$")
 _POINT = re.compile(r"(not )?ok(?=\s|#|$)(?:\s+([0-9]{1,9})(?=\s|#|$))?")
@@ -43,118 +41,19 @@ _SUBTEST = re.compile(r"#\s*Subtest(?::\s*(.*))?$", re.IGNORECASE)
 _ESCAPED = re.compile(r"\\([\\#])")
 
 
-@dataclass(frozen=True, slots=True)
-class VersionLine:
-    """``TAP version 14``."""
-
-    version: int
-
-
-@dataclass(frozen=True, slots=True)
-class PlanLine:
-    """``1..7``; ``reason`` is what follows ``# SKIP`` (or the mere ``#``)."""
-
-    count: int
-    reason: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class PointLine:
-    """``ok 3 - description # SKIP reason``; ``number`` is None where the line has none."""
-
-    ok: bool
-    number: int | None
-    description: str
-    directive: str = ""  # "skip", "todo" or none
-    reason: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class BailOutLine:
-    """``Bail out! reason``."""
-
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class SubtestLine:
-    """``# Subtest: name``: a nested document follows."""
-
-    name: str
-
-
-@dataclass(frozen=True, slots=True)
-class CommentLine:
-    """``# anything``."""
-
-    text: str
-
-
-Line = VersionLine | PlanLine | PointLine | BailOutLine | SubtestLine | CommentLine
-
-
-def read_line(text: str) -> Line | None:
-    """Read one line without its indentation and line end; None for a line that is not of the protocol."""
-    first = text[:1]
-    if first == "#":
-        return _comment(text)
-    if first in "on":
-        return _point(text)
-    if first == "1":
-        match = _PLAN.match(text)
-        return PlanLine(int(match[1]), _SKIP_WORD.sub("", match[2] or "", count=1).strip()) if match else None
-    if first in "Tt":
-        match = _VERSION.match(text)
-        return VersionLine(int(match[1])) if match else None
-    match = _BAIL_OUT.match(text)
-    return BailOutLine(match[1].strip()) if match else None
-
-
-def _comment(text: str) -> SubtestLine | CommentLine:
-    match = _SUBTEST.match(text)
-    return SubtestLine((match[1] or "").strip()) if match else CommentLine(text[1:].strip())
-
-
-def _point(text: str) -> PointLine | None:
-    match = _POINT.match(text)
-    if match is None:
-        return None
-    rest = text[match.end() :]
-    directive, reason = "", ""
-    found = next((d for d in _DIRECTIVE.finditer(rest) if d[1].lower() == "skip" or not d[2]), None)
-    if found is not None:
-        directive, reason = found[1].lower(), rest[found.end() :].strip()
-        rest = rest[: found.start()]
-    description = _unescape(rest.strip().removeprefix("- ").strip())
-    if description == "-":
-        description = ""
-    return PointLine(not match[1], int(match[2]) if match[2] else None, description, directive, _unescape(reason))
-
-
-def _unescape(text: str) -> str:
-    return _ESCAPED.sub(r"\1", text) if "\\" in text else text
-
-
-def looks_like_tap(text: str) -> bool:
-    """Whether a program whose first line that is not empty is ``text`` speaks the protocol.
-
-    A version, a plan, or a test point that has more to it than the bare word ``ok``, which any program may print.
-    """
-    line = read_line(text.rstrip())
-    if isinstance(line, PointLine):
-        return line.number is not None or text.split("ok", 1)[1].lstrip().startswith(("- ", "#"))
-    return isinstance(line, VersionLine | PlanLine)
-
-
-# What lines mean together ---------------------------------------------------------------------------------------------
+# What is found in a stream -------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One test point. ``path`` names the subtests it lies in, outermost first; ``block`` is its YAML text."""
+    """One test point, such as ``ok 3 - description # SKIP reason``.
+
+    ``number`` is None where the line has none, and is then counted. ``path`` names the subtests that it lies in,
+    outermost first; ``block`` is the text of its YAML block.
+    """
 
     ok: bool
-    number: int
+    number: int | None
     description: str = ""
     directive: str = ""  # "skip", "todo" or none
     reason: str = ""
@@ -205,6 +104,78 @@ class BailOut:
 Item = Point | Comment | Fault | SkippedAll | BailOut
 
 
+# Lines that are no items: the parser keeps what they say.
+
+
+@dataclass(frozen=True, slots=True)
+class _Version:
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    count: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Subtest:
+    name: str
+
+
+_Line = Point | Comment | BailOut | _Version | _Plan | _Subtest
+
+
+def _read_line(text: str) -> _Line | None:
+    """Read one line without its indentation and line end; None for a line that is not of the protocol."""
+    first = text[:1]
+    if first == "#":
+        match = _SUBTEST.match(text)
+        return _Subtest((match[1] or "").strip()) if match else Comment(text[1:].strip())
+    if first in "on":
+        return _read_point(text)
+    if first == "1":
+        match = _PLAN.match(text)
+        return _Plan(int(match[1]), _SKIP_WORD.sub("", match[2] or "", count=1).strip()) if match else None
+    if first in "Tt":
+        match = _VERSION.match(text)
+        return _Version(int(match[1])) if match else None
+    match = _BAIL_OUT.match(text)
+    return BailOut(match[1].strip()) if match else None
+
+
+def _read_point(text: str) -> Point | None:
+    match = _POINT.match(text)
+    if match is None:
+        return None
+    rest = text[match.end() :]
+    directive, reason = "", ""
+    found = next((d for d in _DIRECTIVE.finditer(rest) if d[1].lower() == "skip" or not d[2]), None)
+    if found is not None:
+        directive, reason = found[1].lower(), rest[found.end() :].strip()
+        rest = rest[: found.start()]
+    description = _ESCAPED.sub(r"\1", rest.strip().removeprefix("- ").strip())
+    if description == "-":
+        description = ""
+    reason = _ESCAPED.sub(r"\1", reason)
+    number = int(match[2]) if match[2] else None
+    return Point(not match[1], number, description[:MAX_TEXT], directive, reason[:MAX_TEXT])
+
+
+def looks_like_tap(text: str) -> bool:
+    """Whether a program whose first line that is not empty is ``text`` speaks the protocol.
+
+    A version, a plan, or a test point that has more to it than the bare word ``ok``, which any program may print.
+    """
+    line = _read_line(text.rstrip())
+    if isinstance(line, Point):
+        return line.number is not None or text.split("ok", 1)[1].lstrip().startswith(("- ", "#"))
+    return isinstance(line, _Version | _Plan)
+
+
+# What lines mean together --------------------------------------------------------------------------------------------
+
+
 @dataclass(slots=True)
 class _Level:
     """One document: the stream itself, or a subtest."""
@@ -249,7 +220,7 @@ class TapParser:
             return []
         items = self._release()
         body = text.lstrip(" ")
-        line = read_line(body)
+        line = _read_line(body)
         if line is not None:
             self._take(line, len(text) - len(body), items)
         return items
@@ -298,46 +269,46 @@ class TapParser:
 
     # Lines -----------------------------------------------------------------------------------------------------------
 
-    def _take(self, line: Line, indent: int, items: list[Item]) -> None:
-        if isinstance(line, BailOutLine):
+    def _take(self, line: _Line, indent: int, items: list[Item]) -> None:
+        if isinstance(line, BailOut):
             self.bailed_out = True
             items.extend(item for level in self._levels for item in level.held)
-            items.append(BailOut(line.reason))
+            items.append(line)
             return
         depth, rest = divmod(indent, _INDENT)
         if rest or not self._reach(depth, line, items):
-            if isinstance(line, CommentLine):
-                items.append(Comment(line.text, self._levels[-1].path))
+            if isinstance(line, Comment):
+                items.append(replace(line, path=self._levels[-1].path))
             return
         level = self._levels[depth]
-        if isinstance(line, PointLine):
+        if isinstance(line, Point):
             self._take_point(line, level, depth, items)
-        elif isinstance(line, PlanLine):
+        elif isinstance(line, _Plan):
             self._take_plan(line, level, items)
-        elif isinstance(line, SubtestLine):
+        elif isinstance(line, _Subtest):
             level.announced = line.name
-        elif isinstance(line, CommentLine):
-            items.append(Comment(line.text, level.path))
+        elif isinstance(line, Comment):
+            items.append(replace(line, path=level.path))
         else:
             self._take_version(line, depth, items)
         self._begun = True
 
-    def _reach(self, depth: int, line: Line, items: list[Item]) -> bool:
+    def _reach(self, depth: int, line: _Line, items: list[Item]) -> bool:
         """Open or close subtests until the line's level is the current one. False when there is no such level."""
         current = len(self._levels) - 1
         if depth > current:
-            if isinstance(line, CommentLine) or depth > MAX_DEPTH:
+            if isinstance(line, Comment) or depth > MAX_DEPTH:
                 return False
-            if isinstance(line, SubtestLine):  # older producers indent the comment too
+            if isinstance(line, _Subtest):  # older producers indent the comment too
                 self._levels[-1].announced = line.name
                 return False
             if self.version < _WITH_SUBTESTS and (self._levels[-1].announced is None or depth > current + 1):
                 return False
             while len(self._levels) <= depth:
                 self._open()
-        elif depth < current and isinstance(line, PointLine):
+        elif depth < current and isinstance(line, Point):
             self._close_to(depth, items, line.directive)
-        elif depth < current and isinstance(line, PlanLine | SubtestLine):
+        elif depth < current and isinstance(line, _Plan | _Subtest):
             self._close_to(depth, items, "")
         return True
 
@@ -361,17 +332,17 @@ class TapParser:
             else:
                 items.extend(held)
 
-    def _take_version(self, line: VersionLine, depth: int, items: list[Item]) -> None:
+    def _take_version(self, line: _Version, depth: int, items: list[Item]) -> None:
         if depth:
             return
         if self._begun:
-            self._fault(f"TAP version {line.version} stands in the middle of the stream", self._levels[0], items)
-        elif line.version not in _VERSIONS:
-            self._fault(f"TAP version {line.version} is not known; known are 12, 13 and 14", self._levels[0], items)
+            self._fault(f"TAP version {line.number} stands in the middle of the stream", self._levels[0], items)
+        elif line.number not in _VERSIONS:
+            self._fault(f"TAP version {line.number} is not known; known are 12, 13 and 14", self._levels[0], items)
         else:
-            self.version = line.version
+            self.version = line.number
 
-    def _take_plan(self, line: PlanLine, level: _Level, items: list[Item]) -> None:
+    def _take_plan(self, line: _Plan, level: _Level, items: list[Item]) -> None:
         if level.plan is not None:
             self._fault(f"a second plan 1..{line.count} after 1..{level.plan}", level, items)
             return
@@ -380,7 +351,7 @@ class TapParser:
         if line.count == 0 and not level.path:
             items.append(SkippedAll(line.reason))
 
-    def _take_point(self, line: PointLine, level: _Level, depth: int, items: list[Item]) -> None:
+    def _take_point(self, line: Point, level: _Level, depth: int, items: list[Item]) -> None:
         number = level.last + 1 if line.number is None else line.number
         level.announced = None
         level.last = number
@@ -400,9 +371,7 @@ class TapParser:
             plan = "" if level.plan is None else f" 1..{level.plan}"
             self._fault(f"test point {number} is outside the plan{plan}", level, items)
         level.seen.add(number)
-        self._point = Point(
-            line.ok, number, line.description[:MAX_TEXT], line.directive, line.reason[:MAX_TEXT], level.path
-        )
+        self._point = replace(line, number=number, path=level.path)
         self._depth = depth
 
     def _release(self) -> list[Item]:

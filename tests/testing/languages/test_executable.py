@@ -17,7 +17,8 @@ import pytest
 from rtf.testing.events import Attached, Message
 from rtf.testing.isolation.messages import Case, Finished, Job
 from rtf.testing.isolation.worker import run_test
-from rtf.testing.languages.executable import ExecutableTest, wanted_cases
+from rtf.testing.languages.case_report import wanted_cases
+from rtf.testing.languages.executable import ExecutableTest
 from rtf.testing.languages.program import LineCutter
 from rtf.testing.plugins import PluginRef
 from rtf.testing.session import Session
