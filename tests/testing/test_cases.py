@@ -102,7 +102,10 @@ def test_every_report_has_the_cases(bench: Path):
         "c.json",
         "--output",
         "r.txt",
+        "--history",
+        "h.sqlite",
     )
+    assert b"ctrl::Arm.Stops" in (bench / "h.sqlite").read_bytes()
     for name in ("j.xml", "r.json", "c.json", "r.txt"):
         text = (bench / name).read_text()
         assert "ctrl::Arm.Stops" in text, name
