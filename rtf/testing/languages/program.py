@@ -82,7 +82,7 @@ def run_program(
     began = clock.now()
     program = _start(words, environ, _allow_core_dumps if cores else processes.die_with_parent)
     try:
-        _follow(program, take, clock.Deadline.after(None))
+        _follow(program, take, clock.Deadline())
     except BaseException:
         _end(program, take)
         raise
@@ -145,35 +145,23 @@ def _interpreter(file: str) -> str:
 def _follow(program: subprocess.Popen[bytes], take: Callable[[bytes], object], deadline: clock.Deadline) -> None:
     """Read until the program has ended or the deadline has passed."""
     assert program.stdout is not None
-    out = program.stdout.fileno()
-    os.set_blocking(out, False)
-    ended = os.pidfd_open(program.pid)
+    out, ended = program.stdout.fileno(), os.pidfd_open(program.pid)
+    sources = [ended, out]
     try:
-        poll = select.poll()
-        poll.register(out, select.POLLIN)
-        poll.register(ended, select.POLLIN)
         while not deadline.expired:
-            ready = {descriptor for descriptor, _ in poll.poll(_milliseconds(deadline))}
+            ready, _, _ = select.select(sources, [], [], None if deadline.at == clock.FOREVER else deadline.remaining())
             if ended in ready:
                 _drain(out, take)
                 return
-            if out in ready and _read(out, take) == 0:
-                poll.unregister(out)
+            if ready and not _read(out, take):
+                sources.remove(out)
     finally:
         os.close(ended)
 
 
-def _milliseconds(deadline: clock.Deadline) -> int | None:
-    left = deadline.remaining()
-    return None if left == clock.FOREVER else int(left * 1000) + 1
-
-
-def _read(out: int, take: Callable[[bytes], object]) -> int | None:
-    """Read once. Returns the number of bytes, 0 at the end, None when there is nothing now."""
-    try:
-        data = os.read(out, _CHUNK)
-    except BlockingIOError:
-        return None
+def _read(out: int, take: Callable[[bytes], object]) -> int:
+    """Read once, and wait for it. Returns the number of bytes, 0 at the end."""
+    data = os.read(out, _CHUNK)
     if data:
         take(data)
     return len(data)
@@ -182,11 +170,9 @@ def _read(out: int, take: Callable[[bytes], object]) -> int | None:
 def _drain(out: int, take: Callable[[bytes], object]) -> None:
     """Read what the ended program left in the pipe, and no more: a grandchild may write for ever."""
     left = _PIPE
-    while left > 0:
+    while left > 0 and select.select([out], [], [], 0)[0]:
         count = _read(out, take)
-        if not count:
-            return
-        left -= count
+        left -= count or _PIPE
 
 
 def _end(program: subprocess.Popen[bytes], take: Callable[[bytes], object]) -> None:

@@ -55,21 +55,15 @@ class RawParameters(TestCase):
         for key, value in self.added.items():
             words += [f"--{key}", *([value] if value else [])]
         self.words = tuple(words)
-        rows = [
-            {
-                "name": "param",
-                "value": masked_text(param),
-                "unit": "",
-                "source": f"param of {place}" if place else "param",
-            }
-        ]
-        origin = dict.fromkeys(dict(parameters), f"<parameter> of {place}" if place else "<parameter>")
-        origin |= dict.fromkeys(dict(overrides), "--set")
-        added = [
-            {"name": key, "value": MASK if is_secret(key) else value, "unit": "", "source": origin[key]}
-            for key, value in self.added.items()
-        ]
-        return (rows if param else []) + added
+        rows = [_row("param", masked_text(param), "param", place)] if param else []
+        for key, value in self.added.items():
+            shown = MASK if is_secret(key) else value
+            rows.append(_row(key, shown, "--set") if key in dict(overrides) else _row(key, shown, "<parameter>", place))
+        return rows
+
+
+def _row(name: str, value: str, source: str, place: str = "") -> dict[str, str]:
+    return {"name": name, "value": value, "unit": "", "source": f"{source} of {place}" if place else source}
 
 
 def _option(key: str, value: str) -> str:
