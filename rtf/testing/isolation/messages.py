@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import signal
 import struct
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
 import msgspec
 
 from rtf import clock
-from rtf.testing.events import KINDS
+from rtf.testing.events import KINDS, Count, Moment
 from rtf.testing.events import Message as TestMessage
 from rtf.testing.outcome import TestingError
 from rtf.testing.plugins import PluginRef
@@ -43,6 +43,9 @@ DUMP_FD = 4
 
 #: The exit status of a process of ours that cannot reach its runner any more.
 CUT_OFF = 71
+
+#: No case of a program takes longer, in seconds; a program may write anything.
+LONGEST_CASE = 1e9
 
 #: A longer message is none of ours.
 MESSAGE_LIMIT = 32 << 20
@@ -185,12 +188,12 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_fi
     name: str
     verdict: Verdict
     detail: str = ""
-    duration: float = 0.0
+    duration: Annotated[float, msgspec.Meta(ge=0, le=LONGEST_CASE)] = 0.0
     subject: str = ""
     file: str = ""
-    line: int = 0
+    line: Count = 0
     messages: tuple[TestMessage, ...] = ()
-    time: float = msgspec.field(default_factory=clock.now)
+    time: Moment = msgspec.field(default_factory=clock.now)
 
 
 class Said(msgspec.Struct, frozen=True, tag_field="event", tag="said"):

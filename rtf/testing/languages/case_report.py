@@ -11,7 +11,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from rtf.testing.events import Message
-from rtf.testing.isolation.messages import Case
+from rtf.testing.isolation.messages import LONGEST_CASE, Case
 from rtf.testing.languages.tap import BailOut, Comment, Fault, Item, Point, SkippedAll, TapParser
 from rtf.testing.verdict import Phase, Severity, Verdict
 
@@ -82,7 +82,7 @@ class CaseReport:
                 name=self._unique(name[:_MAX_NAME]),
                 verdict=verdict,
                 detail=detail[:_MAX_DETAIL],
-                duration=duration,
+                duration=min(duration, LONGEST_CASE),
                 subject=session.subject,
                 file=place[0],
                 line=place[1],

@@ -466,3 +466,18 @@ def test_nobody_tells_cases_of_another_test():
     )
     assert not taken
     assert outcome.detail == "the test's process may not say case of 's/other'"
+
+
+@pytest.mark.parametrize("duration", [float("nan"), float("inf"), -1.0])
+def test_a_case_with_a_time_that_is_none_is_garbage(duration: float):
+    """It would make the journal unreadable."""
+    taken: list[Case] = []
+    outcome, *_ = attempt(
+        phase(Phase.RUN),
+        pack(Case(test="s/t", name="a", verdict=Verdict.PASSED, duration=duration)),
+        pack(Finished(outcome="passed")),
+        End(0),
+        take_case=lambda case: taken.append(case) is None,
+    )
+    assert not taken
+    assert "said something unintelligible" in outcome.detail

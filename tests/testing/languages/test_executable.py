@@ -352,6 +352,12 @@ def test_the_verdict_of_a_junit_case(run: Callable[..., Ran], problem: str, verd
     assert [(case.verdict, case.detail) for case in ran.of(Case)] == [(verdict, detail)]
 
 
+def test_no_time_that_a_program_writes_is_too_long(run: Callable[..., Ran]):
+    """The runner takes no other, and readers of the journal need a number."""
+    ran = run(junit('<testsuite><testcase name="a" time="1e300"/></testsuite>'), "junit")
+    assert [case.duration for case in ran.of(Case)] == [1e9]
+
+
 # Wanted cases --------------------------------------------------------------------------------------------------------
 
 
