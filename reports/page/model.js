@@ -60,6 +60,7 @@ class Test {
     this.failures = 0; // messages of severity failure or error, last attempt
     this.renamed = false;
     this.cases = []; // of a program: tests of their own, as it told them
+    this.program = null; // of which it is a case
   }
 
   get attempt() {
@@ -187,7 +188,7 @@ export class RunModel {
     this.counts.set(test.state, this.counts.get(test.state) - 1);
     this.running.delete(test.id);
     this.tests.delete(test.id);
-    for (const home of [this.suites.get(test.suite)?.tests, this.tests.get(test.planned.parent)?.cases]) {
+    for (const home of [this.suites.get(test.suite)?.tests, test.program?.cases]) {
       if (home?.includes(test)) home.splice(home.indexOf(test), 1);
     }
     this.changes.plan = true;
@@ -289,9 +290,13 @@ const HANDLERS = {
   test_planned(run, record) {
     if (run.tests.has(record.test)) return;
     const test = new Test(record, run.tests.size);
+    const program = run.tests.get(record.parent);
+    if (program && !program.program) {
+      test.program = program;
+      program.cases.push(test);
+    }
     run.tests.set(record.test, test);
     run.suites.get(record.suite)?.tests.push(test);
-    run.tests.get(record.parent)?.cases.push(test);
     run.shift(test, null);
     run.changes.plan = true;
   },
@@ -349,7 +354,7 @@ const HANDLERS = {
     run.running.delete(test.id);
     run.shift(test, before);
     run.changes.tests.add(test.id);
-    if (test.planned.parent) run.changes.tests.add(test.planned.parent);
+    if (test.program) run.changes.tests.add(test.program.id);
     for (const [key, asked] of run.questions) {
       if (asked.test === test.id) {
         run.questions.delete(key);

@@ -143,7 +143,7 @@ class FactsPart {
     const facts = [
       ["duration", this.duration],
       ["plug-in", free(planned.type && planned.type !== planned.plugin ? `${planned.plugin} (${planned.type})` : planned.plugin)],
-      ["case of", planned.parent && h("a", { href: linkTo(planned.parent) }, free(planned.parent))],
+      ["case of", test.program && h("a", { href: linkTo(test.program.id) }, free(test.program.id))],
       ["defined in", planned.file && free(formatPlace(planned.file, planned.line), "span", { title: planned.file })],
       ["parameters", planned.param && free(planned.param, "span", { class: "mono" })],
       ["stood on", this.#fixtures()],

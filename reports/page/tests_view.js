@@ -241,7 +241,7 @@ function makeRow() {
 }
 
 function pushSuite(items, suite, wanted) {
-  const tests = suite.tests.filter((test) => !test.planned.parent).flatMap((test) => [test, ...test.cases]).filter(wanted);
+  const tests = suite.tests.filter((test) => !test.program).flatMap((test) => [test, ...test.cases]).filter(wanted);
   if (tests.length) items.push(suite, ...tests);
 }
 

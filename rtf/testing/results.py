@@ -186,9 +186,10 @@ class RunResult:
     def _test_planned(self, event: TestPlanned) -> None:
         if event.test in self.tests:
             return
+        program = self.tests.get(event.parent)
         result = self.tests[event.test] = TestResult(event, event.name)
-        if event.parent in self.tests:
-            self.tests[event.parent].cases.append(result)
+        if program is not None and not program.planned.parent:  # a case has none; in a damaged journal it may
+            program.cases.append(result)
         suite = self.suites.get(event.suite)
         if suite is not None:
             suite.tests[event.test] = result
