@@ -277,7 +277,7 @@ class ConsoleReporter(Reporter):
         name = one_line(test.name) if self.options.verbosity >= 0 else one_line(test.id)
         again = "" if event.final else f"  (attempt {event.attempt}, once more)"
         word = self._styled(f"{verdict:<{_VERDICT_WIDTH}}", style)
-        elapsed = f"  {report_text.duration(event.duration)}" if event.attempt else ""
+        elapsed = f"  {report_text.duration(event.duration)}" if event.attempt and event.duration else ""
         self._print(f"  {word}  {name}{elapsed}{again}")
         if event.verdict is Verdict.PASSED or not event.detail:
             return

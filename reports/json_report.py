@@ -222,6 +222,7 @@ def _test(result: TestResult, attempts: list[AttemptEvents]) -> dict[str, Any]:
         "id": result.id,
         "name": result.name,
         "description": result.description,
+        "parent": planned.parent,
         "plugin": planned.plugin,
         "type": planned.type,
         "param": planned.param,

@@ -59,6 +59,8 @@ class Test {
     this.running = false;
     this.failures = 0; // messages of severity failure or error, last attempt
     this.renamed = false;
+    this.cases = []; // of a program: tests of their own, as it told them
+    this.program = null; // of which it is a case
   }
 
   get attempt() {
@@ -180,6 +182,18 @@ export class RunModel {
     this.counts.set(after, (this.counts.get(after) ?? 0) + 1);
   }
 
+  /** Take a test out of the run, and the cases of a program with it. */
+  forget(test) {
+    for (const one of [...test.cases]) this.forget(one);
+    this.counts.set(test.state, this.counts.get(test.state) - 1);
+    this.running.delete(test.id);
+    this.tests.delete(test.id);
+    for (const home of [this.suites.get(test.suite)?.tests, test.program?.cases]) {
+      if (home?.includes(test)) home.splice(home.indexOf(test), 1);
+    }
+    this.changes.plan = true;
+  }
+
   note(record) {
     this.log.push(record);
     this.changes.log = true;
@@ -218,8 +232,9 @@ const HANDLERS = {
     }
     run.resumed = record;
     for (const suite of run.suites.values()) suite.ended = null;
-    for (const test of run.tests.values()) {
-      if (test.verdict !== null && !OPEN.has(test.verdict)) continue;
+    for (const test of [...run.tests.values()]) {
+      if (!run.tests.has(test.id) || (test.verdict !== null && !OPEN.has(test.verdict))) continue;
+      for (const one of [...test.cases]) run.forget(one); // the program tells them again
       const before = test.state;
       Object.assign(test, { verdict: null, running: false, attempts: [], failures: 0 });
       run.running.delete(test.id);
@@ -255,13 +270,7 @@ const HANDLERS = {
   plan_changed(run, record) {
     for (const id of [...(record.removed ?? []), ...(record.changed ?? [])]) {
       const test = run.tests.get(id);
-      if (test) {
-        run.counts.set(test.state, run.counts.get(test.state) - 1);
-        run.running.delete(id);
-        run.tests.delete(id);
-        const suite = run.suites.get(test.planned.suite);
-        if (suite) suite.tests = suite.tests.filter((one) => one !== test);
-      }
+      if (test) run.forget(test);
       run.suites.delete(id);
     }
     run.changes.plan = true;
@@ -281,6 +290,11 @@ const HANDLERS = {
   test_planned(run, record) {
     if (run.tests.has(record.test)) return;
     const test = new Test(record, run.tests.size);
+    const program = run.tests.get(record.parent);
+    if (program && !program.program) {
+      test.program = program;
+      program.cases.push(test);
+    }
     run.tests.set(record.test, test);
     run.suites.get(record.suite)?.tests.push(test);
     run.shift(test, null);
@@ -340,6 +354,7 @@ const HANDLERS = {
     run.running.delete(test.id);
     run.shift(test, before);
     run.changes.tests.add(test.id);
+    if (test.program) run.changes.tests.add(test.program.id);
     for (const [key, asked] of run.questions) {
       if (asked.test === test.id) {
         run.questions.delete(key);

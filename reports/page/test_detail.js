@@ -4,7 +4,7 @@
 import { free, h, setText } from "./dom.js";
 import { firstLine, formatBytes, formatDate, formatPlace, formatSeconds, formatTimeout, linkTo, linkToFixture, linkToLog, readPlace } from "./format.js";
 import { badge, setBadge } from "./state_signs.js";
-import { FailuresPart, PartsPart, MeasurementsPart, PlotsPart, MessagesPart, QuestionsPart, AttachmentsPart, OutputPart, StacksPart, ParametersPart } from "./test_sections.js";
+import { CasesPart, FailuresPart, PartsPart, MeasurementsPart, PlotsPart, MessagesPart, QuestionsPart, AttachmentsPart, OutputPart, StacksPart, ParametersPart } from "./test_sections.js";
 
 export class TestDetail {
   constructor(page, test) {
@@ -73,7 +73,7 @@ export class TestDetail {
       const matches = (record) => !this.subject || record.subject === this.subject || (record.subject ?? "").startsWith(`${this.subject}/`);
       const kinds = this.subject
         ? [FailuresPart, PartsPart, MeasurementsPart, PlotsPart, MessagesPart]
-        : [FailuresPart, StacksPart, PartsPart, MeasurementsPart, PlotsPart, QuestionsPart, AttachmentsPart, MessagesPart, OutputPart, ParametersPart];
+        : [FailuresPart, StacksPart, CasesPart, PartsPart, MeasurementsPart, PlotsPart, QuestionsPart, AttachmentsPart, MessagesPart, OutputPart, ParametersPart];
       for (const Part of kinds) this.parts.push(new Part(this.page, attempt, matches, this.test, this.subject));
     }
     this.body.replaceChildren(...this.parts.map((part) => part.element));
@@ -143,6 +143,7 @@ class FactsPart {
     const facts = [
       ["duration", this.duration],
       ["plug-in", free(planned.type && planned.type !== planned.plugin ? `${planned.plugin} (${planned.type})` : planned.plugin)],
+      ["case of", test.program && h("a", { href: linkTo(test.program.id) }, free(test.program.id))],
       ["defined in", planned.file && free(formatPlace(planned.file, planned.line), "span", { title: planned.file })],
       ["parameters", planned.param && free(planned.param, "span", { class: "mono" })],
       ["stood on", this.#fixtures()],

@@ -50,13 +50,35 @@ export class PartsPart {
   }
 }
 
+/** The cases of a program, each a test of its own. */
+export class CasesPart {
+  constructor(page, attempt, matches, test) {
+    Object.assign(this, { test });
+    const grid = h("ul", { class: "parts" });
+    this.list = new GrowingList(grid, ({ ended, planned }) => caseItem(ended, planned), 200);
+    this.element = section("Cases", grid);
+  }
+
+  update() {
+    const cases = this.test.cases.filter((one) => one.verdict !== null);
+    this.element.hidden = !this.list.update(cases);
+  }
+}
+
 /** The least shown duration in seconds: joints that are tested at the same time are judged in no time. */
 const SHOWN = 0.01;
 
 function partItem(record, test) {
-  const { subject, verdict, reason, duration } = record;
-  return h("li", {}, h("a", { href: linkTo(test.id, subject), title: reason ? visible(reason) : null, data: { tone: toneOf(verdict) } },
-    sign(verdict), free(subject), h("span", { class: "dim number", text: duration >= SHOWN ? formatSeconds(duration) : "" })));
+  return item(linkTo(test.id, record.subject), record.subject, record.verdict, record.reason, record.duration);
+}
+
+function caseItem({ test, verdict, detail, duration }, planned) {
+  return item(linkTo(test), planned.case, verdict, detail, duration);
+}
+
+function item(href, name, verdict, reason, duration) {
+  return h("li", {}, h("a", { href, title: reason ? visible(reason) : null, data: { tone: toneOf(verdict) } },
+    sign(verdict), free(name), h("span", { class: "dim number", text: duration >= SHOWN ? formatSeconds(duration) : "" })));
 }
 
 export class MeasurementsPart {

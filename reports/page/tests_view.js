@@ -241,7 +241,7 @@ function makeRow() {
 }
 
 function pushSuite(items, suite, wanted) {
-  const tests = suite.tests.filter(wanted);
+  const tests = suite.tests.filter((test) => !test.program).flatMap((test) => [test, ...test.cases]).filter(wanted);
   if (tests.length) items.push(suite, ...tests);
 }
 
@@ -272,5 +272,5 @@ function reasonOf(test) {
 /** The summary of a passed test. */
 function tally(test) {
   const { parts, measurements } = test.attempt ?? { parts: new Map(), measurements: [] };
-  return [formatCount(parts.size, "part"), formatCount(measurements.length, "measurement")].filter(Boolean).join(" · ");
+  return [formatCount(test.cases.length, "case"), formatCount(parts.size, "part"), formatCount(measurements.length, "measurement")].filter(Boolean).join(" · ");
 }

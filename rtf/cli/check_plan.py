@@ -47,6 +47,8 @@ def show_plan(plan: Plan) -> None:
             missing = "  NOT FOUND" if test.plugin is None else ""
             safety = f"  safety: {test.spec.safety}" if test.spec.safety else ""
             print(f"  {test.entry.id}  {test.entry.name}{tags}{safety}{missing}")
+            for case, _ in test.entry.cases:
+                print(f"    {case}")
     print(_counted(sum(len(planned.tests) for planned in plan.suites), "test"))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,14 +21,16 @@ from rtf.testing.plan import (
     suite_files,
     suite_of_plugins,
 )
+from rtf.testing.suite.ids import program_of
 from rtf.testing.suite.model import SuiteError, TestSuite, number_suites
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from rtf.testing.events import PlanChanged
+    from rtf.testing.suite.model import TestEntry
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +50,7 @@ def make_plan(options: argparse.Namespace) -> Plan:
     """Load, complete, select and order. Raises SuiteError for what the command line gets wrong."""
     loaded = _load(options)
     planner = Planner(options.overrides)
-    suites = planner.plan(_select(planner.complete(loaded.suites), options))
+    suites = planner.plan(_select(planner.complete(loaded.suites), planner, options))
     if options.list or options.dry_run:
         return Plan(suites, loaded.diagnostics)
     completed = [planner.with_implied_fixtures(planned) for planned in suites]
@@ -123,7 +125,7 @@ def _suite_for(options: argparse.Namespace, name: str, plugins: list[tuple[str, 
     return suite_of_plugins(name, plugins, param=options.param, environment=options.environment)
 
 
-def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple[TestSuite, ...]:
+def _select(suites: tuple[TestSuite, ...], planner: Planner, options: argparse.Namespace) -> tuple[TestSuite, ...]:
     from rtf.testing import selection
 
     filters = {}
@@ -141,22 +143,32 @@ def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple
             filters[f"--last-failed (what did not pass in {last.resolve()})"] = failed
         if options.stepwise and last.exists():
             filters["--stepwise"] = selection.id_filter(_from_first(suites, _failed_in(last, "--stepwise")))
+    limited = getattr(options, "limited", {})  # of a run that is resumed: the only cases that it wants
     if filters:
-        selected = selection.select(suites, [*filters.values()], with_required=True)
+        cases = journal.cases_told(Path(options.runs), planner.programs(suites)) if planned is None else {}
+        conditions = [lambda test, passes=passes: test.id in limited or passes(test) for passes in filters.values()]
+        selected = selection.select(suites, conditions, with_required=True, cases=cases)
         if not selected:
             total = sum(len(suite.tests) for suite in suites)
             tests = f"none of {total} test{'s' if total != 1 else ''}"
             print(f"testrunner: {tests} is selected by {' and '.join(filters)}", file=sys.stderr)
         suites = selected
+    if limited:
+        suites = tuple(suite.with_tests(_limited(test, limited) for test in suite.tests) for suite in suites)
     if options.shuffle is not None:
         suites = selection.shuffle(suites, options.shuffle)
     return suites
 
 
+def _limited(test: TestEntry, limited: Mapping[str, Mapping[str, str]]) -> TestEntry:
+    return replace(test, cases=tuple(limited.get(test.id, {}).items()))
+
+
 def _from_first(suites: tuple[TestSuite, ...], failed: frozenset[str]) -> list[str]:
     """The tests from the first one on that did not pass; all of them, if none of those is in the plan."""
     ids = [test.id for suite in suites for test in suite.tests]
-    first = next((index for index, test in enumerate(ids) if test in failed), 0)
+    programs = {program_of(test) for test in failed}
+    first = next((index for index, test in enumerate(ids) if test in programs), 0)
     return ids[first:]
 
 

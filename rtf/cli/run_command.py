@@ -115,7 +115,8 @@ def _resume(options: argparse.Namespace, words: Sequence[str]) -> int:
     original = parse_run(started.command)
     _give_secrets_again(original, options)
     original.device, original.device_file, original.device_ask = [*started.device.items()], None, False
-    original.planned = before.tests if before.plan_is_whole else None  # whatever it was that selected them then
+    original.planned = before.programs() if before.plan_is_whole else None  # whatever it was that selected them then
+    original.limited = before.limited() if before.plan_is_whole else {}
     for name in _OF_REPORTING:
         if getattr(options, name) != build_parser().get_default(name):
             setattr(original, name, getattr(options, name))

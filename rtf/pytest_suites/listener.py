@@ -26,8 +26,15 @@ class Told:
     incidents: tuple[FixtureIncident, ...]
 
     @property
+    def bad_cases(self) -> list[TestResult]:
+        """The cases of a program that did not pass. pytest, which collected the program alone, hears of them by it."""
+        return [case for case in self.result.cases if not case.good]
+
+    @property
     def verdict(self) -> Verdict:
-        """What is said of the test."""
+        """What is said of the test; of a program, together with its cases."""
+        if self.ended.verdict.good and self.bad_cases:
+            return Verdict.FAILED
         return self.ended.verdict
 
     @property
@@ -58,8 +65,9 @@ class Listener(Reporter):
         """Take one event."""
         attempts = self._events.take(event)
         if attempts is not None:
-            test: str = event.test  # type: ignore[attr-defined]
-            self._ended[test] = (results.tests[test], attempts)
+            result = results.tests[event.test]  # type: ignore[attr-defined]
+            if not result.planned.parent:
+                self._ended[result.id] = (result, attempts)
         elif isinstance(event, FixtureIncident):
             if event.phase is Phase.TEARDOWN:
                 self._suite_problems.append(event)

@@ -15,9 +15,12 @@ if TYPE_CHECKING:
     from rtf.pytest_suites.listener import Told
     from rtf.testing.events import FixtureIncident
     from rtf.testing.report.files import AttemptEvents
+    from rtf.testing.results import TestResult
 
 #: Characters of one section; the record of the run has the rest.
 _SECTION_LIMIT = 256 * 1024
+#: So many cases of a program are told of; the record of the run has all.
+_CASES = 20
 
 
 def headline(told: Told) -> str:
@@ -40,13 +43,23 @@ def explanation(told: Told) -> str:
     elif not any(said in part for part in parts):
         parts.insert(0, said)
     parts += _parts_not_passed(told)
+    parts += [f"{case.name}: {case.verdict}: {_problem_of(case)}" for case in told.bad_cases[:_CASES]]
     parts += [f"{event.cause}:\n{event.text.rstrip()}" for event in told.last.events if isinstance(event, StackDumped)]
     parts += [incident_text(event) for event in told.incidents]
     return "\n\n".join(cut(shown(part), _SECTION_LIMIT) for part in parts)
 
 
 def _last_word(told: Told) -> str:
+    if told.ended.verdict.good and told.bad_cases:
+        names = ", ".join(case.planned.case for case in told.bad_cases[:_CASES])
+        more = " …" if len(told.bad_cases) > _CASES else ""
+        return f"{len(told.bad_cases)} of {len(told.result.cases)} cases did not pass: {names}{more}"
     return (told.ended.detail or told.ended.reason or told.verdict).strip("\n")
+
+
+def _problem_of(case: TestResult) -> str:
+    said = "\n".join(problem_text(message) for message in case.problems)
+    return said or (case.last.detail if case.last else "")
 
 
 def where(told: Told) -> tuple[str, int]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
+from rtf.testing.cases import CaseTests
 from rtf.testing.events import TestEnded
 from rtf.testing.isolation.attempt import Attempt, run_in_process
 from rtf.testing.isolation.judge import Outcome, Stop
@@ -40,14 +41,23 @@ class Attempts:
         self._entry = test.entry
         self._names = [fixture.name for fixture in worker.planned.suite.fixtures_of(test.entry)]
         self._failed: list[Verdict] = []  # what earlier attempts came to, which nothing hides
+        self._cases = CaseTests(
+            test.entry,
+            self._run.results.tests[test.entry.id].planned,
+            self._emit,
+            self._verdict_of_case,
+            live=not (self._names or self._run.retries_of(test.entry) or self._run.repetition_of(test.entry)),
+        )
 
-    def run(self) -> None:
-        """Run the test, up to its final end."""
+    def run(self) -> int:
+        """Run the test, up to its final end. Returns how many did not pass of the test and its cases."""
         obstacle = self._obstacle()
         if obstacle is not None:
             self._never_started(*obstacle)
         else:
             self._run_attempts()
+        verdict = self._run.results.tests[self._entry.id].verdict
+        return self._cases.failures + (verdict is not None and not verdict.good)
 
     def bring_up(self) -> bool:
         """Have what the test needs up. False when it cannot be started; :meth:`run` then says at once why."""
@@ -67,6 +77,7 @@ class Attempts:
         return None if missing is None else (missing.verdict, "requirement", missing.text)
 
     def _never_started(self, verdict: Verdict, reason: str, detail: str) -> None:
+        self._cases.give_up(verdict, reason, detail)
         test = self._entry.id
         self._emit(TestEnded(test=test, verdict=verdict, outcome=verdict, attempt=0, reason=reason, detail=detail))
 
@@ -74,6 +85,7 @@ class Attempts:
         retries = self._run.retries_of(self._entry) if self._entry.expected is Expected.PASS else 0
         reruns = 1
         attempt = 0
+        retried = 0
         while True:
             problem = self._bring_up()
             if problem:
@@ -85,8 +97,11 @@ class Attempts:
                 again = reruns > 0 and self._lost_policy() is LostPolicy.RERUN
                 reruns -= 1
             else:
-                again = outcome.verdict in _RETRIED and len(self._failed) < retries
+                bad = outcome.verdict in _RETRIED or (outcome.verdict.good and self._cases.any_bad)
+                again = bad and retried < retries
+                retried += 1
             again = again and not self._worker.is_to_stop()
+            self._cases.end_attempt(outcome.verdict, outcome.detail, again=again)
             self._ended(attempt, outcome, final=not again)
             if not again:
                 return
@@ -119,7 +134,7 @@ class Attempts:
         isolation = self._run.options.isolation or self._entry.isolation
         job = self._job(count, last=isolation is not Isolation.SUITE)
         if isolation is Isolation.NONE:
-            outcome = run_in_process(job, self._emit)
+            outcome = run_in_process(job, self._emit, self._cases.take)
         else:
             attempt = Attempt(
                 job,
@@ -129,6 +144,7 @@ class Attempts:
                 tick=self._tick,
                 next_tick=worker.next_tick,
                 kill_now=worker.kills_test,
+                take_case=self._cases.take,
                 ask=self._run.control.ask,
                 fixtures=self._supervisor.generations(self._names),
             )
@@ -196,12 +212,16 @@ class Attempts:
             values=self._worker.fixture_values(self._names),
             terminal=options.terminal,
             core_dumps=options.core_dumps,
+            cases=self._cases.begin(attempt),
         )
 
     # The verdict -------------------------------------------------------------------------------------------------
 
     def _ended(self, attempt: int, outcome: Outcome, *, final: bool) -> None:
-        verdict = self._final_verdict(outcome) if final else outcome.verdict
+        verdict = outcome.verdict
+        if final:
+            as_expected = self._entry.expected is Expected.FAIL and verdict.good and self._cases.any_bad
+            verdict = self._final_verdict(Verdict.FAILED if as_expected else verdict, self._failed)
         detail, why = outcome.detail, self._entry.expected_reason
         if verdict is Verdict.EXPECTED_FAILURE and why:
             detail = f"{why}: {detail}"
@@ -224,16 +244,19 @@ class Attempts:
             ),
         )
 
-    def _final_verdict(self, outcome: Outcome) -> Verdict:
-        """What is said of the test in the end."""
-        verdict = outcome.verdict
+    def _verdict_of_case(self, verdict: Verdict, failed: list[Verdict]) -> Verdict:
+        """The final verdict of a case. Where a program is expected to fail, not each of its cases is."""
+        return verdict if verdict.good and not failed else self._final_verdict(verdict, failed)
+
+    def _final_verdict(self, verdict: Verdict, failed: list[Verdict]) -> Verdict:
+        """What is said in the end of what came to ``verdict``, after attempts that came to ``failed``."""
         passed = verdict in (Verdict.PASSED, Verdict.MEASURED)
         if self._entry.expected is Expected.FAIL:
             if verdict is Verdict.FAILED:
                 return Verdict.EXPECTED_FAILURE
             return Verdict.UNEXPECTED_PASS if passed else verdict
-        if self._failed:
-            return Verdict.FLAKY if passed else _worst([*self._failed, verdict])
+        if failed:
+            return Verdict.FLAKY if passed else _worst([*failed, verdict])
         if verdict is Verdict.FIXTURE_LOST and self._lost_policy() is LostPolicy.SKIP:
             return Verdict.SKIPPED
         return verdict

@@ -110,6 +110,10 @@ class TestPlanned(Event, tag="test_planned", frozen=True, kw_only=True):
     """A test will run. ``test`` is its stable id, ``suite/test``; ``run_timeout`` is in seconds.
 
     ``fingerprint`` is another one when the suite says something else of the test: parameters, environment, fixtures.
+
+    The cases that a program reports are tests, too. Each is planned when the program first tells of it, or in advance
+    where only some are run: then ``cases`` of the program has their ids. ``parent`` is the id of the case's program and
+    ``case`` the name that this gives the case.
     """
 
     test: str
@@ -126,6 +130,9 @@ class TestPlanned(Event, tag="test_planned", frozen=True, kw_only=True):
     expected: str = "pass"
     run_timeout: float | None = None
     fingerprint: str = ""
+    parent: str = ""
+    case: str = ""
+    cases: tuple[str, ...] = ()
 
 
 class PlanChanged(Event, tag="plan_changed", frozen=True, kw_only=True):

@@ -47,6 +47,8 @@ if TYPE_CHECKING:
 FILE_NAME = "journal.jsonl"
 #: The link beside the folders of runs to that of the last run in which something was done.
 LATEST = "latest"
+#: So many runs are looked at to learn which cases a program has.
+_LOOKED_AT = 10
 
 #: Seconds between two turns of the disk. Each costs the run some wake-ups of a thread that competes with it.
 _SYNC_PAUSE = 0.1
@@ -256,6 +258,28 @@ def results_of(path: Path) -> RunResult:
     return RunResult.of(as_one_run(path))
 
 
+def cases_told(runs: Path, programs: Collection[str]) -> dict[str, dict[str, str]]:
+    """Return the cases of programs, their names by their ids, as the last runs in this folder told them.
+
+    A run that was limited to some cases of a program does not say which there are; one before it may.
+    """
+    told: dict[str, dict[str, str]] = {}
+    missing = set(programs)
+    folders = sorted((path for path in runs.glob("*") if path.is_dir() and not path.is_symlink()), reverse=True)
+    for folder in folders[:_LOOKED_AT] if missing else ():
+        try:
+            planned = [event for event in read(folder) if isinstance(event, TestPlanned)]
+        except (JournalError, EventError):
+            continue
+        for event in planned:
+            if event.parent in missing:
+                told.setdefault(event.parent, {})[event.test] = event.case
+        missing.difference_update(event.test for event in planned if not event.cases)
+        if not missing:
+            break
+    return told
+
+
 def _earlier_parts(path: Path, *, resuming: bool, void: Collection[str]) -> list[_EarlierPart]:
     results = RunResult()
     parts: list[_EarlierPart] = []
@@ -264,12 +288,12 @@ def _earlier_parts(path: Path, *, resuming: bool, void: Collection[str]) -> list
             parts.append(_EarlierPart(results.finished()))
         elif isinstance(event, PlanChanged):
             for part in parts:
-                part.void.update(event.removed, event.changed)
+                part.void.update(results.with_cases((*event.removed, *event.changed)))
         results.apply(event)
     if resuming:
         parts.append(_EarlierPart(results.finished()))
         for part in parts:
-            part.void.update(void)
+            part.void.update(results.with_cases(void))
     return parts
 
 
@@ -299,7 +323,8 @@ def _is_void(event: Event, part: _EarlierPart) -> bool:
     test = getattr(event, "test", "")
     if test in part.void or getattr(event, "suite", "") in part.void:
         return True
-    return bool(test) and not isinstance(event, TestPlanned) and test not in part.finished
+    planned = isinstance(event, TestPlanned) and not event.parent
+    return bool(test) and not planned and test not in part.finished
 
 
 def _with_ends(events: Iterable[Event]) -> Iterator[Event]:

@@ -184,6 +184,16 @@ class Planner:
             for suite in suites
         )
 
+    def programs(self, suites: Iterable[TestSuite]) -> set[str]:
+        """The ids of the tests that are programs."""
+        entries = [entry for suite in suites for entry in suite.tests]
+        found = [self._find("test", entry) for entry in entries]
+        return {
+            entry.id
+            for entry, ref in zip(entries, found, strict=True)
+            if not isinstance(ref, str) and ref.language.startswith("executable")
+        }
+
     def _describe(self, entries: Iterable[TestEntry]) -> None:
         """Have the description of each test's plug-in, and of each class where it is a file with several."""
         found = {self._find("test", entry) for entry in entries}

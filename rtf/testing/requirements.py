@@ -14,7 +14,7 @@ from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
     from rtf.testing.plan import PlannedTest
-    from rtf.testing.results import RunResult
+    from rtf.testing.results import RunResult, TestResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,14 +36,22 @@ def unmet(test: PlannedTest, results: RunResult, features: frozenset[str]) -> Un
         kind, separator, name = token.partition(":")
         if token.startswith(TEST_REQUIREMENT):
             other = results.tests.get(name)
-            if other is None or other.verdict is None or not other.verdict.good or other.verdict is Verdict.SKIPPED:
-                state = "is not in this run" if other is None else f"came to: {other.verdict or 'nothing yet'}"
-                return Unmet(Verdict.BLOCKED, f"needs test {name}, which {state}")
+            if other is None or not other.good or other.verdict is Verdict.SKIPPED:
+                return Unmet(Verdict.BLOCKED, f"needs test {name}, which {_state(other)}")
         elif separator and not _there(kind, name, test):
             return Unmet(Verdict.SKIPPED, f"requires {_WORDS.get(kind, kind)} {name!r}, which is not there")
         elif not separator and token not in features:
             return Unmet(Verdict.SKIPPED, f"requires {token!r}; grant it with --feature {token}")
     return None
+
+
+def _state(other: TestResult | None) -> str:
+    if other is None:
+        return "is not in this run"
+    bad = next((case for case in other.cases if not case.good), None)
+    if bad is not None and other.verdict is not None and other.verdict.good:
+        return f"has a case that came to: {bad.verdict} ({bad.name})"
+    return f"came to: {other.verdict or 'nothing yet'}"
 
 
 _WORDS = {"program": "program", "module": "Python module", "env": "environment variable", "file": "file"}

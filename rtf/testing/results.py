@@ -63,6 +63,7 @@ class TestResult:
     measured: int = 0
     started: float | None = None
     running: bool = False
+    cases: list[TestResult] = field(default_factory=list)  # of a program; each is a test of the run, too
 
     @property
     def id(self) -> str:
@@ -73,6 +74,11 @@ class TestResult:
     def label(self) -> str:
         """The part of the id behind the suite's."""
         return self.planned.test.removeprefix(f"{self.planned.suite}/")
+
+    @property
+    def good(self) -> bool:
+        """Whether it has ended well; a program only together with its cases."""
+        return self.verdict is not None and self.verdict.good and all(case.good for case in self.cases)
 
     @property
     def last(self) -> TestEnded | None:
@@ -213,19 +219,27 @@ class RunResult:
     def _plan_test(self, event: TestPlanned) -> None:
         if event.test in self.tests:
             return
+        program = self.tests.get(event.parent)
         result = self.tests[event.test] = TestResult(event, event.name)
+        if program is not None and not program.planned.parent:  # a case has none; in a damaged journal it may
+            program.cases.append(result)
         suite = self.suites.get(event.suite)
         if suite is not None:
             suite.tests[event.test] = result
 
     def _drop(self, ids: Iterable[str]) -> None:
-        """Take out these suites and tests, which are no part of the run any more, or other ones now."""
-        for gone in ids:
+        """Take out these suites, tests and their cases, which are no part of the run any more, or other ones now."""
+        for gone in self.with_cases(ids):
             self.suites.pop(gone, None)
             suite = self.suite_of(gone)
             if suite is not None:
                 suite.tests.pop(gone, None)
             self.tests.pop(gone, None)
+
+    def with_cases(self, ids: Iterable[str]) -> list[str]:
+        """These suites and tests, and the cases of those that are programs."""
+        named = [*ids]
+        return [*named, *(case.id for test in named if test in self.tests for case in self.tests[test].cases)]
 
     def counts(self) -> Counter[Verdict]:
         """How many tests ended with each verdict."""
@@ -265,12 +279,27 @@ class RunResult:
         return any(suite.started is not None for suite in self.suites.values())
 
     def finished(self) -> frozenset[str]:
-        """The tests whose verdict stands."""
-        return frozenset(test.id for test in self.tests.values() if test.verdict not in _OPEN)
+        """The tests whose verdict stands. That of a case stands with its program's."""
+        stands = {test.id for test in self.tests.values() if test.verdict not in _OPEN}
+        cases = {test.id: test.planned.parent for test in self.tests.values() if test.planned.parent}
+        return frozenset(test for test in stands if cases.get(test, test) in stands)
+
+    def programs(self) -> frozenset[str]:
+        """The planned tests, without the cases that programs have told."""
+        return frozenset(test.id for test in self.tests.values() if not test.planned.parent)
+
+    def limited(self) -> dict[str, dict[str, str]]:
+        """Of each program that was to run some cases only: the names of these by their ids."""
+        tests = self.tests
+        return {
+            test.id: {case: tests[case].planned.case if case in tests else "" for case in test.planned.cases}
+            for test in tests.values()
+            if test.planned.cases
+        }
 
     def plan_changes(self, suites: Collection[str], fingerprints: Mapping[str, str]) -> PlanChanged | None:
         """How the plan differs from what suites and tests there are now; None where it does not."""
-        planned = {test.id: test.planned.fingerprint for test in self.tests.values()}
+        planned = {test.id: test.planned.fingerprint for test in self.tests.values() if not test.planned.parent}
         added = [test for test in fingerprints if test not in planned and self.plan_is_whole]
         removed = [*planned.keys() - fingerprints.keys(), *self.suites.keys() - set(suites)]
         changed = [test for test, told in planned.items() if told and fingerprints.get(test, told) != told]

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 
 import rtf
 from rtf import clock
+from rtf.testing.cases import planned_case
 from rtf.testing.dispatch import Dispatcher, copies_of, groups_sharing_fixtures
 from rtf.testing.events import (
     Diagnosed,
@@ -180,6 +181,9 @@ class Run:
         for test in planned.tests:
             if test.entry.id not in known.tests:
                 self._plan_test(planned, test)
+            for case, name in test.entry.cases:
+                if case not in known.tests:
+                    self.emit(planned_case(known.tests[test.entry.id].planned, case, name))
 
     def _plan_suite(self, planned: PlannedSuite) -> None:
         suite = planned.suite
@@ -213,6 +217,7 @@ class Run:
                 expected=entry.expected,
                 run_timeout=self.limits_of(planned, test).run,
                 fingerprint=fingerprint(planned.suite, entry),
+                cases=tuple(case for case, _ in entry.cases),
             ),
         )
 
@@ -344,10 +349,10 @@ class Run:
             return f"{self._failures} test{'s' if self._failures != 1 else ''} failed before (--maxfail)"
         return ""
 
-    def count_failure(self) -> None:
-        """Count a test that did not pass, for ``maxfail``. From any thread."""
+    def count_failures(self, number: int) -> None:
+        """Count tests that did not pass, for ``maxfail``. From any thread."""
         with self._lock:
-            self._failures += 1
+            self._failures += number
 
 
 def most_memory() -> int:

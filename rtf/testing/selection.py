@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import ast
 import re
+from dataclasses import replace
 from hashlib import blake2b
 from typing import TYPE_CHECKING, NamedTuple
 
-from rtf.testing.suite.ids import former
+from rtf.testing.suite.ids import former, program_of
 from rtf.testing.suite.model import SuiteError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from rtf.testing.suite.model import TestEntry, TestSuite
 
@@ -120,30 +121,55 @@ def tag_filter(expression: str) -> Filter:
 
 
 def id_filter(ids: Collection[str]) -> Filter:
-    """Build the filter of ``--last-failed`` and ``--resume``: these ids, also as older versions had them."""
+    """Build the filter of ``--last-failed`` and ``--resume``: these ids, also as older versions had them.
+
+    Of a program whose id is among them all cases are.
+    """
     wanted = frozenset(ids)
-    return lambda test: test.id in wanted or former(test.id) in wanted
+    return lambda test: not wanted.isdisjoint((test.id, former(test.id), program_of(test.id)))
 
 
 def select(
-    suites: Iterable[TestSuite], filters: Iterable[Filter], *, with_required: bool = False
+    suites: Iterable[TestSuite],
+    filters: Iterable[Filter],
+    *,
+    with_required: bool = False,
+    cases: Mapping[str, Mapping[str, str]] | None = None,
 ) -> tuple[TestSuite, ...]:
     """Keep the tests that pass all filters, in their order, and the suites in which any is left.
 
     ``with_required`` keeps also the earlier tests of the same suite that those require by ``test:``. Without filters
     everything is kept, empty suites included.
+
+    ``cases`` has, by id, the names of the cases of programs as far as they are known. They are chosen as tests are: a
+    program is run whole when it passes the filters with all its cases, else with the cases that pass.
     """
     conditions = tuple(filters)
     if not conditions:
         return tuple(suites)
     selected = []
     for suite in suites:
-        keep = {test.id for test in suite.tests if all(condition(test) for condition in conditions)}
+        chosen = [_chosen(test, conditions, (cases or {}).get(test.id, {})) for test in suite.tests]
+        kept = {test.id: test for test in chosen if test is not None}
+        keep = {*kept}
         if with_required:
             _add_required(suite, keep)
         if keep:
-            selected.append(suite.with_tests(test for test in suite.tests if test.id in keep))
+            selected.append(suite.with_tests(kept.get(test.id, test) for test in suite.tests if test.id in keep))
     return tuple(selected)
+
+
+def _chosen(test: TestEntry, conditions: Sequence[Filter], cases: Mapping[str, str]) -> TestEntry | None:
+    """The test if it passes, with the only cases that are wanted of it."""
+    itself = all(condition(test) for condition in conditions)
+    wanted = tuple(
+        (case, name)
+        for case, name in cases.items()
+        if all(condition(replace(test, id=case, name=f"{test.name}::{name}")) for condition in conditions)
+    )
+    if itself and len(wanted) == len(cases):
+        return test
+    return replace(test, cases=wanted) if wanted else None
 
 
 def shuffle(suites: Iterable[TestSuite], seed: int) -> tuple[TestSuite, ...]:

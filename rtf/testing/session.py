@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Generic, NoReturn, TypeVar
 
 from rtf import clock
 from rtf.testing.events import Answered, Asked, Event, Message, PhaseStarted, SubResultEnded
+from rtf.testing.isolation.messages import Case
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem, TestStopped
 from rtf.testing.source_location import OWN_FOLDER, raised_place
 from rtf.testing.verdict import UNDOING_PHASES, Phase, Severity, Verdict
@@ -154,7 +155,7 @@ class Stoppable(Generic[M]):
             self._stoppable = False
 
 
-class Session(Stoppable[Event]):
+class Session(Stoppable[Event | Case]):
     """The one channel between a test and its runner.
 
     ``receive`` waits so many seconds for an answer (question, answer, source); it is None where nobody can answer.
@@ -168,13 +169,17 @@ class Session(Stoppable[Event]):
     examine: Callable[[Exception], None] | None = None
     #: Whether the core dumps of the programs that the test runs are kept.
     core_dumps = False
+    #: The names of the only cases that a program is to run; none means all.
+    cases: tuple[str, ...] = ()
+    #: How many cases of a program, which are tests of their own, did not pass.
+    bad_cases = 0
     #: Whether something went wrong in the teardown or a clean-up.
     undoing_failed = False
 
     def __init__(
         self,
         test: str,
-        send: Callable[[Event], None],
+        send: Callable[[Event | Case], None],
         *,
         folder: str | Path,
         run_folder: str | Path,

@@ -201,7 +201,7 @@ class SuiteWorker:
         bad = any(not verdict.good for verdict in counts) or result.problems
         verdict = Verdict.FAILED if bad else Verdict.PASSED
         done = self.whole_run.options.done  # tests of earlier parts of this run, whose time is the suite's too
-        earlier = sum(test.duration for test in result.tests.values() if test.id in done)
+        earlier = sum(test.duration for test in result.tests.values() if test.id in done and not test.planned.parent)
         self.emit(
             SuiteEnded(
                 suite=planned.suite.id,
@@ -215,10 +215,7 @@ class SuiteWorker:
 
     def run_test(self, test: PlannedTest) -> None:
         """Run a test of the suite, up to its final end."""
-        Attempts(self, test).run()
-        verdict = self.whole_run.results.tests[test.entry.id].verdict
-        if verdict is not None and not verdict.good:
-            self.whole_run.count_failure()
+        self.whole_run.count_failures(Attempts(self, test).run())
 
     def bring_up(self, test: PlannedTest) -> bool:
         """Have what a test stands on up. False when it cannot be started; :meth:`run_test` then says at once why."""

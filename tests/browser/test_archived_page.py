@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from archives import archive_of, numbered, put
+from harness import run_command, write_files
 from rtf.testing.events import Attached, ParametersResolved, RunStarted, SuitePlanned, TestPlanned, TestStarted
 
 if TYPE_CHECKING:
@@ -226,3 +227,29 @@ def test_what_was_too_large_is_said(tmp_path: Path, visit: Any):
     page = visit(f"{archive_of(put(folder, *numbered(events))).as_uri()}#s/one", offline=True)
     item = page.get_by_role("region", name="Details").get_by_role("listitem").filter(has_text="large.bin")
     expect(item).to_contain_text("not in this page: larger than 2 MiB")
+
+
+def test_the_cases_of_a_program_are_shown_below_it(tmp_path: Path, visit: Any):
+    """Each is a test in the list, after its program in the order of the plan; the program lists them."""
+    write_files(
+        tmp_path,
+        {
+            "s.xml": '<suite name="s"><test>p.sh</test><test>q.sh</test></suite>',
+            "p.sh": "#!/bin/sh\necho 1..2; echo ok 1 - moves; echo not ok 2 - '<b>stops</b>'\n",
+            "q.sh": "#!/bin/sh\necho 1..1; echo ok 1 - turns\n",
+        },
+    )
+    run_command(tmp_path, "s.xml", "--html", "r.html")
+    page = visit((tmp_path / "r.html").as_uri(), offline=True)
+    page.get_by_role("combobox").select_option("plan")
+    rows = list_of_tests(page).locator(".row-name")
+    expect(rows).to_have_text(["s", "p", "p::moves", "p::<b>stops</b>", "q", "q::turns"])
+    expect(state_of(page, "p")).to_contain_text("2 cases")
+    page.goto(f"{(tmp_path / 'r.html').as_uri()}#s/p")
+    detail = page.get_by_role("region", name="Details")
+    expect(detail.locator(".verdict-line")).to_contain_text("passed")
+    detail.get_by_role("link", name="<b>stops</b>").click()
+    expect(detail.get_by_role("heading", name="p::<b>stops</b>")).to_be_visible()
+    expect(detail.locator(".verdict-line")).to_contain_text("failed")
+    detail.get_by_role("link", name="s/p", exact=True).click()
+    expect(detail.get_by_role("heading", name="p", exact=True)).to_be_visible()

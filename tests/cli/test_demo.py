@@ -58,6 +58,7 @@ def test_the_wheel_puts_only_rtf_into_site_packages(wheel: Path):
     for shipped in (
         "rtf/shipped/reports/junit.py",
         "rtf/shipped/fixtures/process.py",
+        "rtf/testing/languages/prelude.lua",
         "rtf/shipped/suites/demo/demo.xml",
         "rtf/cli/templates/test/NAME.py.j2",
     ):

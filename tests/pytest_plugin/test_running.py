@@ -8,6 +8,7 @@ import sys
 
 import pytest
 
+from harness import write_files
 from rtf.testing.verdict import Verdict
 
 ARMS = '<test name="left"> Measures </test><test name="right"> Fine </test><test name="head"> Fine </test>'
@@ -226,3 +227,20 @@ def test_run_that_is_stopped_from_outside_ends_the_session(lab):
     assert verdict.pop("first") is Verdict.PASSED
     assert set(verdict.values()) == {Verdict.NOT_RUN}
     assert lab.log == ["up", "down"]
+
+
+def test_a_program_fails_with_its_cases(lab):
+    """What pytest knows is the program alone; which of its cases did not pass, and why, is told by it."""
+    lab.suite('<test name="p">p.sh</test><test name="q">q.sh</test>')
+    write_files(
+        lab.folder,
+        {
+            "p.sh": "#!/bin/sh\necho 1..2; echo ok 1 - moves; echo not ok 2 - stops\n",
+            "q.sh": "#!/bin/sh\necho 1..1; echo ok 1 - moves\n",
+        },
+    )
+    session = lab.run("s.xml", "-ra")
+    assert session.last_line.startswith("1 failed, 1 passed")
+    assert "FAILED s.xml::p - 1 of 2 cases did not pass: stops" in session.summary
+    assert "p::stops: failed: checks: stops" in session.out
+    assert session.results.tests["s/p::stops"].verdict is Verdict.FAILED

@@ -135,21 +135,21 @@ def test_core_dumps_are_kept_where_the_kernel_writes_them(tmp_path: Path):
 )
 def test_why_there_is_no_core_dump_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pattern: str, problem: str):
     """Most systems hand core dumps to a program of their own."""
-    from rtf.testing.languages import core_dumps
+    from rtf.testing.languages import program
 
     told = tmp_path / "pattern"
     told.write_text(pattern)
-    monkeypatch.setattr(core_dumps, "_PATTERN", told)
-    assert problem in core_dumps.keep(os.getpid(), tmp_path / "kept", 0.0)
+    monkeypatch.setattr(program, "_CORE_PATTERN", told)
+    assert problem in program.keep_core_dump(os.getpid(), tmp_path / "kept", 0.0)
 
 
 def test_a_core_file_is_found_by_the_pattern_of_the_kernel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Whatever variables it has."""
-    from rtf.testing.languages import core_dumps
+    from rtf.testing.languages import program
 
     told = tmp_path / "pattern"
     told.write_text(f"{tmp_path}/%e.%p.%t-100%%")
-    monkeypatch.setattr(core_dumps, "_PATTERN", told)
+    monkeypatch.setattr(program, "_CORE_PATTERN", told)
     (tmp_path / "program.77.1234-100%").write_bytes(b"core")
-    assert core_dumps.keep(77, tmp_path / "kept", 0.0) == ""
+    assert program.keep_core_dump(77, tmp_path / "kept", 0.0) == ""
     assert (tmp_path / "kept" / "core.77").read_bytes() == b"core"

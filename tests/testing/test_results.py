@@ -146,3 +146,13 @@ def test_memory_of_a_test_that_fails_for_ever_is_bounded():
     test = results.tests["s/0"]
     assert (len(test.problems), test.problem_count, len(test.parts)) == (50, 10_000, 500)
     assert len(results.suites["s"].problems) == 50
+
+
+def test_a_case_belongs_to_its_program_and_no_test_to_itself():
+    """A journal that somebody else wrote may say anything."""
+    results = RunResult()
+    results.apply(SuitePlanned(suite="s", name="s"))
+    for test, parent in (("s/p", ""), ("s/p::a", "s/p"), ("s/p::a::b", "s/p::a"), ("s/own", "s/own"), ("s/x", "s/no")):
+        results.apply(TestPlanned(test=test, suite="s", name=test, parent=parent))
+    assert [[case.id for case in test.cases] for test in results.tests.values()] == [["s/p::a"], [], [], [], []]
+    assert not results.tests["s/own"].good

@@ -15,7 +15,7 @@ from rtf import clock
 from rtf.testing.events import Asked, Event, StackDumped, TestStarted
 from rtf.testing.isolation import judge
 from rtf.testing.isolation.judge import Outcome, Stop
-from rtf.testing.isolation.messages import STOP_SIGNAL, Answer
+from rtf.testing.isolation.messages import STOP_SIGNAL, Answer, Case
 from rtf.testing.isolation.transcript import Transcript
 from rtf.testing.isolation.worker_pool import ForkServerLostError, LoadTimeoutError
 from rtf.testing.verdict import UNDOING_PHASES, Phase, Verdict
@@ -59,7 +59,7 @@ class Attempt:
 
     ``tick`` is called after whatever happened, and says whether and why the attempt must be ended from outside: the
     suite knows of lost fixtures, interrupts and its own limits. ``next_tick`` is the moment it wants to be asked at
-    the latest.
+    the latest. ``take_case`` is called with each case of a program, and says whether it is kept.
     """
 
     def __init__(
@@ -72,6 +72,7 @@ class Attempt:
         tick: Callable[[], Stop | None],
         next_tick: Callable[[], clock.Deadline],
         kill_now: Callable[[], bool],
+        take_case: Callable[[Case], bool],
         ask: Callable[[Asked, Callable[[str | None, str], None]], None] | None = None,
         fixtures: dict[str, int] | None = None,
     ) -> None:
@@ -82,6 +83,7 @@ class Attempt:
         self._tick = tick
         self._next_tick = next_tick
         self._kill_now = kill_now
+        self._take_case = take_case
         self._ask = ask
         self._fixtures = fixtures or {}
         self._child: Child
@@ -103,7 +105,13 @@ class Attempt:
         began = clock.monotonic()
         earlier: set[str] = set()
         self._said = Transcript(
-            self._job, self._emit, enter=self._enter, finish=self._finish, ask=self._put, earlier=earlier
+            self._job,
+            self._emit,
+            enter=self._enter,
+            finish=self._finish,
+            ask=self._put,
+            take_case=self._take_case,
+            earlier=earlier,
         )
         try:
             child = self._child = self._obtain(take or self._take_fresh)
@@ -252,6 +260,10 @@ class Attempt:
             self._emit(StackDumped(text=stacks, cause=cause, test=self._job.id))
 
 
+def _kind(message: Event | Case) -> str:
+    return message.kind if isinstance(message, Event) else "case"
+
+
 def _left(limit: float | None, used: float) -> clock.Deadline:
     """What is left of a time limit. The deadline names the limit as a whole."""
     if limit is None:
@@ -259,7 +271,7 @@ def _left(limit: float | None, used: float) -> clock.Deadline:
     return clock.Deadline(clock.monotonic() + max(0.0, limit - used), limit)
 
 
-def run_in_process(job: Job, emit: Callable[[Event], None]) -> Outcome:
+def run_in_process(job: Job, emit: Callable[[Event], None], take_case: Callable[[Case], object]) -> Outcome:
     """Run one attempt inside the runner, for a debugger's sake; nothing can end a test that hangs.
 
     Limits, memory and questions do not apply.
@@ -269,7 +281,14 @@ def run_in_process(job: Job, emit: Callable[[Event], None]) -> Outcome:
 
     began = clock.monotonic()
     emit(TestStarted(test=job.id, attempt=job.attempt))
-    session = Session(job.id, emit, folder=job.folder, run_folder=job.run_folder)
+
+    def send(said: Event | Case) -> None:
+        if isinstance(said, Case):
+            take_case(said)
+        else:
+            emit(said)
+
+    session = Session(job.id, send, folder=job.folder, run_folder=job.run_folder)
     finished = run_test(job, session)
     return Outcome(
         verdict=Verdict(finished.outcome),

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import signal
 import struct
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
 import msgspec
 
-from rtf.testing.events import KINDS, FixtureIncident, OutputCaptured
+from rtf import clock
+from rtf.testing.events import KINDS, Count, FixtureIncident, Moment, OutputCaptured
 from rtf.testing.events import Message as TestMessage
 from rtf.testing.outcome import TestingError
 from rtf.testing.plugins import PluginRef
+from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,6 +39,9 @@ SAFE_STATE_NAME = "rtf parking"
 
 #: The exit status of a process of ours that cannot reach its runner any more.
 CUT_OFF = 71
+
+#: No case of a program takes longer, in seconds; a program may write anything.
+LONGEST_CASE = 1e9
 
 #: A longer message is none of ours.
 MESSAGE_LIMIT = 32 << 20
@@ -113,6 +118,7 @@ class Job(Message, frozen=True, kw_only=True):
     private memory in bytes a process may use, 0 for no limit. ``last`` says that no other job follows.
     ``variables`` are set in the environment of the process; ``values`` are those of its fixtures, as a JSON text.
     ``terminal`` is the device at which the test is debugged; ``core_dumps`` says whether those of programs are kept.
+    ``cases`` are the names of the only cases that a program is to run.
     """
 
     plugin: PluginRef
@@ -137,6 +143,7 @@ class Job(Message, frozen=True, kw_only=True):
     values: str = ""
     terminal: str = ""
     core_dumps: bool = False
+    cases: tuple[str, ...] = ()
 
 
 class Inspect(Message, frozen=True):
@@ -171,6 +178,25 @@ class Finished(msgspec.Struct, frozen=True, tag_field="event", tag="finished"):
     reason: str = ""
     detail: str = ""
     stopped: str = ""
+
+
+class Case(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_field="event", tag="case"):
+    """One case of the program that ``test`` runs, when it is over: the runner makes a test of its own of it.
+
+    No two cases of one run of a program have one name. ``subject`` names the repetition. ``detail`` is the sentence for
+    people, ``duration`` in seconds as far as the program tells it, ``file`` and ``line`` say where the case is written.
+    """
+
+    test: str
+    name: str
+    verdict: Verdict
+    detail: str = ""
+    duration: Annotated[float, msgspec.Meta(ge=0, le=LONGEST_CASE)] = 0.0
+    subject: str = ""
+    file: str = ""
+    line: Count = 0
+    messages: tuple[TestMessage, ...] = ()
+    time: Moment = msgspec.field(default_factory=clock.now)
 
 
 class Found(msgspec.Struct, frozen=True, tag_field="event", tag="found"):
@@ -276,7 +302,7 @@ class Frames:
 to_fork_server = msgspec.msgpack.Decoder(Fork | Signal | MarkHost | Preload).decode
 to_runner = msgspec.msgpack.Decoder(Forked | Exited | Loaded).decode
 to_child = msgspec.msgpack.Decoder(Job | Inspect | Answer | Command).decode
-from_child = msgspec.msgpack.Decoder(Union[(Finished, Found, *KINDS.values())]).decode
+from_child = msgspec.msgpack.Decoder(Union[(Finished, Case, Found, *KINDS.values())]).decode
 from_fixture = msgspec.msgpack.Decoder(
     Doing | Provided | Ready | Alive | Lost | FixtureIncident | TestMessage | OutputCaptured
 ).decode

@@ -28,7 +28,7 @@ from rtf.testing.events import (
 )
 from rtf.testing.isolation import messages
 from rtf.testing.isolation.capture import Capture
-from rtf.testing.isolation.messages import Finished
+from rtf.testing.isolation.messages import Case, Finished
 from rtf.testing.verdict import UNDOING_PHASES, MeasurementVerdict, Phase, Severity
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ _ALLOWED = (
     TestRenamed,
     Asked,
     Answered,
+    Case,
 )
 
 
@@ -64,7 +65,8 @@ class Transcript:
     """What one attempt has said so far.
 
     ``enter`` is called with each phase that begins and returns its limit in seconds; ``finish`` is called at the last
-    word; ``ask`` takes a question to the operator. ``earlier`` are the tests that ran in the same process before.
+    word; ``ask`` takes a question to the operator; ``take_case`` keeps a case of a program, and returns False if there
+    are too many. ``earlier`` are the tests that ran in the same process before.
     """
 
     def __init__(
@@ -75,6 +77,7 @@ class Transcript:
         enter: Callable[[Phase], float | None],
         finish: Callable[[], None],
         ask: Callable[[Asked], None],
+        take_case: Callable[[Case], bool],
         earlier: Collection[str],
     ) -> None:
         self.phase = Phase.LOAD
@@ -89,6 +92,7 @@ class Transcript:
         self._enter = enter
         self._finish = finish
         self._ask = ask
+        self._take_case = take_case
         self._earlier = earlier
         self._repetition = 0
         self._garbled = 0
@@ -111,11 +115,14 @@ class Transcript:
         elif not isinstance(message, _ALLOWED):
             self._garble(f"may not say {message.kind if isinstance(message, Event) else 'that'}")
         elif message.test == self._job.id:
-            self._take(message, len(data))
+            if isinstance(message, Case):
+                self._hear_case(message, len(data))
+            else:
+                self._take(message, len(data))
         elif message.test in self._earlier:
             self._say_late(message, message.test)
         else:
-            self._garble(f"may not say {message.kind} of {message.test[:_QUOTED]!r}")
+            self._garble(f"may not say {_kind(message)} of {message.test[:_QUOTED]!r}")
 
     def note(self, severity: Severity, title: str, detail: str) -> None:
         """Say something in the name of the test; an error counts."""
@@ -141,13 +148,22 @@ class Transcript:
         else:
             self._left_out += 1
 
-    def _say_late(self, event: Event, test: str) -> None:
+    def _hear_case(self, case: Case, size: int) -> None:
+        """Have a case kept. One that is bad and cannot be kept makes the program fail."""
+        self._bytes += size
+        bad = not case.verdict.good
+        if self._bytes > (2 * EVENT_BYTES if bad else EVENT_BYTES) or not self._take_case(case):
+            self._left_out += 1
+            self.failures += bad
+            self.first = self.first or (f"{case.name}: {case.detail}" if bad else "")
+
+    def _say_late(self, event: Event | Case, test: str) -> None:
         """A thread of an earlier test lives on in the process that this test shares with it."""
         self._late += 1
         if self._late > _TOLD:
             self._left_out += 1
             return
-        text = f"{event.title}: {event.detail}" if isinstance(event, Message) else event.kind
+        text = f"{event.title}: {event.detail}" if isinstance(event, Message) else _kind(event)
         detail = f"said by a thread of the test after the test was over: {text}"[:_QUOTED]
         self._emit(Message(severity=Severity.WARNING, title="late", detail=detail, test=test))
 
@@ -186,3 +202,7 @@ class Transcript:
         if event.phase is Phase.RUN and self.phase is Phase.RUN:
             return self._repetition < event.repetition <= self._job.repetition + 1
         return _ORDER.index(event.phase) > _ORDER.index(self.phase) if event.phase in _ORDER else False
+
+
+def _kind(message: Event | Case) -> str:
+    return message.kind if isinstance(message, Event) else "case"

@@ -227,6 +227,7 @@ def run_test(job: Job, session: Session) -> Finished:
 def _load(job: Job, session: Session) -> TestCase:
     case = (_makers.get(job.plugin) or plugins.test_maker(job.plugin))()
     case.attach_to(session, job.environment)
+    session.cases = job.cases
     require_limits(timeout=case.timeout)
     case.take_fixture_values(job.values)
     rows = case.resolve_parameters(
@@ -276,7 +277,7 @@ def _repeat(case: TestCase, job: Job, session: Session) -> None:
     for count in range(1, total + 1):
         session.enter(Phase.RUN, count)
         began = clock.monotonic()
-        before = session.tally.failures + session.tally.errors
+        before = _bad(session)
 
         def body(count: int = count) -> None:
             with session.part(f"repetition {count}/{total}"):
@@ -284,7 +285,7 @@ def _repeat(case: TestCase, job: Job, session: Session) -> None:
 
         _step(session, Phase.RUN, body)
         durations.append(clock.monotonic() - began)
-        bad = session.tally.failures + session.tally.errors > before
+        bad = _bad(session) > before
         passed += not bad and not session.stopped
         if session.stopped:
             break
@@ -293,6 +294,10 @@ def _repeat(case: TestCase, job: Job, session: Session) -> None:
             session.message(Severity.WARNING, "repetitions", text, ("", 0))
             break
     _report_repetitions(session, passed, durations)
+
+
+def _bad(session: Session) -> int:
+    return session.tally.failures + session.tally.errors + session.bad_cases
 
 
 def _report_repetitions(session: Session, passed: int, durations: list[float]) -> None:

@@ -48,6 +48,12 @@ class JunitProblem:
         """Message and text; often the text repeats the message, then only the text."""
         return self.text if self.message in self.text else f"{self.message}\n{self.text}".strip()
 
+    @property
+    def detail(self) -> str:
+        """Message and text without the place, where they begin with it."""
+        text = str(self)
+        return (_PLACE.sub("", text, count=1).strip() if self.file else text) or text
+
 
 @dataclass(frozen=True, slots=True)
 class JunitCase:
@@ -131,7 +137,7 @@ def _case(element: etree._Element) -> JunitCase:
 def _problem(element: etree._Element) -> JunitProblem:
     text = _text(element)
     message = _attribute(element, "message") or _attribute(element, "type")
-    match = _PLACE.match(text)
+    match = _PLACE.match(text or message)
     file, line = (match[1].strip(), int(match[2])) if match else ("", 0)
     return JunitProblem(_local(element), message, text, file, line)
 

@@ -17,21 +17,16 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
 
-from rtf.testing.languages.raw_parameters import RawParameters
+from rtf.testing.languages.scripts import ScriptTest
 from rtf.testing.outcome import TestFailure, TestProblem
 from rtf.testing.plugins import PluginError, PluginRef
-from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from rtf.testing.case import TestCase
-    from rtf.testing.session import Session
 
 MODULE = "robottestingframework"
-
-#: Characters of a value that are shown in a title.
-_SHOWN = 200
 
 _POSITIONAL = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 
@@ -54,7 +49,7 @@ def install() -> ModuleType:
     return sys.modules[MODULE]
 
 
-class LegacyTest(RawParameters):
+class LegacyTest(ScriptTest):
     """One of the C++ framework's Python scripts."""
 
     def __init__(self, name: str, script: object) -> None:
@@ -99,11 +94,6 @@ class LegacyTest(RawParameters):
         finally:
             _running.pop()
 
-    @property
-    def session(self) -> Session:
-        """Where the script's calls go."""
-        return self._session
-
 
 def _now() -> LegacyTest:
     if not _running:
@@ -119,64 +109,25 @@ def _caller() -> tuple[str, int]:
 # What scripts call; the names are the C++ framework's -----------------------------------------------------------------
 
 
-def set_name(name: object) -> None:
-    """Report under another name."""
-    _now().rename(str(name))
-
-
-def test_report(message: object) -> None:
-    """Say something."""
-    _now().session.message(Severity.INFO, "reports", str(message), _caller())
-
-
-def test_check(condition: object, message: object) -> None:
-    """Report the message if the condition holds, as a failure if it does not."""
-    session = _now().session
-    session.judged()
-    session.message(Severity.PASS if condition else Severity.FAILURE, "checks", str(message), _caller())
-
-
-def test_fail_if(condition: object, message: object) -> None:
-    """Report a failure if the condition does NOT hold, whatever the name says: it is the C++ framework's meaning."""
-    session = _now().session
-    session.judged()
-    if not condition:
-        session.message(Severity.FAILURE, f"checking ({str(condition)[:_SHOWN]})", str(message), _caller())
-
-
-def test_fail(condition_text: object, message: object) -> None:
-    """Report a failure."""
-    session = _now().session
-    session.judged()
-    session.message(Severity.FAILURE, f"checking ({str(condition_text)[:_SHOWN]})", str(message), _caller())
-
-
-def assert_error(message: object) -> NoReturn:
-    """End the test as an error."""
+def _assert_error(message: object) -> NoReturn:
     _now()
     raise TestProblem(str(message))
 
 
-def assert_fail(message: object) -> NoReturn:
-    """End the test as failed."""
+def _assert_fail(message: object) -> NoReturn:
     _now().session.judged()
     raise TestFailure(str(message))
 
 
-def get_environment() -> str:
-    """The suite's environment string."""
-    return _now().environment
-
-
-_FUNCTIONS = {
-    "setName": set_name,
-    "testReport": test_report,
-    "testCheck": test_check,
-    "testFailIf": test_fail_if,
-    "testFail": test_fail,
-    "assertError": assert_error,
-    "assertFail": assert_fail,
-    "getEnvironment": get_environment,
+_FUNCTIONS: dict[str, Callable[..., object]] = {
+    "setName": lambda name: _now().rename(str(name)),
+    "testReport": lambda message: _now().tell(_caller(), str(message)),
+    "testCheck": lambda condition, message: _now().tell_check(_caller(), condition, str(message)),
+    "testFailIf": lambda condition, message: _now().fail_unless(_caller(), condition, str(condition), str(message)),
+    "testFail": lambda condition, message: _now().fail_unless(_caller(), False, str(condition), str(message)),
+    "assertError": _assert_error,
+    "assertFail": _assert_fail,
+    "getEnvironment": lambda: _now().environment,
 }
 
 

@@ -16,23 +16,21 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from rtf.testing.languages.raw_parameters import RawParameters
+from rtf.testing.languages.scripts import ScriptTest
 from rtf.testing.outcome import SkipTest, TestFailure, TestingError, TestProblem, TestStopped
 from rtf.testing.plugins import PluginError, PluginRef
-from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from types import CodeType
 
-    Place = tuple[str, int]
+    from rtf.testing.languages.scripts import Place
 
 #: The interpreters of lupa a test may run in, best first. LuaJIT is none: its compiled loops could not be stopped.
 _INTERPRETERS = ("lua54", "lua55", "lua53", "lua52")
 #: Instructions between two looks for a stop: about a millisecond.
 _STEPS = 100_000
-#: Characters of a value that are shown in a title.
-_SHOWN = 200
+_PRELUDE = Path(__file__).with_name("prelude.lua")
 _LINE = re.compile(r":([0-9]+):")
 
 
@@ -69,7 +67,7 @@ def _deny(*_: object) -> NoReturn:
     raise AttributeError("Python objects are closed to Lua")
 
 
-class LuaTest(RawParameters):
+class LuaTest(ScriptTest):
     """One Lua script in an interpreter of its own."""
 
     def __init__(self, path: Path) -> None:
@@ -79,9 +77,9 @@ class LuaTest(RawParameters):
         self._stopped_before = False
         self._api: dict[str, Callable[..., object]] = {
             "setName": self._set_name,
-            "testReport": self._test_report,
-            "testCheck": self._test_check,
-            "testFailIf": self._test_fail_if,
+            "testReport": self.tell,
+            "testCheck": self.tell_check,
+            "testFailIf": self.fail_unless,
             "assertError": self._assert_error,
             "assertFail": self._assert_fail,
             "getEnvironment": self._get_environment,
@@ -98,7 +96,7 @@ class LuaTest(RawParameters):
             unpack_returned_tuples=True,
             attribute_filter=_deny,
         )
-        prelude = lua.eval(b"load")(PRELUDE, b"=[rtf]", b"t")
+        prelude = lua.eval(b"load")(_PRELUDE.read_bytes(), b"=[rtf]", b"t")
         self._begin, self._has, self._invoke = prelude(
             self._host, self._look, self._chunk, _bytes(str(path.parent)), _STEPS
         )
@@ -188,19 +186,6 @@ class LuaTest(RawParameters):
     def _set_name(self, _place: Place, name: str) -> None:
         self.rename(name)
 
-    def _test_report(self, place: Place, text: str) -> None:
-        self._session.message(Severity.INFO, "reports", text, place)
-
-    def _test_check(self, place: Place, holds: bool, text: str) -> None:
-        self._session.judged()
-        self._session.message(Severity.PASS if holds else Severity.FAILURE, "checks", text, place)
-
-    def _test_fail_if(self, place: Place, holds: bool, shown: str, text: str) -> None:
-        """Fails when the condition does NOT hold, whatever the name says: it is the C++ framework's meaning."""
-        self._session.judged()
-        if not holds:
-            self._session.message(Severity.FAILURE, f"checking ({shown[:_SHOWN]})", text, place)
-
     def _assert_error(self, place: Place, text: str) -> None:
         _raise_at(place, TestProblem(text))
 
@@ -225,11 +210,7 @@ class LuaTest(RawParameters):
 
 
 def _at(place: Place, function: Callable[..., Any], *arguments: object) -> Any:  # whatever the function returns
-    """Call a function as if from a line of the script.
-
-    Whoever looks for the author's place, in a traceback or among the callers, finds the script's, as with the templates
-    of Jinja.
-    """
+    """Call a function as if from a line of the script, so that callers and tracebacks lead there, as with Jinja."""
     names = {"function": function, "arguments": arguments}
     return eval(_line_code("function(*arguments)", "eval", *place), names)  # noqa: S307 - the code is this constant
 
@@ -250,117 +231,3 @@ def _text(data: object) -> str:
 
 def _bytes(text: str) -> bytes:
     return text.encode("utf-8", errors="surrogateescape")
-
-
-# What runs before a script. Exceptions of Python (a failed assertion, a skip, a stop) travel through Lua as opaque
-# error values: a script's ``pcall`` catches them as any other error, and passed on they are still what they were.
-
-#: Called with the function behind the API, the one behind the hook, the script's chunk name and folder, and the number
-#: of instructions between two looks for a stop. Returns three functions: ``begin(code)`` runs the script,
-#: ``has(name)`` says whether ``TestCase`` has a function, ``invoke(name, ...)`` calls it. ``begin`` and ``invoke``
-#: return kind, value, source, line and traceback; the kind is ``done``, ``raised`` (a Python exception), ``failed``
-#: (a Lua error) or ``unreadable`` (a syntax error).
-PRELUDE = rb"""
-local host, look, chunkname, folder, steps = ...
-local traceback, getinfo, sethook = debug.traceback, debug.getinfo, debug.sethook
-local error, type, tostring, getmetatable = error, type, tostring, getmetatable
-local pcall, xpcall, load = pcall, xpcall, load
-local main, stdout = coroutine.running(), io.stdout
-local own = "=[rtf]"
-
--- The nearest frame that is the script's.
-local function place()
-    for level = 2, 200 do
-        local info = getinfo(level, "Sl")
-        if not info then break end
-        if info.what ~= "C" and info.source ~= own then return info.source, info.currentline end
-    end
-    return "", 0
-end
-
-local function call(name, ...)
-    local source, line = place()
-    return host(name, source, line, ...)
-end
-
--- A stop must come through a loop that never leaves Lua, and through any number of pcalls: once it is due it is raised
--- at every instruction of the script, until none is left to run.
-local function tick()
-    local fine, problem = pcall(look)
-    if fine then return end
-    sethook(tick, "", 1)
-    sethook(main, tick, "", 1)
-    if getinfo(2, "S").source ~= own then error(problem, 0) end
-end
-
--- A coroutine has a hook of its own.
-local function hooked(f)
-    if type(f) ~= "function" then return f end
-    return function(...)
-        sethook(tick, "", steps)
-        return f(...)
-    end
-end
-local create, wrap = coroutine.create, coroutine.wrap
-coroutine.create = function(f) return create(hooked(f)) end
-coroutine.wrap = function(f) return wrap(hooked(f)) end
-
-TestCase = {}
-robottestingframework = {
-    setName = function(name) call("setName", tostring(name)) end,
-    testReport = function(text) call("testReport", tostring(text)) end,
-    testCheck = function(condition, text) call("testCheck", condition and true or false, tostring(text)) end,
-    testFailIf = function(condition, text)
-        call("testFailIf", condition and true or false, tostring(condition), tostring(text))
-    end,
-    testFail = function(condition, text) call("testFailIf", false, tostring(condition), tostring(text)) end,
-    assertError = function(text) call("assertError", tostring(text)) end,
-    assertFail = function(text) call("assertFail", tostring(text)) end,
-    getEnvironment = function() return (call("getEnvironment")) end,
-    measure = function(name, value, unit, low, high) call("measure", tostring(name), value, unit, low, high) end,
-    skip = function(text) call("skip", tostring(text)) end,
-    progress = function(fraction, text) call("progress", fraction, tostring(text or "")) end,
-}
-package.loaded.robottestingframework = robottestingframework
-package.path = folder .. "/?.lua;" .. package.path
-
-os.exit = function(code) error("the script called os.exit(" .. tostring(code) .. ")", 2) end
-stdout:setvbuf("line") -- the process ends without flushing what Lua holds
-python = nil
-package.loaded.python = nil
-
-local function handler(problem)
-    local source, line = place()
-    local text = tostring(problem)
-    if type(problem) == "table" and not (getmetatable(problem) or {}).__tostring then
-        text = "the error value is a table"
-    end
-    local trace = traceback(text, 2):gsub("\n\t%(...tail calls...%)\n\t%[C%]: in function 'xpcall'\n\t%[rtf%].*$", "")
-    local failed = {kind = "failed", value = text, source = source, line = line, trace = trace}
-    if type(problem) == "userdata" then failed.kind, failed.value = "raised", problem end
-    return failed
-end
-
-local function result(fine, value)
-    sethook()
-    stdout:flush()
-    if fine then return "done", value and true or false end
-    return value.kind, value.value, value.source, value.line, value.trace
-end
-
-local function begin(code)
-    local chunk, problem = load(code, chunkname, "t")
-    if not chunk then return "unreadable", problem end
-    return result(xpcall(hooked(chunk), handler))
-end
-
-local function has(name)
-    return type(TestCase) == "table" and type(TestCase[name]) == "function"
-end
-
-local function invoke(name, ...)
-    return result(xpcall(hooked(TestCase[name]), handler, ...))
-end
-
-return begin, has, invoke
-"""

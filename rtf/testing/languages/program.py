@@ -6,9 +6,14 @@ The program lives in the worker's process group, so that the runner's last resor
 from __future__ import annotations
 
 import errno
+import glob
 import os
+import resource
 import select
+import shutil
 import subprocess
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
@@ -24,6 +29,9 @@ GRACE = 1.0
 _CHUNK = 64 * 1024
 #: The largest pipe an unprivileged process can have: what may still be unread when the program has ended.
 _PIPE = 1 << 20
+
+_CORE_PATTERN = Path("/proc/sys/kernel/core_pattern")
+_CORE_WITH_PID = Path("/proc/sys/kernel/core_uses_pid")
 
 
 class LineCutter:
@@ -50,23 +58,31 @@ class LineCutter:
         return line[: self._limit].decode("utf-8", errors="replace")
 
 
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a program ended: its exit status, or the name of the signal; ``no_core`` says why no core dump is kept."""
+
+    status: int | None
+    signal: str = ""
+    no_core: str = ""
+
+    def __str__(self) -> str:
+        return processes.describe_end(self.status, self.signal)
+
+
 def run_program(
-    words: Sequence[str],
-    environ: Mapping[str, str],
-    take: Callable[[bytes], object],
-    *,
-    before: Callable[[], None] = processes.die_with_parent,
-    crashed: Callable[[int], object] = lambda _: None,
-) -> tuple[int | None, str]:
-    """Run a program to its end and hand what it writes to ``take``. Returns its exit status, or the signal's name.
+    words: Sequence[str], environ: Mapping[str, str], take: Callable[[bytes], object], *, cores: Path | None = None
+) -> Ended:
+    """Run a program to its end and hand what it writes to ``take``.
 
     Whatever leaves this function by exception, the program has ended before: it gets SIGTERM, and SIGKILL a second
-    later. ``before`` is called in its process before it is the program, ``crashed`` with its number after a signal
-    ended it. A grandchild that holds the pipe open is not waited for. Raises TestProblem when it cannot be started.
+    later. A core dump is put into the folder ``cores``. A grandchild that holds the pipe open is not waited for. Raises
+    TestProblem when the program cannot be started.
     """
-    program = _start(words, environ, before)
+    began = clock.now()
+    program = _start(words, environ, _allow_core_dumps if cores else processes.die_with_parent)
     try:
-        _follow(program, take, clock.Deadline.after(None))
+        _follow(program, take, clock.Deadline())
     except BaseException:
         _end(program, take)
         raise
@@ -74,9 +90,9 @@ def run_program(
         if program.stdout is not None:
             program.stdout.close()
     status = program.wait()
-    if status < 0:
-        crashed(program.pid)
-    return (None, processes.signal_name(-status)) if status < 0 else (status, "")
+    if status >= 0:
+        return Ended(status)
+    return Ended(None, processes.signal_name(-status), keep_core_dump(program.pid, cores, began) if cores else "")
 
 
 def _start(words: Sequence[str], environ: Mapping[str, str], before: Callable[[], None]) -> subprocess.Popen[bytes]:
@@ -90,9 +106,10 @@ def _start(words: Sequence[str], environ: Mapping[str, str], before: Callable[[]
             preexec_fn=before,  # noqa: PLW1509 - a worker has one thread when it starts the program
         )
     except OSError as error:
-        raise TestProblem(why_not_started(words[0], error), title="the program cannot be started") from None
+        why = why_not_started(words[0], error)
     except ValueError as error:  # a NUL character in an argument
-        raise TestProblem(f"{words[0]}: {error}", title="the program cannot be started") from None
+        why = f"{words[0]}: {error}"
+    raise TestProblem(why, title="the program cannot be started")
 
 
 def why_not_started(file: str, error: OSError) -> str:
@@ -128,35 +145,23 @@ def _interpreter(file: str) -> str:
 def _follow(program: subprocess.Popen[bytes], take: Callable[[bytes], object], deadline: clock.Deadline) -> None:
     """Read until the program has ended or the deadline has passed."""
     assert program.stdout is not None
-    out = program.stdout.fileno()
-    os.set_blocking(out, False)
-    ended = os.pidfd_open(program.pid)
+    out, ended = program.stdout.fileno(), os.pidfd_open(program.pid)
+    sources = [ended, out]
     try:
-        poll = select.poll()
-        poll.register(out, select.POLLIN)
-        poll.register(ended, select.POLLIN)
         while not deadline.expired:
-            ready = {descriptor for descriptor, _ in poll.poll(_milliseconds(deadline))}
+            ready, _, _ = select.select(sources, [], [], None if deadline.at == clock.FOREVER else deadline.remaining())
             if ended in ready:
                 _drain(out, take)
                 return
-            if out in ready and _read(out, take) == 0:
-                poll.unregister(out)
+            if ready and not _read(out, take):
+                sources.remove(out)
     finally:
         os.close(ended)
 
 
-def _milliseconds(deadline: clock.Deadline) -> int | None:
-    left = deadline.remaining()
-    return None if left == clock.FOREVER else int(left * 1000) + 1
-
-
-def _read(out: int, take: Callable[[bytes], object]) -> int | None:
-    """Read once. Returns the number of bytes, 0 at the end, None when there is nothing now."""
-    try:
-        data = os.read(out, _CHUNK)
-    except BlockingIOError:
-        return None
+def _read(out: int, take: Callable[[bytes], object]) -> int:
+    """Read once, and wait for it. Returns the number of bytes, 0 at the end."""
+    data = os.read(out, _CHUNK)
     if data:
         take(data)
     return len(data)
@@ -165,11 +170,9 @@ def _read(out: int, take: Callable[[bytes], object]) -> int | None:
 def _drain(out: int, take: Callable[[bytes], object]) -> None:
     """Read what the ended program left in the pipe, and no more: a grandchild may write for ever."""
     left = _PIPE
-    while left > 0:
+    while left > 0 and select.select([out], [], [], 0)[0]:
         count = _read(out, take)
-        if not count:
-            return
-        left -= count
+        left -= count or _PIPE
 
 
 def _end(program: subprocess.Popen[bytes], take: Callable[[bytes], object]) -> None:
@@ -181,3 +184,45 @@ def _end(program: subprocess.Popen[bytes], take: Callable[[bytes], object]) -> N
         if program.poll() is None:
             program.kill()
         program.wait()
+
+
+# Core dumps: kept on request, where the kernel writes files ---------------------------------------------------------
+
+
+def _allow_core_dumps() -> None:
+    """Let the program that this process becomes write core files."""
+    processes.die_with_parent()
+    _, most = resource.getrlimit(resource.RLIMIT_CORE)
+    resource.setrlimit(resource.RLIMIT_CORE, (most, most))
+
+
+def keep_core_dump(pid: int, folder: Path, since: float) -> str:
+    """Move the core file of a program that crashed into a folder. Says why there is none, or nothing.
+
+    ``since`` is when the program was started, in seconds since 1970; an older file is of another one.
+    """
+    pattern = _CORE_PATTERN.read_text().strip()
+    if pattern.startswith("|"):
+        return (
+            f"no core dump is kept: the kernel hands it to {pattern[1:].split()[0]}; "
+            "`sysctl kernel.core_pattern=core.%p` has it write files"
+        )
+    if resource.getrlimit(resource.RLIMIT_CORE)[1] == 0:
+        return "no core dump is kept: the limit of this machine is 0 (ulimit -Hc)"
+    found = [path for path in _candidates(pattern, pid) if path.is_file() and path.stat().st_mtime >= since - 1.0]
+    if not found:
+        return f"the kernel has written no core dump as {pattern} in {Path.cwd()}"
+    newest = max(found, key=lambda path: path.stat().st_mtime)
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.move(newest, folder / f"core.{pid}")
+    return ""
+
+
+def _candidates(pattern: str, pid: int) -> list[Path]:
+    """The files that the pattern may mean; of its variables only the process is known for sure, see core(5)."""
+    name, parts = "", iter(pattern)
+    for character in parts:
+        variable = next(parts, "") if character == "%" else ""
+        name += {"%": "%", "p": str(pid)}.get(variable, "*") if variable else glob.escape(character)
+    names = [name, f"{name}.{pid}"] if _CORE_WITH_PID.read_text().strip() != "0" else [name]
+    return [Path(path) for one in names for path in glob.glob(one)]  # noqa: PTH207 - the pattern may be absolute

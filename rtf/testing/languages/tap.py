@@ -31,8 +31,6 @@ _INDENT = 4
 _BLOCK_INDENT = 2
 _LISTED = 10
 
-# Lines, each read on its own ------------------------------------------------------------------------------------------
-
 _VERSION = re.compile(r"TAP version ([0-9]{1,9})\s*$", re.IGNORECASE)
 _PLAN = re.compile(r"1\.\.([0-9]{1,9})\s*(?:#\s*(.*))?$")
 _POINT = re.compile(r"(not )?ok(?=\s|#|$)(?:\s+([0-9]{1,9})(?=\s|#|$))?")
@@ -43,118 +41,19 @@ _SUBTEST = re.compile(r"#\s*Subtest(?::\s*(.*))?$", re.IGNORECASE)
 _ESCAPED = re.compile(r"\\([\\#])")
 
 
-@dataclass(frozen=True, slots=True)
-class VersionLine:
-    """``TAP version 14``."""
-
-    version: int
-
-
-@dataclass(frozen=True, slots=True)
-class PlanLine:
-    """``1..7``; ``reason`` is what follows ``# SKIP`` (or the mere ``#``)."""
-
-    count: int
-    reason: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class PointLine:
-    """``ok 3 - description # SKIP reason``; ``number`` is None where the line has none."""
-
-    ok: bool
-    number: int | None
-    description: str
-    directive: str = ""  # "skip", "todo" or none
-    reason: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class BailOutLine:
-    """``Bail out! reason``."""
-
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class SubtestLine:
-    """``# Subtest: name``: a nested document follows."""
-
-    name: str
-
-
-@dataclass(frozen=True, slots=True)
-class CommentLine:
-    """``# anything``."""
-
-    text: str
-
-
-Line = VersionLine | PlanLine | PointLine | BailOutLine | SubtestLine | CommentLine
-
-
-def read_line(text: str) -> Line | None:
-    """Read one line without its indentation and line end; None for a line that is not of the protocol."""
-    first = text[:1]
-    if first == "#":
-        return _comment(text)
-    if first in "on":
-        return _point(text)
-    if first == "1":
-        match = _PLAN.match(text)
-        return PlanLine(int(match[1]), _SKIP_WORD.sub("", match[2] or "", count=1).strip()) if match else None
-    if first in "Tt":
-        match = _VERSION.match(text)
-        return VersionLine(int(match[1])) if match else None
-    match = _BAIL_OUT.match(text)
-    return BailOutLine(match[1].strip()) if match else None
-
-
-def _comment(text: str) -> SubtestLine | CommentLine:
-    match = _SUBTEST.match(text)
-    return SubtestLine((match[1] or "").strip()) if match else CommentLine(text[1:].strip())
-
-
-def _point(text: str) -> PointLine | None:
-    match = _POINT.match(text)
-    if match is None:
-        return None
-    rest = text[match.end() :]
-    directive, reason = "", ""
-    found = next((d for d in _DIRECTIVE.finditer(rest) if d[1].lower() == "skip" or not d[2]), None)
-    if found is not None:
-        directive, reason = found[1].lower(), rest[found.end() :].strip()
-        rest = rest[: found.start()]
-    description = _unescape(rest.strip().removeprefix("- ").strip())
-    if description == "-":
-        description = ""
-    return PointLine(not match[1], int(match[2]) if match[2] else None, description, directive, _unescape(reason))
-
-
-def _unescape(text: str) -> str:
-    return _ESCAPED.sub(r"\1", text) if "\\" in text else text
-
-
-def looks_like_tap(text: str) -> bool:
-    """Whether a program whose first line that is not empty is ``text`` speaks the protocol.
-
-    A version, a plan, or a test point that has more to it than the bare word ``ok``, which any program may print.
-    """
-    line = read_line(text.rstrip())
-    if isinstance(line, PointLine):
-        return line.number is not None or text.split("ok", 1)[1].lstrip().startswith(("- ", "#"))
-    return isinstance(line, VersionLine | PlanLine)
-
-
-# What lines mean together ---------------------------------------------------------------------------------------------
+# What is found in a stream -------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One test point. ``path`` names the subtests it lies in, outermost first; ``block`` is its YAML text."""
+    """One test point, such as ``ok 3 - description # SKIP reason``.
+
+    ``number`` is None where the line has none, and is then counted. ``path`` names the subtests that it lies in,
+    outermost first; ``block`` is the text of its YAML block.
+    """
 
     ok: bool
-    number: int
+    number: int | None
     description: str = ""
     directive: str = ""  # "skip", "todo" or none
     reason: str = ""
@@ -205,6 +104,78 @@ class BailOut:
 Item = Point | Comment | Fault | SkippedAll | BailOut
 
 
+# Lines that are no items: the parser keeps what they say.
+
+
+@dataclass(frozen=True, slots=True)
+class _Version:
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    count: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Subtest:
+    name: str
+
+
+_Line = Point | Comment | BailOut | _Version | _Plan | _Subtest
+
+
+def _read_line(text: str) -> _Line | None:
+    """Read one line without its indentation and line end; None for a line that is not of the protocol."""
+    first = text[:1]
+    if first == "#":
+        match = _SUBTEST.match(text)
+        return _Subtest((match[1] or "").strip()) if match else Comment(text[1:].strip())
+    if first in "on":
+        return _read_point(text)
+    if first == "1":
+        match = _PLAN.match(text)
+        return _Plan(int(match[1]), _SKIP_WORD.sub("", match[2] or "", count=1).strip()) if match else None
+    if first in "Tt":
+        match = _VERSION.match(text)
+        return _Version(int(match[1])) if match else None
+    match = _BAIL_OUT.match(text)
+    return BailOut(match[1].strip()) if match else None
+
+
+def _read_point(text: str) -> Point | None:
+    match = _POINT.match(text)
+    if match is None:
+        return None
+    rest = text[match.end() :]
+    directive, reason = "", ""
+    found = next((d for d in _DIRECTIVE.finditer(rest) if d[1].lower() == "skip" or not d[2]), None)
+    if found is not None:
+        directive, reason = found[1].lower(), rest[found.end() :].strip()
+        rest = rest[: found.start()]
+    description = _ESCAPED.sub(r"\1", rest.strip().removeprefix("- ").strip())
+    if description == "-":
+        description = ""
+    reason = _ESCAPED.sub(r"\1", reason)
+    number = int(match[2]) if match[2] else None
+    return Point(not match[1], number, description[:MAX_TEXT], directive, reason[:MAX_TEXT])
+
+
+def looks_like_tap(text: str) -> bool:
+    """Whether a program whose first line that is not empty is ``text`` speaks the protocol.
+
+    A version, a plan, or a test point that has more to it than the bare word ``ok``, which any program may print.
+    """
+    line = _read_line(text.rstrip())
+    if isinstance(line, Point):
+        return line.number is not None or text.split("ok", 1)[1].lstrip().startswith(("- ", "#"))
+    return isinstance(line, _Version | _Plan)
+
+
+# What lines mean together --------------------------------------------------------------------------------------------
+
+
 @dataclass(slots=True)
 class _Level:
     """One document: the stream itself, or a subtest."""
@@ -229,10 +200,11 @@ class TapParser:
     def __init__(self) -> None:
         self.version = 12
         self.bailed_out = False
+        self._found: list[Item] = []  # since the last time
         self._levels = [_Level()]
         self._point: Point | None = None  # waits for its YAML block
-        self._depth = 0  # of that point
         self._block: list[str] | None = None
+        self._block_indent = ""
         self._block_size = 0
         self._all_blocks = 0
         self._faults = 0
@@ -242,103 +214,117 @@ class TapParser:
 
     def feed(self, text: str) -> list[Item]:
         """Take one line, with or without its line end."""
-        if self.bailed_out:
-            return []
         text = text.rstrip()
-        if self._in_block(text):
-            return []
-        items = self._release()
-        body = text.lstrip(" ")
-        line = read_line(body)
-        if line is not None:
-            self._take(line, len(text) - len(body), items)
-        return items
+        if not self.bailed_out and not self._in_block(text):
+            self._release()
+            body = text.lstrip(" ")
+            line = _read_line(body)
+            if line is not None:
+                self._take(line, len(text) - len(body))
+        return self._give()
 
     def finish(self, *, cut_off: bool = False) -> list[Item]:
         """Say what is missing. When the program was ``cut_off``, a plan that is not kept is a mere consequence."""
-        items = self._release()
+        self._release()
         if self.bailed_out:
-            return items
+            return self._give()
         if cut_off:
-            items.extend(item for level in self._levels for item in level.held)
+            self._give_held()
         else:
-            self._close_to(0, items, "")
-            items.extend(self._missing(self._levels[0]))
+            self._close_to(0)
+            self._found += self._missing(self._levels[0])
         if self._untold_failures:
-            items.append(Fault(f"{self._untold_failures} more test points failed"))
-        return items
+            self._found.append(Fault(f"{self._untold_failures} more test points failed"))
+        return self._give()
+
+    def _give(self) -> list[Item]:
+        found, self._found = self._found, []
+        return found
+
+    def _give_held(self) -> None:
+        for level in self._levels:
+            self._found += level.held
 
     # YAML blocks ---------------------------------------------------------------------------------------------------
 
     def _in_block(self, text: str) -> bool:
+        """Whether a line belongs to the YAML block of the point that waits; such a block begins right behind it."""
         if self._point is None:
             return False
-        indent = " " * (self._depth * _INDENT + _BLOCK_INDENT)
+        indent = self._block_indent
         if self._block is None:
             if text != f"{indent}---":
                 return False
             self._block = []
             self._block_size = 0
-            return True
-        if text and not text.startswith(indent):
+        elif text and not text.startswith(indent):
             return False  # the block was never ended
-        if text == f"{indent}...":
-            self._end_block()
+        elif text == f"{indent}...":
+            self._release()
         elif self._block_size < MAX_BLOCK and self._all_blocks < MAX_BLOCKS:
             self._block.append(text[len(indent) :][: MAX_BLOCK - self._block_size])
             self._block_size += len(self._block[-1]) + 1
         return True
 
-    def _end_block(self) -> None:
-        if self._point is not None and self._block is not None:
-            self._point = replace(self._point, block="\n".join(self._block))
-        self._block = None
-        self._all_blocks += self._block_size
-        self._depth = MAX_DEPTH + 1  # where no line is: there is no second block
+    def _release(self) -> None:
+        """Give the waiting point with its block, or hold it back when it failed inside a subtest."""
+        point, block = self._point, self._block
+        self._point = self._block = None
+        if point is None:
+            return
+        if block is not None:
+            point = replace(point, block="\n".join(block))
+            self._all_blocks += self._block_size
+        if point.failed and point.path:
+            self._levels[-1].held.append(point)
+        else:
+            self._found.append(point)
 
     # Lines -----------------------------------------------------------------------------------------------------------
 
-    def _take(self, line: Line, indent: int, items: list[Item]) -> None:
-        if isinstance(line, BailOutLine):
+    def _take(self, line: _Line, indent: int) -> None:
+        if isinstance(line, BailOut):
             self.bailed_out = True
-            items.extend(item for level in self._levels for item in level.held)
-            items.append(BailOut(line.reason))
+            self._give_held()
+            self._found.append(line)
             return
         depth, rest = divmod(indent, _INDENT)
-        if rest or not self._reach(depth, line, items):
-            if isinstance(line, CommentLine):
-                items.append(Comment(line.text, self._levels[-1].path))
+        if rest or not self._reach(depth, line):
+            if isinstance(line, Comment):
+                self._found.append(replace(line, path=self._levels[-1].path))
             return
         level = self._levels[depth]
-        if isinstance(line, PointLine):
-            self._take_point(line, level, depth, items)
-        elif isinstance(line, PlanLine):
-            self._take_plan(line, level, items)
-        elif isinstance(line, SubtestLine):
-            level.announced = line.name
-        elif isinstance(line, CommentLine):
-            items.append(Comment(line.text, level.path))
-        else:
-            self._take_version(line, depth, items)
+        match line:
+            case Point():
+                self._take_point(line, level)
+                self._block_indent = " " * (indent + _BLOCK_INDENT)
+            case _Plan():
+                self._take_plan(line, level)
+            case _Subtest():
+                level.announced = line.name
+            case Comment():
+                self._found.append(replace(line, path=level.path))
+            case _Version():
+                self._take_version(line, level)
         self._begun = True
 
-    def _reach(self, depth: int, line: Line, items: list[Item]) -> bool:
+    def _reach(self, depth: int, line: _Line) -> bool:
         """Open or close subtests until the line's level is the current one. False when there is no such level."""
         current = len(self._levels) - 1
         if depth > current:
-            if isinstance(line, CommentLine) or depth > MAX_DEPTH:
+            if isinstance(line, Comment) or depth > MAX_DEPTH:
                 return False
-            if isinstance(line, SubtestLine):  # older producers indent the comment too
+            if isinstance(line, _Subtest):  # older producers indent the comment too
                 self._levels[-1].announced = line.name
                 return False
             if self.version < _WITH_SUBTESTS and (self._levels[-1].announced is None or depth > current + 1):
                 return False
             while len(self._levels) <= depth:
                 self._open()
-        elif depth < current and isinstance(line, PointLine):
-            self._close_to(depth, items, line.directive)
-        elif depth < current and isinstance(line, PlanLine | SubtestLine):
-            self._close_to(depth, items, "")
+        elif depth < current and isinstance(line, Point):
+            self._close_to(depth, line.directive)
+        elif depth < current and isinstance(line, _Plan | _Subtest):
+            self._close_to(depth)
         return True
 
     def _open(self) -> None:
@@ -347,40 +333,39 @@ class TapParser:
         parent.announced = None
         self._levels.append(_Level((*parent.path, name)))
 
-    def _close_to(self, depth: int, items: list[Item], directive: str) -> None:
+    def _close_to(self, depth: int, directive: str = "") -> None:
         """End the subtests below ``depth``; their failures count unless the parent's point has a directive."""
         while len(self._levels) - 1 > depth:
             level = self._levels.pop()
-            held: list[Point | Fault] = [*level.held, *self._missing(level)]
+            held = [*level.held, *self._missing(level)]
             parent = self._levels[-1]
-            excused = directive if len(self._levels) - 1 == depth else ""
-            if excused:
-                items.extend(_excuse(item, excused) for item in held)
+            if directive and len(self._levels) - 1 == depth:
+                self._found += [_excuse(item, directive) for item in held]
             elif parent.path:
-                parent.held.extend(held)
+                parent.held += held
             else:
-                items.extend(held)
+                self._found += held
 
-    def _take_version(self, line: VersionLine, depth: int, items: list[Item]) -> None:
-        if depth:
+    def _take_version(self, line: _Version, level: _Level) -> None:
+        if level.path:
             return
         if self._begun:
-            self._fault(f"TAP version {line.version} stands in the middle of the stream", self._levels[0], items)
-        elif line.version not in _VERSIONS:
-            self._fault(f"TAP version {line.version} is not known; known are 12, 13 and 14", self._levels[0], items)
+            self._fault(f"TAP version {line.number} stands in the middle of the stream", level)
+        elif line.number not in _VERSIONS:
+            self._fault(f"TAP version {line.number} is not known; known are 12, 13 and 14", level)
         else:
-            self.version = line.version
+            self.version = line.number
 
-    def _take_plan(self, line: PlanLine, level: _Level, items: list[Item]) -> None:
+    def _take_plan(self, line: _Plan, level: _Level) -> None:
         if level.plan is not None:
-            self._fault(f"a second plan 1..{line.count} after 1..{level.plan}", level, items)
+            self._fault(f"a second plan 1..{line.count} after 1..{level.plan}", level)
             return
         level.plan = line.count
         level.plan_after = level.points
         if line.count == 0 and not level.path:
-            items.append(SkippedAll(line.reason))
+            self._found.append(SkippedAll(line.reason))
 
-    def _take_point(self, line: PointLine, level: _Level, depth: int, items: list[Item]) -> None:
+    def _take_point(self, line: Point, level: _Level) -> None:
         number = level.last + 1 if line.number is None else line.number
         level.announced = None
         level.last = number
@@ -388,48 +373,28 @@ class TapParser:
         self._told += 1
         if self._told > MAX_POINTS:
             if self._told == MAX_POINTS + 1:
-                items.append(Comment(f"more than {MAX_POINTS} test points; of the rest only failures are counted"))
-            self._untold_failures += not line.ok and not line.directive
+                self._found.append(
+                    Comment(f"more than {MAX_POINTS} test points; of the rest only failures are counted")
+                )
+            self._untold_failures += line.failed
             return
         if level.plan is not None and level.plan_after and not level.misplaced:
             level.misplaced = True
-            self._fault("the plan stands neither before nor after all test points", level, items)
+            self._fault("the plan stands neither before nor after all test points", level)
         if number in level.seen:
-            self._fault(f"test point {number} comes twice", level, items)
+            self._fault(f"test point {number} comes twice", level)
         elif number == 0 or (level.plan is not None and number > level.plan):
             plan = "" if level.plan is None else f" 1..{level.plan}"
-            self._fault(f"test point {number} is outside the plan{plan}", level, items)
+            self._fault(f"test point {number} is outside the plan{plan}", level)
         level.seen.add(number)
-        self._point = Point(
-            line.ok, number, line.description[:MAX_TEXT], line.directive, line.reason[:MAX_TEXT], level.path
-        )
-        self._depth = depth
+        self._point = replace(line, number=number, path=level.path)
 
-    def _release(self) -> list[Item]:
-        """Give the waiting point, or hold it back when it failed inside a subtest."""
-        point = self._point
-        if point is None:
-            return []
-        if self._block is not None:
-            self._end_block()
-            point = self._point or point
-        self._point = None
-        if point.failed and point.path:
-            self._levels[-1].held.append(point)
-            return []
-        return [point]
-
-    def _fault(self, text: str, level: _Level, items: list[Item]) -> None:
+    def _fault(self, text: str, level: _Level) -> None:
         self._faults += 1
-        if self._faults > MAX_FAULTS:
-            return
-        fault = Fault(text, level.path)
-        if level.path:
-            level.held.append(fault)
-        else:
-            items.append(fault)
+        if self._faults <= MAX_FAULTS:
+            (level.held if level.path else self._found).append(Fault(text, level.path))
 
-    def _missing(self, level: _Level) -> list[Point | Fault]:
+    def _missing(self, level: _Level) -> list[Fault]:
         if level.plan is None:
             return [Fault("there is no plan (1..N), so nobody knows whether all test points came", level.path)]
         if level.points == level.plan:

@@ -11,13 +11,14 @@ import re
 import unicodedata
 from collections import Counter
 from hashlib import blake2b
+from itertools import chain, count
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from rtf.testing.suite.values import parameter_file_stem, plugin_stem, split_words
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
 #: Ids end up in links and file names; most file systems allow 255 bytes for a name.
 _MAX_NAME = 100
@@ -25,6 +26,10 @@ _MAX_NAME = 100
 _MAX_PIECE = 40
 _DIGEST = 6
 _UNFIT = re.compile(r"[^A-Za-z0-9._-]+")
+_UNFIT_IN_CASE = re.compile(r"[^A-Za-z0-9._\[\]-]+")
+_GAPS = re.compile(r"[\s/]+")
+#: Stands between the id of a program and its case; no other id has it.
+CASE_MARK = "::"
 _BRACKETS = re.compile(r"(.*?)\s*\[(.+)\]")
 _OPTION = re.compile(r"--?(?=[A-Za-z])")
 _LOCAL = re.compile(r"(.*/[^\[+]*)(\[.*\])?(\+[0-9]+)?")
@@ -78,6 +83,41 @@ def suite_id(name: str, file: str, names: NameBook) -> str:
     """Return the id of a suite: its name, and where another one has that also the name of its file."""
     plain = slug(name, "suite")
     return names.unique(plain, _with_piece(plain, _fit(PurePath(file).stem, _MAX_PIECE)))
+
+
+class CaseIds:
+    """Hands out the ids of the cases of one program, ``suite/program::case``.
+
+    The id is made from the name of the case alone, unless two names differ in nothing that an id can hold. ``given``
+    maps names to ids that they have already.
+    """
+
+    def __init__(self, program: str, given: Mapping[str, str] | None = None) -> None:
+        self._program = program
+        self._ids = dict(given or {})
+        self._taken = set(self._ids.values())
+
+    def of(self, name: str) -> str:
+        """Return the id of the case with this name; the same one each time."""
+        found = self._ids.get(name)
+        if found is None:
+            plain = f"{self._program}{CASE_MARK}{_label_of_case(name)}"
+            with_digest = f"{plain}-{digest(name)}"
+            candidates = chain((plain, with_digest), (f"{with_digest}+{number}" for number in count(2)))
+            found = self._ids[name] = next(candidate for candidate in candidates if candidate not in self._taken)
+            self._taken.add(found)
+        return found
+
+
+def program_of(test: str) -> str:
+    """Return the id of the program that a case is of; of a test that is no case, its own id."""
+    return test.partition(CASE_MARK)[0]
+
+
+def _label_of_case(name: str) -> str:
+    whole = _GAPS.sub("-", name.strip())
+    fit = _fit(whole, _MAX_NAME, _UNFIT_IN_CASE)
+    return fit if fit == whole else f"{fit[: _MAX_NAME - _DIGEST - 1]}-{digest(name)}".lstrip("-")
 
 
 def name_of_plugin(plugin: str, param: str = "", variant: Sequence[str] = ()) -> str:
@@ -163,6 +203,6 @@ def _with_piece(stem: str, piece: str) -> str:
     return f"{stem[:-1]}-{piece}]" if stem.endswith("]") else f"{stem}[{piece}]"
 
 
-def _fit(text: str, size: int) -> str:
+def _fit(text: str, size: int, unfit: re.Pattern[str] = _UNFIT) -> str:
     plain = unicodedata.normalize("NFKD", text[: 4 * _MAX_NAME]).encode("ascii", "ignore").decode("ascii")
-    return _UNFIT.sub("-", plain)[:size].strip("-.")
+    return unfit.sub("-", plain)[:size].strip("-.")

@@ -107,6 +107,7 @@ class TestEntry:
     the last of a name wins. ``requires`` entries that begin with ``test:`` name an earlier test by its id.
     Tests that ``occupies`` the same thing never run at the same time.
     ``fixtures`` None means all fixtures of the suite. With a ``problem`` it is an error that is not started.
+    ``cases`` are the only ones that are wanted of a program, each with its id and name; empty means all.
     """
 
     __test__ = False  # keeps pytest from collecting a class by the look of its name
@@ -131,6 +132,7 @@ class TestEntry:
     on_lost: LostPolicy = LostPolicy.RERUN
     description: str = ""
     problem: str = ""
+    cases: tuple[tuple[str, str], ...] = ()
     location: Location = _NOWHERE
 
     @property

@@ -21,7 +21,7 @@ job = Job(
     param=" ".join(param),
 )
 with open(events, "wb", buffering=0) as stream:
-    session = Session("suite/test", lambda event: stream.write(to_line(event)), folder=Path(folder), run_folder=Path(folder))
+    session = Session("suite/test", lambda event: stream.write(to_line(event) if hasattr(event, "seq") else b""), folder=Path(folder), run_folder=Path(folder))
     signal.signal(signal.SIGINT, lambda *_: session.stop("stopped"))
     outcome = run_test(job, session)
 # The most memory in kB; ru_maxrss would be that of whoever started this.

@@ -11,7 +11,7 @@ from rtf.testing.events import Event, Message, OutputCaptured, PhaseStarted, Sta
 from rtf.testing.isolation.attempt import Attempt, Limits
 from rtf.testing.isolation.child import End
 from rtf.testing.isolation.judge import Stop
-from rtf.testing.isolation.messages import DUMP_SIGNAL, STOP_SIGNAL, Finished, Frames, Job, pack
+from rtf.testing.isolation.messages import DUMP_SIGNAL, STOP_SIGNAL, Case, Finished, Frames, Job, pack
 from rtf.testing.plugins import PluginRef
 from rtf.testing.verdict import Phase, Severity, Verdict
 
@@ -104,6 +104,7 @@ def attempt(
     limits: Limits | None = None,
     tick: Callable[[], Stop | None] = lambda: None,
     kill_now: Callable[[], bool] = lambda: False,
+    take_case: Callable[[Case], bool] = lambda _: True,
     last: bool = True,
 ):
     """Carry out an attempt at a scripted child. Returns the outcome, the events and the child."""
@@ -126,6 +127,7 @@ def attempt(
         tick=tick,
         next_tick=clock.Deadline,
         kill_now=kill_now,
+        take_case=take_case,
     )
     return made.run(), events, child
 
@@ -419,3 +421,65 @@ def test_quotes_of_garbage_are_short():
     _, events, _ = attempt((1_000_000).to_bytes(4, "little") + b"x" * 1_000_000 + FINISHED, End(0))
     (told,) = [event for event in events if isinstance(event, Message)]
     assert len(told.detail) < 1000
+
+
+# Cases ---------------------------------------------------------------------------------------------------------------
+
+
+def said_case(verdict: Verdict, test: str = "s/t") -> bytes:
+    """A case as the process of a program tells it."""
+    return pack(Case(test=test, name="a", verdict=verdict, detail="why"))
+
+
+def test_cases_are_handed_on_and_weigh_nothing():
+    """What becomes of them is the suite worker's business."""
+    taken: list[str] = []
+    outcome, events, _ = attempt(
+        phase(Phase.RUN),
+        said_case(Verdict.FAILED),
+        pack(Finished(outcome="passed")),
+        End(0),
+        take_case=lambda case: taken.append(case.name) is None,
+    )
+    assert taken == ["a"]
+    assert outcome.verdict is Verdict.PASSED
+    assert not [event for event in events if isinstance(event, Message)]
+
+
+@pytest.mark.parametrize(("verdict", "expected"), [(Verdict.FAILED, Verdict.FAILED), (Verdict.PASSED, Verdict.PASSED)])
+def test_a_bad_case_that_cannot_be_kept_is_a_failure_of_the_program(verdict: Verdict, expected: Verdict):
+    """It is never silently lost."""
+    outcome, events, _ = attempt(
+        phase(Phase.RUN), said_case(verdict), pack(Finished(outcome="passed")), End(0), take_case=lambda _: False
+    )
+    assert outcome.verdict is expected
+    assert any(isinstance(event, Message) and "1 events left out" in event.detail for event in events)
+
+
+def test_nobody_tells_cases_of_another_test():
+    """A process speaks for its own test alone."""
+    taken: list[Case] = []
+    outcome, *_ = attempt(
+        phase(Phase.RUN),
+        said_case(Verdict.PASSED, "s/other"),
+        pack(Finished(outcome="passed")),
+        End(0),
+        take_case=lambda case: taken.append(case) is None,
+    )
+    assert not taken
+    assert outcome.detail == "the test's process may not say case of 's/other'"
+
+
+@pytest.mark.parametrize("duration", [float("nan"), float("inf"), -1.0])
+def test_a_case_with_a_time_that_is_none_is_garbage(duration: float):
+    """It would make the journal unreadable."""
+    taken: list[Case] = []
+    outcome, *_ = attempt(
+        phase(Phase.RUN),
+        pack(Case(test="s/t", name="a", verdict=Verdict.PASSED, duration=duration)),
+        pack(Finished(outcome="passed")),
+        End(0),
+        take_case=lambda case: taken.append(case) is None,
+    )
+    assert not taken
+    assert "said something unintelligible" in outcome.detail
