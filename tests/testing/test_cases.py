@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from harness import run_command, run_suite, write_files
 from rtf.testing import cases as cases_module
-from rtf.testing import replay
+from rtf.testing import journal
 from rtf.testing.events import Message, TestEnded, TestPlanned, TestStarted
 from rtf.testing.results import RunResult
 from rtf.testing.selection import name_filter
@@ -345,14 +345,14 @@ def test_a_run_that_is_resumed_runs_the_program_anew_with_the_chosen_cases(bench
     """A case of a program that did not end belongs to a part of the run that is void."""
     run_command(bench, "s.xml")
     first = run_command(bench, "s.xml", "-k", "Arm")
-    journal = first.folder / "journal.jsonl"
-    lines = journal.read_text().splitlines(keepends=True)
+    path = first.folder / "journal.jsonl"
+    lines = path.read_text().splitlines(keepends=True)
     cut = next(n for n, line in enumerate(lines) if '"test_ended"' in line and "Moves" in line)
-    journal.write_text("".join(lines[: cut + 1]))
+    path.write_text("".join(lines[: cut + 1]))
     outcome = run_command(bench, "--resume", str(first.folder))
     assert (bench / "ran").read_text().splitlines()[1:] == ["Arm.Moves Arm.Stops"] * 2
     results = RunResult()
-    for event in replay.as_one_run(first.folder):
+    for event in journal.as_one_run(first.folder):
         results.apply(event)
     assert {test.label: str(test.verdict) for test in results.tests.values()} == {
         "ctrl": "passed",
