@@ -31,7 +31,7 @@ class Wire:
         for end in broken:
             _break(end)
 
-    def hint(self) -> None:
+    def restore(self) -> None:
         """Carry connections again."""
         with self._lock:
             self._whole = True

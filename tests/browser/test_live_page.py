@@ -133,7 +133,7 @@ def test_a_cut_connection_is_taken_up_again(
         expect(page.get_by_role("alert").filter(has_text="connection to the run is lost")).to_be_visible()
         shoot(page, "live-cut")
         let_it_say(run, 5 * cut + 1, 5 * cut + 5)
-        cable.hint()
+        cable.restore()
         expect(page.get_by_text("live", exact=True)).to_be_visible()
         assert_same_as_journal(page, run)
     let(run, "enough")

@@ -146,7 +146,7 @@ class TestTalking:
                 yield made
                 made.close()
 
-    def test_break_look_and_hint(self, service: SimulatorService, capsys: Captured):
+    def test_break_look_and_repair(self, service: SimulatorService, capsys: Captured):
         """A fault is put in, seen, and taken out."""
         words = "inject encoder_drift l_elbow rate=0.5 --delay 2 --duration 500ms --robot bot"
         assert simulator(words.split()) == 0

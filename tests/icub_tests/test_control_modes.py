@@ -62,8 +62,8 @@ def test_the_part_is_fit_for_work_afterwards(outcome):
 @pytest.mark.parametrize(
     ("test", "joint", "words"),
     [
-        ("torque-is-position", "torso_roll", "asked for torq in pos it is in pos, not torq"),
-        ("leaves-faults", "torso_pitch", "asked for pos in hwfa it is in pos, not hwfa"),
+        ("torque-is-position", "torso_roll", "after a request for torq in pos it is in pos, not torq"),
+        ("leaves-faults", "torso_pitch", "after a request for pos in hwfa it is in pos, not hwfa"),
     ],
 )
 def test_a_wrong_answer_fails_at_its_joint_only(outcome, test, joint, words):

@@ -79,7 +79,7 @@ def test_a_joint_at_the_edge_of_its_friction_correct_creep(outcome):
 def test_an_encoder_that_jitters_is_named(outcome):
     """Its joint is never seen at rest, and it is not gravity that moves it: the motor rests."""
     assert outcome.verdict("noisy") is Verdict.INCONCLUSIVE
-    assert "that of the joint is noisy" in outcome.detail("noisy")
+    assert "the joint's encoder is noisy" in outcome.detail("noisy")
 
 
 def test_a_motor_far_from_the_limit_is_tested_once(outcome):

@@ -140,7 +140,7 @@ class TestCameras:
 class TestBackEnds:
     """Choosing a way to make pictures."""
 
-    def test_machine_without_any_is_told_what_hints_it(self, monkeypatch):
+    def test_machine_without_any_is_told_what_repairs_it(self, monkeypatch):
         """The packages are named, and what each way lacked."""
         monkeypatch.setattr(rendering, "_load", lambda name: None)
         monkeypatch.delenv(rendering.VARIABLE, raising=False)

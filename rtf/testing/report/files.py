@@ -2,7 +2,7 @@
 
 A report must neither keep a long run in memory nor be lost with it. So the entry of a test that has ended leaves the
 memory for a temporary file without a name, from which the report is put together at each update; to make it anew from
-the journal would take twenty times as long (``docs/decisions/0031-reports-are-put-together-from-entries.md``).
+the journal would take twenty times as long (``docs/decisions/0032-reports-are-put-together-from-entries.md``).
 """
 
 from __future__ import annotations
