@@ -32,11 +32,16 @@ def network() -> Iterator[Network]:
     eventually(lambda: open_descriptors() <= descriptors, "a descriptor is left")
 
 
+#: For robots with a device that hangs, which is noticed soon; all others have the time of a busy machine.
+_SHORT = Patience(open=1.0, close=1.0, action=1.0, move=20.0, abort=1.0, grace=1.0, hurry=1.0)
+_LONG = Patience(open=30.0, close=30.0, action=30.0, move=30.0, abort=30.0, grace=30.0, hurry=30.0)
+
+
 class Bench:
     """Runs robots. ``told`` is what they said, ``calls`` what was called of their devices."""
 
-    #: What hangs is found out soon, what moves has the time of a slow machine.
-    patience = Patience(open=0.5, close=0.5, action=0.5, move=20.0, abort=0.5, grace=0.5, hurry=0.5)
+    #: Other timeouts than those for robots with such devices.
+    patience: Patience | None = None
 
     def __init__(self, folder: Path, network: Network) -> None:
         self.folder = folder
@@ -52,10 +57,11 @@ class Bench:
 
     def make(self, inside: str, *, autoclose: bool = False, attributes: str = 'build="1"') -> RobotInterface:
         """A robot that can be run."""
+        hangs = any(word in inside for word in ("hang", "deaf"))
         return RobotInterface(
             self.read(inside, attributes).robot,
             network=self.network,
-            patience=self.patience,
+            patience=self.patience or (_SHORT if hangs else _LONG),
             log=lambda level, sentence: self.told.append((str(level), sentence)),
             autoclose=autoclose,
         )

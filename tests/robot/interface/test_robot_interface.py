@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from rtf.robot.interface.device_thread import Patience
 from rtf.robot.interface.model import Phase
 from scripted_devices import action_xml as action
 from scripted_devices import device_xml as device
@@ -232,7 +233,7 @@ class TestStopRequests:
 
     def test_while_a_device_is_opened(self, bench: Bench, started: Start):
         """No further device is opened, and those that are open are closed."""
-        bench.patience = type(bench.patience)(open=30.0)
+        bench.patience = Patience(open=30.0)
         running = started(bench.make(device("a") + device("b", open="hang") + device("c")))
         eventually(lambda: "b open" in bench.calls, "it does not begin")
         running.interface.interrupt()
@@ -245,7 +246,7 @@ class TestStopRequests:
 
     def test_a_second_command_does_not_wait_for_a_device_that_hangs(self, bench: Bench, started: Start):
         """It is left, and the others are closed."""
-        bench.patience = type(bench.patience)(open=30.0, close=1.0, hurry=0.5)
+        bench.patience = Patience(open=30.0, close=1.0, hurry=0.5)
         running = started(bench.make(device("a") + device("b", open="hang") + device("c")))
         eventually(lambda: "b open" in bench.calls, "it does not begin")
         running.interface.interrupt()
