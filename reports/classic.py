@@ -54,5 +54,5 @@ class ClassicReporter(Reporter):
         try:
             stream.write(encodable(text, stream.encoding))
             stream.flush()
-        except BrokenPipeError:  # whoever read it has seen enough
+        except BrokenPipeError:  # the reader has seen enough
             self._stream = None

@@ -177,7 +177,7 @@ class ConsoleReporter(Reporter):
             else:
                 out.write(f"{text}\n")
                 out.flush()
-        except BrokenPipeError:  # whoever read it has seen enough
+        except BrokenPipeError:  # the reader has seen enough
             self._out = self._region = None
 
     def _print_error(self, text: str, style: str = "") -> None:

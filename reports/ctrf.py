@@ -4,7 +4,7 @@ Written to specification 0.1.0: ``retryAttempts`` is what came before the last a
 CTRF knows five statuses; ``rawStatus`` has RTF's verdict. What is no test (a fixture that collapsed, a suite that
 could not be loaded) is a test of its own, ``failed`` exactly when it is a reason for RTF's exit code, else ``other``.
 A test that has not ended is ``pending``: the file was written while the run went on, and its runner killed.
-What has no place in the format is below ``extra.rtf``; whoever wants all of it reads the ``json`` report.
+What has no place in the format is below ``extra.rtf``; the ``json`` report has all of it.
 """
 
 from __future__ import annotations

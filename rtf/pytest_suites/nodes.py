@@ -66,7 +66,7 @@ class SuiteFile(pytest.File):
 
     @property
     def conductor(self) -> Conductor:
-        """Whoever has the tests run."""
+        """The conductor of the session."""
         return self.shared.conductor(self.session)
 
     def setup(self) -> None:

@@ -78,7 +78,7 @@ class SuiteSession:
     # Running -----------------------------------------------------------------------------------------------------
 
     def conductor(self, session: pytest.Session) -> Conductor:
-        """Whoever has tests run. The first to ask begins the run."""
+        """The conductor of the session; the first call begins the run."""
         if self._conductor is None and not self._refused:
             try:
                 self._conductor = self._begin(session)
@@ -92,7 +92,7 @@ class SuiteSession:
 
     @property
     def listener(self) -> Listener:
-        """Whoever hears what comes of them."""
+        """The reporter that collects the results for pytest."""
         assert self._listener is not None, "nothing has been run yet"
         return self._listener
 

@@ -265,8 +265,10 @@ def cases_told(runs: Path, programs: Collection[str]) -> dict[str, dict[str, str
     """
     told: dict[str, dict[str, str]] = {}
     missing = set(programs)
+    if not missing:
+        return told
     folders = sorted((path for path in runs.glob("*") if path.is_dir() and not path.is_symlink()), reverse=True)
-    for folder in folders[:_LOOKED_AT] if missing else ():
+    for folder in folders[:_LOOKED_AT]:
         try:
             planned = [event for event in read(folder) if isinstance(event, TestPlanned)]
         except (JournalError, EventError):

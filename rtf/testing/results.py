@@ -1,4 +1,4 @@
-"""Verdicts and counts of a run, folded from its events: whoever has the events has the results."""
+"""Verdicts and counts of a run, folded from its events."""
 
 from __future__ import annotations
 

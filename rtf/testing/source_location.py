@@ -1,7 +1,7 @@
 """Where in an author's files something happened: the line that a person wants to see.
 
 That is a line of the plug-in, also where a layer between it and the framework (that of robot tests, say) made the call
-or raised the error: whoever reads "joint_limits.py:140" knows which step of the test it was.
+or raised the error: a reader of "joint_limits.py:140" knows which step of the test it was.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 class SuiteWorker:
     """Works through suites one after the other, with one fork server and one set of fixtures.
 
-    :meth:`run` keeps to the order of the plan. Whoever knows the order only as it comes uses what :meth:`run` is made
+    :meth:`run` keeps to the order of the plan. A caller that learns the order one by one uses what :meth:`run` is made
     of instead: inside :meth:`at_work` and :meth:`suite` tests are run one by one, and :meth:`wait` stands for the time
     between them. All but :meth:`wake` and :meth:`abort` belong to one thread.
     """

@@ -73,7 +73,7 @@ class WorkerPool:
         self.reactor.watch(control.fileno(), self._receive)
 
     def request(self, message: msgspec.Struct, *descriptors: int) -> None:
-        """Have the process do something; if it is gone, its loss is noticed by whoever waits."""
+        """Have the process do something; if it is gone, a later wait notices its loss."""
         if self.connected:
             with contextlib.suppress(OSError):
                 data = messages.pack(message)
