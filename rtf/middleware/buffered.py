@@ -150,6 +150,7 @@ class BufferedPort(Port, Generic[T]):
         if not senders:
             return 0
         message = OutgoingMessage("D", value, self.codec, self.network.dialect, self.envelope)
+        self._written = message
         message.freeze()
         if strict:
             for sender in senders:

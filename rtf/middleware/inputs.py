@@ -17,7 +17,9 @@ from rtf.errors import RtfError
 from rtf.middleware.carriers import registry
 from rtf.middleware.carriers.base import PollableInputLink
 from rtf.middleware.errors import ProtocolError
+from rtf.middleware.names import Contact
 from rtf.middleware.naming import authentication
+from rtf.middleware.outputs import Output
 from rtf.middleware.qos import Connection
 from rtf.middleware.socket_watcher import SocketWatcher
 from rtf.middleware.stream import CHUNK, Stream, StreamClosedError
@@ -39,13 +41,16 @@ _SHARED_READER = SocketWatcher("rtf-shared-reader")
 
 
 class Input(Connection):
-    """One incoming connection of a port. ``link`` is None until the handshake is done."""
+    """One incoming connection of a port. ``link`` is None until the handshake is done.
+
+    A connection that this side has opened, to a port that sends to it then, is given with its ``link``.
+    """
 
     instead = "one thread reads all streams of non-blocking ports"
 
-    def __init__(self, port: Port, connection: sockets.socket) -> None:
+    def __init__(self, port: Port, stream: Stream, link: InputLink | None = None) -> None:
         self.port = port
-        self.link: InputLink | None = None
+        self.link = link
         self.announced = False  # the port has reported it as an input
         self._closing = False
         #: The dialect that the caller is assumed to speak; corrected when it sends something that only the other one
@@ -55,7 +60,7 @@ class Input(Connection):
         self._shared = False
         self._changing = threading.Lock()  # guards the change between own thread and shared reader
         self._ended = threading.Event()
-        self._stream = Stream(connection)
+        self._stream = stream
         self._thread = self._new_thread(self._serve)
 
     @property
@@ -136,20 +141,27 @@ class Input(Connection):
     def _serve(self) -> bool:
         stream = self._stream
         stream.limit_waiting(_PATIENCE)
-        if self.port.network.key:
-            authentication.accept(stream, self.port.network.key)
-        header = bytes(stream.take(_HEADER))
-        carrier = registry.for_header(header)
-        if carrier is None:
-            stream.send(_UNKNOWN)
-            raise ProtocolError(f"{header!r} is not the header of a known carrier")
-        self.link = link = carrier.accept(stream, self.port)
+        link = self.link or self._accept()
+        self.link = link
         if self._closing:  # ``close`` was called before there was a link to close
             return False
         self.port.input_opened(self)
         link.welcome(stream, self.port)
         stream.limit_waiting(None)
         return self._receive_all(link, link.receive())
+
+    def _accept(self) -> InputLink:
+        stream = self._stream
+        if self.port.network.key:
+            authentication.accept(stream, self.port.network.key)
+        header = bytes(stream.peek(_HEADER))
+        carrier = registry.for_header(header)
+        if carrier is None:
+            stream.send(_UNKNOWN)
+            raise ProtocolError(f"{header!r} is not the header of a known carrier")
+        if not carrier.keeps_header:
+            stream.skip(_HEADER)
+        return carrier.accept(stream, self.port)
 
     def _receive_all(self, link: InputLink, message: Message) -> bool:
         """Handle messages, starting with this one. Return whether the connection continues in another thread."""
@@ -171,9 +183,7 @@ class Input(Connection):
         return False
 
     def _turn_round(self, link: InputLink) -> None:
-        from rtf.middleware.reverse_connection import output_from_input
-
-        self.port.adopt(output_from_input(link, self._stream))
+        self.port.adopt(Output(link.reversed(self._stream), Contact(link.sender, carrier=link.carrier.name)))
         self._turned = True
 
     def _move_to_shared_thread(self) -> bool:

@@ -68,6 +68,7 @@ class PipelinedPort(Port):
         message = OutgoingMessage(
             "D", value, codec or self._codec or codec_of(value), self.network.dialect, self.envelope
         )
+        self._written = message
         if self._together == 1:
             return self._send((message,))
         message.freeze()

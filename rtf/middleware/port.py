@@ -18,6 +18,7 @@ from rtf.bottle import Bottle, Property
 from rtf.bottle.binary import encode
 from rtf.middleware import admin, describe
 from rtf.middleware.carriers import local, registry
+from rtf.middleware.carriers.http_page import MAX_SHOWN, LastMessage, Link, Page, Section, text_of, too_long
 from rtf.middleware.codecs import BOTTLE, codec_of
 from rtf.middleware.disconnect_sources import disconnect_sources
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError
@@ -28,6 +29,7 @@ from rtf.middleware.message_handoff import MessageHandoff
 from rtf.middleware.names import Contact
 from rtf.middleware.outgoing_message import OutgoingMessage
 from rtf.middleware.outputs import Output, send_to_all
+from rtf.middleware.stream import Stream
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -84,6 +86,9 @@ class Port:
         self.interrupted = False
         self.interruptions = 0  # lets a waiting thread notice an interruption that is already over
         self.envelope = ""
+        #: The last message in each direction, for the page of the port; of a received one only the beginning.
+        self._written: OutgoingMessage | None = None
+        self._received: tuple[Input, bytes, int] | None = None
         self._receive = receive
         self._handoff = MessageHandoff(name)
         self._lock = threading.Lock()
@@ -145,6 +150,7 @@ class Port:
         if not outputs:
             return 0
         message = OutgoingMessage("D", value, codec or codec_of(value), self.network.dialect, self.envelope)
+        self._written = message
         with self._writing:
             return send_to_all(outputs, message, self._lost)
 
@@ -164,16 +170,20 @@ class Port:
     def add_output(self, target: str | Contact, carrier: str = "") -> Contact:
         """Connect to a port, given by name (``/x``, ``udp://x``) or by address. Return its resolved contact.
 
-        An existing connection to the same port is replaced. Raises ConnectError, NameNotFoundError.
+        An existing connection to the same port is replaced. By a carrier whose reader opens the connection, such as
+        ``mjpeg``, the port becomes an input. Raises ConnectError, NameNotFoundError.
         """
         self._check_open()
-        if not self.allows_outputs:
-            raise ConnectError("Outputs not allowed")
         contact = Contact.parse(target) if isinstance(target, str) else target
         found = self.network.resolve(contact)
         if found is None:
             raise NameNotFoundError(f"Do not know how to connect to {contact.name}")
         found = found.by(carrier or contact.carrier or found.carrier or "tcp")
+        if registry.by_name(found.carrier).pull:
+            self._pull(found)
+            return found
+        if not self.allows_outputs:
+            raise ConnectError("Outputs not allowed")
         with self._one_at_a_time(found.name):
             self.remove_output(found.name)
             self._take_in(self._connect(found))
@@ -237,6 +247,19 @@ class Port:
                     raise ConnectError(f"Cannot connect to {target.name}: {error}") from None
         return Output(link, target)
 
+    def _pull(self, source: Contact) -> None:
+        """Open a connection by which the port at ``source`` sends to this one."""
+        if not self.allows_inputs:
+            raise ConnectError("Inputs not allowed")
+        stream = self.network.reach(source)
+        try:
+            link = registry.by_name(source.carrier).pull_from(stream, source)
+            if not self._start_input(Input(self, stream, link)):
+                raise ConnectError(f"{self.name} is closed, or receives from {MAX_INPUTS} ports already")
+        except (MiddlewareError, OSError) as error:
+            stream.close()
+            raise ConnectError(f"Cannot connect to {source.name}: {error}") from None
+
     def multicast_group(self, interface: str) -> Group:
         """Return the multicast group that this port sends to on an interface. The first call creates it."""
         from rtf.middleware.carriers.datagram import Group
@@ -268,6 +291,29 @@ class Port:
     def disconnected(self, output: Output) -> None:
         """Hook for subclasses: an output was removed."""
 
+    # Pages ---------------------------------------------------------------------------------------------------------
+
+    def page(self) -> Page:
+        """Return what the port shows of itself in a browser. Any thread."""
+        outputs = [Link.to(one.target, f"by {one.carrier}") for one in self.outputs]
+        inputs = [Link(one.sender, about=f"by {one.carrier}") for one in self.inputs if one.announced]
+        last = []
+        if (written := self._written) is not None:
+            text = written.text if written.size <= MAX_SHOWN else too_long(written.size)
+            last.append(LastMessage("Last message written", text))
+        if (received := self._received) is not None:
+            caller, data, size = received
+            in_lines = caller.link is not None and caller.link.carrier.text
+            text = text_of(data, caller.dialect, in_lines=in_lines) if size <= MAX_SHOWN else too_long(size)
+            last.append(LastMessage(f"Last message received, from {caller.sender}", text))
+        return Page(
+            kind="a port" + (f" of {self.promise}" if self.promise else ""),
+            sections=[Section("Sends to", outputs), Section("Receives from", inputs)],
+            messages=last,
+            accepts_requests=self.allows_inputs,
+            pictures=self.allows_outputs and self.promise == "yarp/image",
+        )
+
     # Inputs ------------------------------------------------------------------------------------------------------
 
     @property
@@ -287,7 +333,11 @@ class Port:
         """Accept a connection. Runs in the listener's thread."""
         with contextlib.suppress(OSError):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        caller = Input(self, connection)
+        if not self._start_input(Input(self, Stream(connection))):
+            connection.close()
+
+    def _start_input(self, caller: Input) -> bool:
+        """Add an input and start its thread. Return False if the port is closed or has too many."""
         with self._lock:
             if len(self._inputs) >= MAX_INPUTS:
                 self._make_room()
@@ -295,8 +345,7 @@ class Port:
             if welcome:
                 self._inputs[caller] = None
                 caller.start()  # under the lock: an input in the table has a running thread
-        if not welcome:
-            connection.close()
+        return welcome
 
     def _make_room(self) -> None:
         """Drop the oldest connection without a handshake: a real caller sends it at once."""
@@ -337,6 +386,7 @@ class Port:
             delivery = IncomingMessage(link.sender, text, data, caller.dialect, asks, in_lines, own)
             self.deliver(delivery)
             caller.dialect = delivery.dialect
+            self._received = caller, bytes(data[:MAX_SHOWN]), len(data)
             return delivery.answer or (_NO_REPLY if asks and not in_lines else ())
         if key == "a":
             delivery = IncomingMessage(link.sender, "", data, caller.dialect, wants_reply=True, text=link.carrier.text)

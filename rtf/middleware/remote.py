@@ -9,6 +9,7 @@ import contextlib
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Property, Vocab, as_int, as_string
+from rtf.middleware.carriers import registry
 from rtf.middleware.carriers.text import TextAck, TextOutput
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError
 from rtf.middleware.qos import Qos
@@ -64,19 +65,29 @@ def connection(network: Network, source: Contact, target: Contact) -> Bottle | N
 
 
 def connect(network: Network, source: Contact, target: Contact, carrier: str = "") -> str:
-    """Connect ``source`` to ``target``. Return the reply of the source. Raises ConnectError.
+    """Connect ``source`` to ``target``. Return the reply of the port that opens the connection. Raises ConnectError.
+
+    That is the source, or the target if the carrier is one by which a reader asks for messages, such as ``mjpeg``.
 
     The carrier is the one written in the target, else in the source, else ``carrier``, else tcp.
     """
     chosen = target.carrier or source.carrier or carrier or "tcp"
-    wanted = f"{chosen}:/{target if target.valid else target.name}"
-    reply = administer(network, source, Bottle([Vocab("add"), wanted]))
-    return _judged(reply)
+    asked, other = (target, source) if registry.pulls(chosen) else (source, target)
+    wanted = f"{chosen}:/{other if other.valid else other.name}"
+    return _judged(administer(network, asked, Bottle([Vocab("add"), wanted])))
 
 
 def disconnect(network: Network, source: Contact, target: Contact) -> str:
-    """Disconnect ``source`` from ``target``. Return the reply of the source. Raises ConnectError."""
-    return _judged(administer(network, source, Bottle([Vocab("del"), target.name])))
+    """Disconnect ``source`` from ``target``. Return the reply of the source. Raises ConnectError.
+
+    A connection that the target has opened, as by ``mjpeg``, is unknown to the source by its name; the target ends it.
+    """
+    reply = administer(network, source, Bottle([Vocab("del"), target.name]))
+    if as_int(reply.get(0)) != 0:
+        own = administer(network, target, Bottle([Vocab("list"), Vocab("in"), source.name]))
+        if registry.pulls(as_string(own.find("carrier"))):
+            reply = administer(network, target, Bottle([Vocab("del"), source.name]))
+    return _judged(reply)
 
 
 def connection_qos(network: Network, source: Contact, target: Contact) -> tuple[Qos, Qos]:

@@ -83,6 +83,7 @@ class RpcClient(Port):
         output = outputs[0]
         dialect = output.dialect or self.network.dialect
         message = OutgoingMessage("d", request, codec or codec_of(request), dialect, self.envelope)
+        self._written = message
         try:
             return output.call(message, answer, timeout)
         except BaseException as error:

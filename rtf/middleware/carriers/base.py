@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 from rtf.bottle import BottleError
 from rtf.middleware.codecs import other_dialect
+from rtf.middleware.errors import ConnectError, ProtocolError
 
 if TYPE_CHECKING:
     import socket as sockets
@@ -55,6 +56,10 @@ class InputLink(ABC):
     @abstractmethod
     def answer(self, *reply: Buffer) -> None:
         """Finish the last received message: send the reply, and the acknowledgement if the carrier has one."""
+
+    def reversed(self, stream: Stream) -> OutputLink:  # noqa: ARG002 - for carriers that can
+        """Return an output that uses this connection from now on. Raises ProtocolError if the carrier is one-way."""
+        raise ProtocolError(f"a connection by {self.carrier.name} cannot be reversed; tcp and text can")
 
     @abstractmethod
     def close(self) -> None:
@@ -135,6 +140,10 @@ class Carrier(ABC):
     connectionless: ClassVar[bool] = False
     #: Data are lines of text.
     text: ClassVar[bool] = False
+    #: The first eight bytes are the start of the first message: ``accept`` finds them unread.
+    keeps_header: ClassVar[bool] = False
+    #: The port that receives opens the connection, and ``pull_from`` performs the handshake.
+    pull: ClassVar[bool] = False
 
     def matches(self, header: bytes) -> bool:
         """Return whether a connection with this header is of this kind."""
@@ -147,3 +156,10 @@ class Carrier(ABC):
     @abstractmethod
     def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
         """Perform the handshake with a port that is connected, on behalf of ``port``."""
+
+    def pull_from(self, stream: Stream, source: Contact) -> InputLink:  # noqa: ARG002 - for carriers that pull
+        """Perform the handshake with a port that is connected, to receive from it.
+
+        Raises ConnectError if the carrier is not one of ``pull``.
+        """
+        raise ConnectError(f"{self.name} is not a carrier by which a port asks for messages")

@@ -32,14 +32,11 @@ class NameSerInput(InputLink):
         self.carrier = carrier
         self.endpoint = stream.socket
         self._stream = stream
-        self._before = _PREFIX[:8]  # the header, already read
 
     def receive(self) -> Message:
         """Wait for the next command. A line without the prefix is an empty command."""
         self._stream.limit_waiting(_PATIENCE)
-        line = self._before + self._take_line()
-        self._before = b""
-        prefix, _, command = line.partition(b" ")
+        prefix, _, command = self._take_line().partition(b" ")
         return "d", "", command if prefix == _PREFIX else b""
 
     def _take_line(self) -> bytes:
@@ -67,6 +64,7 @@ class NameSer(Carrier):
     name = "name_ser"
     header = b"NAME_SER"
     text = True
+    keeps_header = True
 
     def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002 - there is no greeting
         """Return the link: there is no handshake before the first command."""

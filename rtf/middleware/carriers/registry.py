@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 #: The module and class of each carrier, imported on first use. The order is that in which headers are matched.
 _HOMES = {
+    "http": "http:Http",
     "name_ser": "name_ser:NameSer",
     "tcp": "tcp:Tcp",
     "fast_tcp": "tcp:FastTcp",
@@ -23,6 +24,7 @@ _HOMES = {
     "text_ack": "text:TextAck",
     "unix_stream": "unix_stream:UnixStream",
     "unix_stream+ack": "unix_stream:UnixStreamAck",
+    "mjpeg": "mjpeg:Mjpeg",
 }
 
 
@@ -40,6 +42,11 @@ def by_name(name: str) -> Carrier:
 def for_header(header: bytes) -> Carrier | None:
     """Return the carrier of a connection with this header, or None."""
     return next((carrier for carrier in map(by_name, _HOMES) if carrier.matches(header)), None)
+
+
+def pulls(name: str) -> bool:
+    """Return whether connections by this carrier are opened by the port that receives."""
+    return name in _HOMES and by_name(name).pull
 
 
 def names() -> list[str]:

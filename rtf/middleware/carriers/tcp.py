@@ -102,6 +102,9 @@ class TcpInput(StreamInput, PollableInputLink):
         else:
             self._stream.send(*reply, _ACK)
 
+    def reversed(self, stream: Stream) -> OutputLink:
+        return TcpOutput(self.carrier, stream)
+
     def fill(self) -> None:
         self._stream.fill()
 

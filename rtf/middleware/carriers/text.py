@@ -32,6 +32,9 @@ class TextInput(StreamInput):
     def welcome(self, stream: Stream, port: Port) -> None:  # noqa: ARG002 - the reply has the name of the caller
         stream.send(f"Welcome {self.sender}\r\n".encode("utf-8", "surrogateescape"))
 
+    def reversed(self, stream: Stream) -> OutputLink:
+        return TextOutput(self.carrier, stream)
+
     def receive(self) -> Message:
         """Wait for the next command. Data lines are joined while a parenthesis or quote is open."""
         line = _text(self._stream.take_line())

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import TYPE_CHECKING, Self
 from weakref import WeakSet
 
-from rtf.bottle import Bottle, Vocab
+from rtf.bottle import Bottle, Vocab, as_string
+from rtf.middleware.carriers.http_page import Link, Page, Section
 from rtf.middleware.codecs import TextCodec
-from rtf.middleware.errors import AddressError, ConnectError
+from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
 from rtf.middleware.incoming_message import IncomingMessage
 from rtf.middleware.names import Contact
 from rtf.middleware.naming.commands import Commands
@@ -29,6 +31,7 @@ from rtf.middleware.naming.table import Table
 from rtf.middleware.naming.work_queue import WorkQueue
 from rtf.middleware.network import Network, listen
 from rtf.middleware.port import Port
+from rtf.middleware.remote import administer
 
 if TYPE_CHECKING:
     import os
@@ -46,6 +49,9 @@ _FALLBACK = "fallback"
 _HIGHEST = 65535
 #: Seconds that a port may take when it is asked to connect.
 _PATIENCE = 2.0
+#: Seconds that a port may take to say what it is connected to, for the page, and how many are asked at once.
+_PAGE_PATIENCE = 0.5
+_ASKED_AT_ONCE = 16
 
 
 class NameServer:
@@ -152,6 +158,24 @@ class _ServerPort(Port):
         )
         self._serve(delivery, _address_of(caller) or self.contact.host)
         return delivery.answer
+
+    def page(self) -> Page:
+        """List all ports with their connections, which the ports are asked for; a slow one is left out."""
+        contacts = [one for one in self.network.names.list() if one.name != _FALLBACK]
+        with ThreadPoolExecutor(_ASKED_AT_ONCE) as pool:
+            outputs = pool.map(self._outputs_of, contacts)
+            links = [Link.to(contact, about) for contact, about in zip(contacts, outputs, strict=True)]
+        return super().page()._replace(kind="the name server", sections=[Section("Ports", links)])
+
+    def _outputs_of(self, contact: Contact) -> str:
+        """Return a remark on the connections of a port."""
+        if contact.name == self.name or contact.carrier not in ("tcp", "fast_tcp", ""):
+            return contact.carrier
+        try:
+            peers = administer(self.network, contact, Bottle([Vocab("list"), Vocab("out")]), _PAGE_PATIENCE)
+        except MiddlewareError:
+            return "does not answer"
+        return "" if not len(peers) else "sends to " + ", ".join(map(as_string, peers))
 
     def deliver(self, delivery: IncomingMessage) -> None:
         """Execute a command from a port of this process."""
