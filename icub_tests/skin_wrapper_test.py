@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from rtf.bottle import Bottle, Property
 from rtf.clock import SystemClock
 from rtf.errors import RtfError
-from rtf.middleware import remote
-from rtf.middleware.names import Contact
-from rtf.middleware.network import default_network
-from rtf.middleware.port import Port
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.network import default_network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.devices.fake_sensors import FakeAnalogSensor
 from rtf.robot.errors import DeviceError
 from rtf.robot.server.analog import AnalogDevice

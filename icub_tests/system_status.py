@@ -12,7 +12,7 @@ import psutil
 
 from rtf import clock
 from rtf.bottle import Bottle, to_string
-from rtf.middleware.time import CLOCK_VARIABLE, YARP_CLOCK_VARIABLE
+from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, YARP_CLOCK_VARIABLE
 from rtf.robot_testing.stream_test import StreamTest
 from rtf.testing import Parameter, TestCase
 

@@ -2,7 +2,7 @@
 
 No other module imports :mod:`time`. The functions use the machine's own clock, for supervision, timeouts of peers and
 records. Code that moves and measures a robot uses :func:`current`, which may be the network's clock or a simulator's
-(:mod:`rtf.middleware.time`).
+(:mod:`rtf.middleware.clocks.network_clock`).
 """
 
 from __future__ import annotations

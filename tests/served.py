@@ -11,7 +11,7 @@ from rtf.robot.server.control_board import ControlBoardDevice
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.devices.fake_board import FakeBoard
 
 

@@ -24,7 +24,7 @@ from rtf.testing.verdict import ExitCode
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.testing.results import RunResult
 
 #: The suites of the battery: the longest first, so that the others run beside it.
@@ -190,7 +190,7 @@ def talk() -> list[str]:
     from rtf.middleware.naming.client import RemoteNames
     from rtf.middleware.naming.configuration import write_place
     from rtf.middleware.naming.server import NameServer
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
     with tempfile.TemporaryDirectory() as folder, NameServer() as server:
         environment = {**os.environ, "YARP_CONFIG_HOME": folder}
@@ -215,10 +215,10 @@ def _write(network: Network, reader: int) -> list[str]:
     from statistics import median
 
     from rtf.bottle import Bottle
-    from rtf.middleware import remote
     from rtf.middleware.errors import ConnectError
-    from rtf.middleware.names import Contact
-    from rtf.middleware.port import Port
+    from rtf.middleware.ports import remote
+    from rtf.middleware.ports.port import Port
+    from rtf.middleware.wire.contact import Contact
 
     target = Contact(name="/demo/reader")
     deadline = clock.Deadline.after(_TALK_LIMIT)
@@ -257,7 +257,7 @@ def move(runs: Path) -> list[str]:
     from rtf.middleware.naming.client import RemoteNames
     from rtf.middleware.naming.configuration import write_place
     from rtf.middleware.naming.server import NameServer
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
     with tempfile.TemporaryDirectory() as folder, NameServer() as server:
         environment = {**os.environ, "YARP_CONFIG_HOME": folder}
@@ -290,7 +290,7 @@ def _wait_for(ready: Path, simulator: subprocess.Popen[bytes]) -> None:
 
 
 def _command(network: Network, runs: Path) -> list[str]:
-    from rtf.middleware.time import LockstepClock
+    from rtf.middleware.clocks.network_clock import LockstepClock
     from rtf.robot.client.control_board import connect
 
     began = clock.monotonic()
@@ -314,8 +314,8 @@ def _command(network: Network, runs: Path) -> list[str]:
 
 def _look(network: Network, runs: Path) -> str:
     """Keep a picture of the left eye, where the machine can make one."""
-    from rtf.middleware import remote
-    from rtf.middleware.names import Contact
+    from rtf.middleware.ports import remote
+    from rtf.middleware.wire.contact import Contact
 
     if not remote.exists(network, Contact(f"/{_ROBOT}/cam/left/rpc")):
         return "  no picture: this machine cannot make any; see rtf simulator --cameras yes"

@@ -69,7 +69,7 @@ from rtf.robot.service_rows import Message, Style
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.control_modes import ControlMode
     from rtf.robot.interfaces import FloatArray
 

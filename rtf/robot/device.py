@@ -12,7 +12,7 @@ from rtf.testing.plugins import PluginRef, installed, load_class
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 T = TypeVar("T")
 #: The devices of this package, as entry points have them: type -> module and class, imported on use.
@@ -57,7 +57,7 @@ class Device(ABC):
     @property
     def network(self) -> Network:
         """The network of the device's ports."""
-        from rtf.middleware.network import default_network
+        from rtf.middleware.ports.network import default_network
 
         return self._given_network or default_network()
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from rtf.bottle import BottleError, Dialect, Vocab
 from rtf.bottle.binary import LIST, TAGS, TruncatedBottleError
-from rtf.middleware.codecs import TextCodec
+from rtf.middleware.types.codecs import TextCodec
 from rtf.middleware.types.vector import CODES
 from rtf.robot.errors import RobotError, StaleStateError
 from rtf.robot.interfaces import (
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
     from rtf.robot.interfaces import FloatArray
 
 #: A module-level name: enumeration members are slow to look up.

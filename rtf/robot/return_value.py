@@ -9,13 +9,13 @@ from rtf.bottle import Bottle, BottleError, Dialect, Vocab
 from rtf.bottle.binary import LIST, TruncatedBottleError, decode_from, encode_element
 from rtf.bottle.tags import pair
 from rtf.bottle.values import Kind
-from rtf.middleware.codecs import TextCodec
+from rtf.middleware.types.codecs import TextCodec
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.bottle import Value
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
 
 
 class ReturnValue(Enum):

@@ -16,14 +16,14 @@ import numpy as np
 from rtf.bottle import Bottle, BottleError, BottleLimitError, Dialect, as_float
 from rtf.bottle.binary import TAGS, decode_from
 from rtf.bottle.tags import LIST, pair
-from rtf.middleware.codecs import TextCodec
+from rtf.middleware.types.codecs import TextCodec
 from rtf.middleware.types.vector import VECTOR, contiguous
 from rtf.robot.interfaces import SensorReading
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
 
 #: The readings by category and sensor. They are not modified after their creation.
 Measurements: TypeAlias = list[list[SensorReading]]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rtf.bottle import Vocab
 from rtf.bottle.tags import vocabs
-from rtf.middleware.codecs import BOTTLE
+from rtf.middleware.types.codecs import BOTTLE
 from rtf.middleware.types.pair import PairCodec
 from rtf.middleware.types.vector import VECTOR
 from rtf.robot import vocabulary_kinds as kinds

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rtf.errors import RtfError
-from rtf.middleware import remote
-from rtf.middleware.names import Contact
-from rtf.middleware.port import Port
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.port import Port
 from rtf.middleware.types import VECTOR, Stamp
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.errors import RobotError
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.inertial_force import InertialForce, Load
@@ -27,8 +27,8 @@ from rtf.robot_testing.inertial_force import InertialForce, Load
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.incoming_message import IncomingMessage
     from rtf.robot.client.control_board import RemoteControlBoard
     from rtf.robot.extended_state import ExtendedState
     from rtf.robot.interfaces import FloatArray

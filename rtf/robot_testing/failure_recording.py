@@ -9,7 +9,7 @@ from rtf.robot_testing.contacts import CHANNELS, NoForcesError
 from rtf.robot_testing.mode_numbers import LEGEND, mode_numbers
 
 if TYPE_CHECKING:
-    from rtf.middleware.incoming_message import IncomingMessage
+    from rtf.middleware.wire.incoming_message import IncomingMessage
     from rtf.robot_testing.contacts import Forces
     from rtf.robot_testing.part import Part
     from rtf.robot_testing.robot_test import RobotTest

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from rtf.middleware.time import LockstepClock
+from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import (
     NoAnswerError,

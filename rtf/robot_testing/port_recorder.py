@@ -12,12 +12,12 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 from rtf.errors import RtfError
-from rtf.middleware import remote
-from rtf.middleware.codecs import TextCodec
-from rtf.middleware.names import Contact
-from rtf.middleware.port import Port
-from rtf.middleware.time import LockstepClock
+from rtf.middleware.clocks.network_clock import LockstepClock
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.port import Port
 from rtf.middleware.types import Stamp
+from rtf.middleware.types.codecs import TextCodec
+from rtf.middleware.wire.contact import Contact
 from rtf.robot_testing.real_time_checks import CpuPressure
 
 if TYPE_CHECKING:
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Dialect
     from rtf.clock import Clock
-    from rtf.middleware.carriers.base import Buffer
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.types.codecs import Buffer
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 #: Seconds of the robot's time between two steps. In lockstep this is the resolution of arrival times; otherwise it only
 #: measures how late this process is woken.

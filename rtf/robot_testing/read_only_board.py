@@ -14,7 +14,7 @@ from rtf.testing.outcome import TestProblem
 
 if TYPE_CHECKING:
     from rtf.bottle import Value
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.client.board_requests import Request
     from rtf.robot.client.settings import ClientSettings
     from rtf.robot.interfaces import AxisSelection, Values

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, NamedTuple
 from rtf import clock
 from rtf.bottle import Bottle, as_string
 from rtf.middleware.errors import MiddlewareError, WaitTimeoutError
-from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.robot.errors import RobotError
 from rtf.testing.permission import runner_pid
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 _ASKS = "asks for it"
 _WORKS = "works with it"

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 from rtf import clock
-from rtf.middleware.network import default_network
-from rtf.middleware.time import CLOCK_VARIABLE, LockstepClock, clock_from_environment
+from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, LockstepClock, clock_from_environment
+from rtf.middleware.ports.network import default_network
 from rtf.robot.client.control_board import connect
 from rtf.robot.errors import RefusedError, RobotError, StaleStateError
 from rtf.robot_testing.contacts import ContactWatch, listen_to_forces
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from rtf.clock import Clock
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.client.control_board import RemoteControlBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.part import Arrival

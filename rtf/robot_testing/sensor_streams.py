@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.errors import RtfError
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.types import VECTOR, call
 from rtf.robot.client.analog_sensors import read_metadata
 from rtf.robot.interfaces import SensorCategory
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.bottle import Dialect
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.interfaces import FloatArray, SensorInfo, SensorReading
     from rtf.robot.sensor_message import Measurements
 

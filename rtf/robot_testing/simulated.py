@@ -8,7 +8,7 @@ from rtf.errors import RtfError
 from rtf.simulator.control_client import BOARD_ENDS, SimulatorControl, control_port
 
 if TYPE_CHECKING:
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 #: Time-out of the simulator's answer, s: long enough that a busy machine does not make it look like a real robot.
 PATIENCE = 5.0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from rtf.errors import RtfError
-from rtf.middleware.time import LockstepClock
+from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.robot_testing.checked_values import CheckedValue, judge_values
 from rtf.robot_testing.failure_causes import likely_causes
 from rtf.robot_testing.guard import GuardError

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Self
 
 from rtf.bottle import Bottle, Vocab, as_bool, as_float, as_int, as_list, as_string
 from rtf.middleware.errors import ConnectError, MiddlewareError
-from rtf.middleware.names import Contact
-from rtf.middleware.network import default_network
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports.network import default_network
+from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.types.service import succeeded
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.errors import RefusedError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from types import TracebackType
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 _OK, _FAIL = Vocab("ok"), Vocab("fail")
 #: The least real-time factor: a slower simulator could not be told from one that hangs.

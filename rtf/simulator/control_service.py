@@ -15,7 +15,7 @@ from rtf import clock
 from rtf.bottle import Bottle, Vocab, as_float, as_list, as_string
 from rtf.errors import RtfError
 from rtf.middleware.carriers.local import ports_here
-from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.robot.errors import RefusedError
 from rtf.simulator.contacts import touching
 from rtf.simulator.control_client import BOARD_ENDS, CONTROL, SLOWEST, WORKS, control_port
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.bottle import Value
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.simulator.faults.base import Fault
     from rtf.simulator.faults.injection import ActiveFault
     from rtf.simulator.icub import SimulatedIcub

@@ -20,7 +20,7 @@ from rtf.simulator.simulation_clock import CLOCK, serve_time
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.periodic_thread import Publisher
     from rtf.simulator.simulated_cameras import SimulatedCamera
 

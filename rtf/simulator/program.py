@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 from rtf import clock
 from rtf.errors import RtfError
 from rtf.middleware.errors import ConnectError
-from rtf.middleware.names import Contact
 from rtf.middleware.naming import configuration
-from rtf.middleware.remote import exists
+from rtf.middleware.ports.remote import exists
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.interface.signals import signal_listener
 from rtf.simulator.control_client import control_port
 from rtf.simulator.errors import RenderingError
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rtf.bottle import Dialect
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.simulator.icub import SimulatedIcub
     from rtf.simulator.model import Collision
 

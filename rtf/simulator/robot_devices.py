@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, get_args
 from rtf import clock
 from rtf.bottle import as_string, to_string
 from rtf.errors import RtfError
-from rtf.middleware.names import Contact
-from rtf.middleware.remote import exists
+from rtf.middleware.ports.remote import exists
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError
 from rtf.robot.parameters import port_name, positive, wrong
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rtf.bottle import Property
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.extended_state import ExtendedState
     from rtf.simulator.boards import Boards
     from rtf.simulator.fair_lock import FairLock

@@ -11,15 +11,15 @@ import copy
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.pipelined_port import PATIENCE, PipelinedPort
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.pipelined_port import PATIENCE, PipelinedPort
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.network import Network
-    from rtf.middleware.outputs import Output
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.outputs import Output
+    from rtf.middleware.types.codecs import Codec
     from rtf.simulator.simulation import Simulation
 
     #: Maps the delays (s) of the copies of a message, at a time (s), to new delays: to lose, repeat or delay it.

@@ -6,10 +6,10 @@ import threading
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.middleware.lockstep import LockstepServer
+from rtf.middleware.clocks.lockstep import LockstepServer
 
 if TYPE_CHECKING:
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.simulator.simulation import Simulation
 
 CLOCK = "/clock"

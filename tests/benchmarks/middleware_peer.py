@@ -19,17 +19,17 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.bottle import Bottle
-from rtf.middleware.names import Contact
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcServer
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcServer
 from rtf.middleware.types import IMAGE
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.incoming_message import IncomingMessage
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 _ROOM = 1 << 16
 #: Seconds in which nothing happens, and nothing should be used.

@@ -14,13 +14,13 @@ import numpy as np
 
 from rtf.bottle import Bottle, Dialect
 from rtf.bottle.binary import extent
-from rtf.middleware.codecs import BOTTLE, TextCodec, codec_of
 from rtf.middleware.types import IMAGE, MATRIX, VECTOR, Image, Pair, PairCodec, Stamp
+from rtf.middleware.types.codecs import BOTTLE, TextCodec, codec_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from rtf.middleware.codecs import Codec
+    from rtf.middleware.types.codecs import Codec
 
 DIALECT = Dialect.YARP3
 MIXED = (

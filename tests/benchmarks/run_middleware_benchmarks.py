@@ -22,10 +22,10 @@ import numpy as np
 
 from rtf import clock
 from rtf.bottle import Bottle
-from rtf.middleware import remote
-from rtf.middleware.port import Port
-from rtf.middleware.qos import Qos, QosError, set_thread_priority
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.qos import Qos, QosError, set_thread_priority
+from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.types import Image
 
 if TYPE_CHECKING:

@@ -22,12 +22,12 @@ from run_middleware_benchmarks import late
 
 from rtf import clock
 from rtf.bottle import Bottle, Property, as_float
-from rtf.middleware import remote
-from rtf.middleware.names import Contact
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient
-from rtf.middleware.time import LockstepClock
+from rtf.middleware.clocks.network_clock import LockstepClock
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.types import Stamp
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.client.analog import AnalogClient
 from rtf.robot.client.analog_sensors import AnalogSensorsClient
 from rtf.robot.client.control_board import connect
@@ -36,8 +36,8 @@ from rtf.robot.client.inertial import InertialClient
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.incoming_message import IncomingMessage
     from rtf.robot.device import Device
 
 PARTS = ("head", "torso", "left_arm", "right_arm", "left_leg", "right_leg")

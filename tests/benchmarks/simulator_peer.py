@@ -27,12 +27,12 @@ from middleware_peer import cpu
 
 from rtf import clock
 from rtf.bottle import Bottle, as_int
-from rtf.middleware.names import Contact
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
-from rtf.middleware.rpc import RpcServer
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.rpc import RpcServer
+from rtf.middleware.wire.contact import Contact
 from rtf.simulator.engine import mujoco
 from rtf.simulator.icub import SimulatedIcub
 

@@ -16,8 +16,8 @@ from lxml import etree
 from rtf.bottle import Bottle
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.rpc import RpcClient
 from scripted_devices import action_xml as action
 from scripted_devices import device_xml as device
 from scripted_devices import install, robot_xml

@@ -13,7 +13,7 @@ from rtf.bottle import Dialect
 from rtf.cli.tools import main
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from rtf.simulator import program
 from rtf.simulator.faults import KINDS
 

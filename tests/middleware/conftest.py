@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from waiting import eventually, open_descriptors
 
 if TYPE_CHECKING:

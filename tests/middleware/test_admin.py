@@ -12,20 +12,21 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Bottle, Dialect, Property
-from rtf.middleware import remote, wire
-from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.carriers import registry
 from rtf.middleware.carriers.tcp import TcpOutput
-from rtf.middleware.codecs import BOTTLE
-from rtf.middleware.outgoing_message import OutgoingMessage
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
+from rtf.middleware.types.codecs import BOTTLE
+from rtf.middleware.wire import framing
+from rtf.middleware.wire.outgoing_message import OutgoingMessage
 from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 _WAY = ("text_ack", "tcp")
 
@@ -38,7 +39,7 @@ def ask(port: Port, request: str, way: str) -> Bottle:
     stream = network.reach(port.contact)
     try:
         carrier = registry.by_name("tcp")
-        stream.send(carrier.header + wire.sender("admin"))
+        stream.send(carrier.header + framing.sender("admin"))
         stream.take(8)
         link = TcpOutput(carrier, stream)
         link.send(OutgoingMessage("a", Bottle.parse(request), BOTTLE, Dialect.YARP3))
@@ -420,12 +421,12 @@ class TestTyped:
     def test_binary_callers_get_no_lines(self, port: Port, reader: Port):
         """The command is obeyed, and only acknowledged."""
         stream = port.network.reach(port.contact)
-        stream.send(wire.header(131) + wire.sender("tester"))
+        stream.send(framing.header(131) + framing.sender("tester"))
         stream.take(8)
         for text in ("*", "?", "/reader", "nonsense"):
-            command = wire.command_text(text)
-            stream.send(wire.index(len(command)) + command)
-            assert stream.take(8) == wire.ACK
+            command = framing.command_text(text)
+            stream.send(framing.index(len(command)) + command)
+            assert stream.take(8) == framing.ACK
         assert [output.peer for output in port.outputs] == ["/reader"]
         stream.close()
 
@@ -449,17 +450,17 @@ class TestTurnedRound:
     def test_in_binary(self, port: Port):
         """Acknowledged as any other command, and so are messages, by the other side now."""
         stream = port.network.reach(port.contact)
-        stream.send(wire.header(131) + wire.sender("/tester"))
+        stream.send(framing.header(131) + framing.sender("/tester"))
         stream.take(8)
         command = b"\0\0\0\0~r\0\1"
-        stream.send(wire.index(len(command)) + command)
-        assert stream.take(8) == wire.ACK
+        stream.send(framing.index(len(command)) + command)
+        assert stream.take(8) == framing.ACK
         eventually(lambda: port.outputs, "it was not turned round")
-        stream.send(wire.ACK)
+        stream.send(framing.ACK)
         assert port.write(Bottle([1])) == 1
-        blocks, rest = wire.index_rest(bytes(stream.take(wire.INDEX_SIZE)))
-        size = wire.message_size(stream.take(rest), 0, blocks)
-        assert wire.read_command(stream.take(size)).key == "D"
+        blocks, rest = framing.index_rest(bytes(stream.take(framing.INDEX_SIZE)))
+        size = framing.message_size(stream.take(rest), 0, blocks)
+        assert framing.read_command(stream.take(size)).key == "D"
         stream.close()
         port.write(Bottle([2]))
         assert not port.outputs

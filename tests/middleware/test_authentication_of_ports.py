@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Bottle
-from rtf.middleware import remote
 from rtf.middleware.errors import ConnectError
-from rtf.middleware.network import Network
-from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

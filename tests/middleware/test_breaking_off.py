@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Bottle
-from rtf.middleware.lockstep import LockstepServer
-from rtf.middleware.rpc import RpcClient, RpcServer
-from rtf.middleware.time import LockstepClock
+from rtf.middleware.clocks.lockstep import LockstepServer
+from rtf.middleware.clocks.network_clock import LockstepClock
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 
 class Told(BaseException):

@@ -12,7 +12,6 @@ import pytest
 
 from rtf.bottle import Bottle, BottleError, Dialect, Property
 from rtf.bottle.binary import TruncatedBottleError, encode
-from rtf.middleware.codecs import BOTTLE, RAW, Arriving, Codec, codec_of
 from rtf.middleware.errors import ProtocolError
 from rtf.middleware.types import (
     BYTES,
@@ -27,6 +26,7 @@ from rtf.middleware.types import (
     Record,
     Stamp,
 )
+from rtf.middleware.types.codecs import BOTTLE, RAW, Arriving, Codec, codec_of
 
 THREE = Dialect.YARP3
 BOTTLES = Bottle([["a", index, [index / 2]] for index in range(300)])
@@ -69,7 +69,7 @@ def test_the_codec_of_a_pair_is_that_of_its_parts():
 LOADING = """
 import sys
 from pathlib import Path
-from rtf.middleware.codecs import codec_of
+from rtf.middleware.types.codecs import codec_of
 from rtf.middleware.types import STRING, Record, Stamp
 from rtf.bottle import Bottle, Dialect
 for value in (Bottle([1]), "text", b"bytes", {"a": 1}, Stamp(1, 2.0), Record(1)):

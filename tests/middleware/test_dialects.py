@@ -6,10 +6,10 @@ import pytest
 
 from rtf.bottle import Bottle, Dialect
 from rtf.errors import RtfError
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
 
 DIALECTS = [Dialect.YARP3, Dialect.YARP4]
 
@@ -50,7 +50,7 @@ def test_questions_and_answers_across_dialects(network: Network, other: Network)
 def test_what_is_none_in_either_is_an_error(network: Network):
     """And it is the error of the dialect that was expected."""
     with BufferedPort("/reader", network=network) as reader, Port("/writer", network=network) as writer:
-        from rtf.middleware.codecs import RAW
+        from rtf.middleware.types.codecs import RAW
 
         writer.add_output("/reader")
         writer.write(b"\x00\x01\x00\x00\x01\x00\x00\x00\x63\x00\x00\x00", RAW)

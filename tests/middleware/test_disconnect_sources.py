@@ -10,14 +10,15 @@ import pytest
 
 from rtf import clock
 from rtf.bottle import Bottle, Vocab
-from rtf.middleware import remote, wire
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.port import Port
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.port import Port
+from rtf.middleware.wire import framing
 from waiting import eventually
 
 if TYPE_CHECKING:
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 #: Seconds that sources have together, and as many again for a machine that is busy.
 _PATIENCE = 1.0
@@ -27,7 +28,7 @@ _BUSY = 1.0
 def caller(port: Port, name: str) -> socket.socket:
     """Somebody who connects under the name of a port."""
     connection = socket.create_connection((port.contact.host, port.contact.port), 10)
-    connection.sendall(wire.header(3) + wire.sender(name))
+    connection.sendall(framing.header(3) + framing.sender(name))
     eventually(lambda: any(one.sender == name for one in port.inputs), "the caller has not come")
     return connection
 
@@ -205,7 +206,7 @@ def _welcome(listening: socket.socket) -> None:
     connection, _ = listening.accept()
     with connection:
         connection.recv(100)
-        connection.sendall(wire.yarp_number(1))
+        connection.sendall(framing.yarp_number(1))
 
 
 @pytest.fixture

@@ -16,15 +16,15 @@ from hypothesis import strategies as st
 
 from rtf.bottle import Bottle
 from rtf.errors import RtfError
-from rtf.middleware import port as ports
-from rtf.middleware import wire
-from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.carriers import unix_stream
+from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient, RpcServer
-from rtf.middleware.stream import Stream
+from rtf.middleware.ports import port as ports
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
+from rtf.middleware.wire import framing
 from waiting import eventually
 
 from .test_recordings import recorded
@@ -60,7 +60,7 @@ def well(server: Port, network: Network) -> None:
         assert client.call(Bottle(["are you there?"]), timeout=5) == Bottle(["are you there?", "ok"])
 
 
-HELLO = wire.header(131) + wire.sender("/evil")
+HELLO = framing.header(131) + framing.sender("/evil")
 
 
 @pytest.mark.parametrize(
@@ -70,27 +70,27 @@ HELLO = wire.header(131) + wire.sender("/evil")
         b"GARBAGE!",
         b"\0" * 1000,
         b"YA\xff\xff\xff\x7fRP",
-        wire.header(131) + struct.pack("<i", 2**31 - 1) + b"/x\0",
-        wire.header(131) + struct.pack("<i", -5) + b"/x\0" * 400,
+        framing.header(131) + struct.pack("<i", 2**31 - 1) + b"/x\0",
+        framing.header(131) + struct.pack("<i", -5) + b"/x\0" * 400,
         HELLO + b"nonsense" * 100,
-        HELLO + wire.index(2**31 - 1),
-        HELLO + wire.index(-1),
-        HELLO + wire.yarp_number(10) + b"\xff\xff" + b"\xff" * 8 + b"\x7f" * 2040,
-        HELLO + wire.index(8, 2**30) + wire.command("d"),
-        HELLO + wire.index(8, 12) + wire.command("d") + struct.pack("<iii", 256 + 1, 2**31 - 1, 0),
-        HELLO + wire.index(8, 12) + wire.command("d") + struct.pack("<iii", 256 + 4, 1, 2**31 - 1),
-        HELLO + wire.index(8, 800) + wire.command("d") + struct.pack("<ii", 256, 1) * 100,
-        HELLO + wire.index(12) + struct.pack("<i", 2**30) + b"~\0\0\1xxxx",
-        HELLO + wire.index(8) + wire.command("a"),
+        HELLO + framing.index(2**31 - 1),
+        HELLO + framing.index(-1),
+        HELLO + framing.yarp_number(10) + b"\xff\xff" + b"\xff" * 8 + b"\x7f" * 2040,
+        HELLO + framing.index(8, 2**30) + framing.command("d"),
+        HELLO + framing.index(8, 12) + framing.command("d") + struct.pack("<iii", 256 + 1, 2**31 - 1, 0),
+        HELLO + framing.index(8, 12) + framing.command("d") + struct.pack("<iii", 256 + 4, 1, 2**31 - 1),
+        HELLO + framing.index(8, 800) + framing.command("d") + struct.pack("<ii", 256, 1) * 100,
+        HELLO + framing.index(12) + struct.pack("<i", 2**30) + b"~\0\0\1xxxx",
+        HELLO + framing.index(8) + framing.command("a"),
         b"CONNACK " + b"x" * 3_000_000,
         b"CONNACK evil\r\n" + b"d\r\n" + b"(" * 3_000_000,
         b"CONNACK evil\r\na\r\n" + b"(" * 100_000 + b")" * 100_000 + b"\r\n",
         b"CONNACK evil\r\nd\r\n\xff\xfe\x00\r\nq\r\n",
-        pytest.param(b"UNIX_STR" + wire.sender("/evil"), id="nobody comes to the meeting"),
-        b"LOCALITY" + wire.sender("/evil"),
-        wire.header(0) + wire.sender("/evil"),
-        wire.header(1) + wire.sender("/evil") + b"\x7f\0\0\1\0\0",
-        wire.header(14) + wire.sender("/evil"),
+        pytest.param(b"UNIX_STR" + framing.sender("/evil"), id="nobody comes to the meeting"),
+        b"LOCALITY" + framing.sender("/evil"),
+        framing.header(0) + framing.sender("/evil"),
+        framing.header(1) + framing.sender("/evil") + b"\x7f\0\0\1\0\0",
+        framing.header(14) + framing.sender("/evil"),
         b"NAME_SERVER unregister /server\r\n",
     ],
 )
@@ -108,7 +108,7 @@ def test_what_a_peer_only_announces_is_not_allocated(server: RpcServer, network:
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     waiting = [socket.create_connection((server.contact.host, server.contact.port), timeout=5) for _ in range(20)]
     for connection in waiting:
-        connection.sendall(HELLO + wire.index(8, wire.MAX_MESSAGE - 8) + wire.command("d") + b"x" * 1000)
+        connection.sendall(HELLO + framing.index(8, framing.MAX_MESSAGE - 8) + framing.command("d") + b"x" * 1000)
     well(server, network)
     for connection in waiting:
         connection.close()
@@ -142,7 +142,7 @@ def test_one_that_stalls_holds_up_nobody(server: RpcServer, network: Network):
     for connection in stalled[:3]:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         connection.sendall(HELLO)
-        question = wire.index(8, 8) + wire.command("d") + struct.pack("<ii", 256, 0)
+        question = framing.index(8, 8) + framing.command("d") + struct.pack("<ii", 256, 0)
         connection.settimeout(0.2)
         try:
             while True:
@@ -205,7 +205,7 @@ def test_a_client_survives_any_answer(data: bytes):
     with theirs:
         from rtf.bottle import Dialect
         from rtf.middleware.carriers.tcp import Tcp, TcpOutput
-        from rtf.middleware.codecs import BOTTLE
+        from rtf.middleware.types.codecs import BOTTLE
 
         link = TcpOutput(Tcp(), Stream(ours))
         link._due = True
@@ -226,10 +226,10 @@ def test_many_ports_and_connections():
 import os, resource, threading, time
 from rtf.bottle import Bottle
 from rtf.middleware.carriers import unix_stream
-from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
 resource.setrlimit(resource.RLIMIT_NOFILE, (resource.getrlimit(resource.RLIMIT_NOFILE)[1],) * 2)
 network = Network(LocalNames())
 readers = [BufferedPort(f"/r/{n}", network=network) for n in range(250)]

@@ -11,17 +11,17 @@ import pytest
 
 from rtf import clock
 from rtf.bottle import Bottle
-from rtf.middleware import tcp_counters
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.monitor import Link, Tap, Traffic, survey
-from rtf.middleware.names import Contact
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
+from rtf.middleware.tools import tcp_counters
+from rtf.middleware.tools.monitor import Link, Tap, Traffic, survey
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 
 def _ignore(delivery: object) -> None:

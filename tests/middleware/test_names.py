@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.middleware.errors import AddressError
-from rtf.middleware.names import Contact, is_host
+from rtf.middleware.wire.contact import Contact, is_host
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ import socket
 import pytest
 
 from rtf.middleware.errors import AddressError, ConnectError
-from rtf.middleware.names import Contact
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network, Opening, listen
-from rtf.middleware.port import Port
+from rtf.middleware.ports.network import Network, Opening, listen
+from rtf.middleware.ports.port import Port
+from rtf.middleware.wire.contact import Contact
 
 
 class Giving(LocalNames):

@@ -11,17 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rtf.bottle import Bottle
-from rtf.middleware import wire
+from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.carriers.tcp import Tcp, TcpInput
 from rtf.middleware.errors import ProtocolError
-from rtf.middleware.pipelined_port import MOST, PipelinedPort
-from rtf.middleware.port import Port
-from rtf.middleware.stream import Stream
+from rtf.middleware.ports.pipelined_port import MOST, PipelinedPort
+from rtf.middleware.ports.port import Port
 from rtf.middleware.types.plain import BYTES
+from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 COUNT = 3 * MOST
 ENVELOPES = st.text(st.characters(min_codepoint=32, exclude_categories=["Cs"]), min_size=1, max_size=60)
@@ -101,7 +101,7 @@ def test_it_does_not_wait_for_a_reader_that_works(network: Network):
 @settings(deadline=None)  # a thread has to be woken
 def test_an_envelope_arrives_however_the_message_is_cut(envelope: str, body: bytes, data: st.DataObject):
     """Whether all of it is there at once, or it comes in two pieces, or another message is behind it."""
-    whole = 2 * (wire.front("D", envelope, len(body)) + body)
+    whole = 2 * (framing.front("D", envelope, len(body)) + body)
     cut = data.draw(st.integers(0, len(whole) - 1))
     near, far = socket.socketpair()
     with near, far:
@@ -117,7 +117,7 @@ def test_an_envelope_arrives_however_the_message_is_cut(envelope: str, body: byt
 @pytest.mark.parametrize("text_size", [-1, 0, 40, 1 << 20])
 def test_an_envelope_that_does_not_fit_into_its_message_is_refused(text_size: int):
     """Its size is the peer's word, which may be anything."""
-    front = wire.front("D", "1 2", 4)
+    front = framing.front("D", "1 2", 4)
     at = len(front) - len("D 1 2\0") - 8
     near, far = socket.socketpair()
     with near, far:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.bottle import Bottle
-from rtf.middleware.pipelined_port import PipelinedPort
-from rtf.middleware.port import Port
+from rtf.middleware.ports.pipelined_port import PipelinedPort
+from rtf.middleware.ports.port import Port
 from waiting import eventually
 
 if TYPE_CHECKING:
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 
 class Reader:

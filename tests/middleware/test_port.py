@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Bottle
-from rtf.middleware import wire
-from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.errors import ConnectError, MiddlewareError, PortClosedError, WaitTimeoutError
-from rtf.middleware.names import Contact
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
+from rtf.middleware.wire import framing
+from rtf.middleware.wire.contact import Contact
 from waiting import eventually, open_descriptors
 
 if TYPE_CHECKING:
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.inputs import Input
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.inputs import Input
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 
 def in_thread(work: object, *arguments: object) -> threading.Thread:
@@ -49,7 +49,7 @@ class TestConnecting:
 
     @pytest.mark.parametrize(
         "handshake",
-        [wire.header(0), wire.header(3), b"CONNECT ", b"CONNACK "],
+        [framing.header(0), framing.header(3), b"CONNECT ", b"CONNACK "],
         ids=["udp", "fast_tcp", "text", "text_ack"],
     )
     def test_a_caller_is_listed_before_it_gets_its_reply(self, network: Network, handshake: bytes, monkeypatch):
@@ -65,7 +65,7 @@ class TestConnecting:
         with Port("/reader", network=network) as reader:
             connection = socket.create_connection((reader.contact.host, reader.contact.port), timeout=10)
             with connection:
-                connection.sendall(handshake + (b"/me\r\n" if handshake.startswith(b"CON") else wire.sender("/me")))
+                connection.sendall(handshake + (b"/me\r\n" if handshake.startswith(b"CON") else framing.sender("/me")))
                 assert connection.recv(8)
                 assert [one.sender for one in reader.inputs] == ["/me"]
         assert early == [False]

@@ -25,11 +25,11 @@ from hypothesis.stateful import (
 
 from rtf.bottle import Bottle
 from rtf.errors import RtfError
-from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.errors import NameNotFoundError, PortClosedError, WaitTimeoutError
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
 from waiting import eventually
 
 if TYPE_CHECKING:

@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Bottle, Property
-from rtf.middleware import remote
-from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.errors import ConnectError
-from rtf.middleware.names import Contact
-from rtf.middleware.port import Port
-from rtf.middleware.qos import DSCP, LEVELS, Qos, QosError, set_thread_priority
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.qos import DSCP, LEVELS, Qos, QosError, set_thread_priority
+from rtf.middleware.wire.contact import Contact
 from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.network import Network
-    from rtf.middleware.qos import Connection
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.qos import Connection
 
 
 @pytest.fixture
@@ -219,11 +219,11 @@ _CHILD = """
 import contextlib, json, os, sys
 from pathlib import Path
 from rtf.bottle import Bottle
-from rtf.middleware import remote
-from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
 
 said = []
 network = Network(LocalNames(), report=said.append)

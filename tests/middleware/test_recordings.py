@@ -14,14 +14,14 @@ import pytest
 from replaying import VERSIONS, playing, receive, recordings, segments
 from rtf.bottle import Bottle, Dialect, same
 from rtf.bottle.binary import decode_from
-from rtf.middleware import wire
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.names import Contact
-from rtf.middleware.port import Port
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.port import Port
+from rtf.middleware.wire import framing
+from rtf.middleware.wire.contact import Contact
 from waiting import eventually
 
 if TYPE_CHECKING:
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 TALK = '1 2.5 hello "two words" (1 2 3) [pos] {10 20 30} -7 "say \\"hi\\"" (1.5 2.5) (a (b c) [ok]) true 3000000000'
 MESSAGES = (TALK, "[get] [encs]", "end")
@@ -50,7 +50,7 @@ class TestWriterAndReader:
                         continue
                     answer = receive(connection, len(data))
                     if number == 1 and carrier.endswith("tcp"):
-                        assert answer == wire.yarp_number(reader.contact.port)
+                        assert answer == framing.yarp_number(reader.contact.port)
                     else:
                         assert answer == data
                 assert connection.recv(1) == b"", "the connection is still open after its end was asked for"
@@ -81,7 +81,7 @@ def test_datagrams_arrive_as_recorded(network: Network, version: str):
         address = (reader.contact.host, reader.contact.port)
         with socket.create_connection(address, timeout=10) as connection:
             connection.sendall(recorded(version, "udp")[0][1])
-            number = wire.read_number(receive(connection, 8))
+            number = framing.read_number(receive(connection, 8))
             own = connection.getsockname()
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending:
             sending.bind(own)
@@ -108,7 +108,7 @@ def test_datagrams_are_sent_as_recorded(network: Network, version: str):
         receiving.bind(("127.0.0.1", 0))
         receiving.settimeout(10)
         answer = [*recorded(version, "udp")]
-        answer[1] = ("<", wire.yarp_number(receiving.getsockname()[1]))
+        answer[1] = ("<", framing.yarp_number(receiving.getsockname()[1]))
         with playing(listening, answer) as sent:
             writer.add_output(Contact("/rd_udp", *listening.getsockname(), "udp"))
         assert sent[0][0] == sent[0][1]
@@ -136,7 +136,7 @@ def test_administration_is_answered_as_recorded(network: Network, version: str):
             else:
                 answers.append((data, read_answer(connection, dialect)))
     handshake, help_of_word, help_of_vocab, version_of, inputs, about, set_process, end = answers
-    assert handshake[1] == wire.yarp_number(port.contact.port)
+    assert handshake[1] == framing.yarp_number(port.contact.port)
     for expected, got in (help_of_word, help_of_vocab):
         assert shape(got, dialect)[0] == shape(expected, dialect)[0] == "[many]"
     for expected, got in (version_of, inputs, set_process, end):

@@ -12,13 +12,13 @@ from replaying import VERSIONS, playing, receive, recordings, segments
 from rtf.bottle import Bottle, Dialect
 from rtf.bottle.binary import decode_from
 from rtf.cli.network.rpc import Caller
-from rtf.middleware import wire
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.names import Contact
+from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.types import VECTOR, Stamp
+from rtf.middleware.wire import framing
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 RECORDED = {version: recordings(version, "robot.json") for version in VERSIONS}
 QUESTIONS = [(version, number) for version in VERSIONS for number in range(len(RECORDED[version]["questions"]))]
@@ -36,7 +36,7 @@ def test_state_of_an_arm_streams_in(network: Network, version: str, expected: Di
                 if way == ">":
                     connection.sendall(data)
                 else:
-                    wanted = data if number > 1 else wire.yarp_number(reader.contact.port)
+                    wanted = data if number > 1 else framing.yarp_number(reader.contact.port)
                     assert receive(connection, len(data)) == wanted
         received = [reader.receive(timeout=5) for _ in range(reader.pending)]
     assert len(received) > 20
@@ -66,9 +66,9 @@ def pairs(talk: list[tuple[str, bytes]], dialect: Dialect) -> list[tuple[Bottle,
     """The questions of a conversation, and what was answered."""
     found = []
     for (way, question), (_, answer) in pairwise(talk):
-        if way == ">" and question.startswith(wire.yarp_number(10)) and b"~d\0\1" in question[:42]:
+        if way == ">" and question.startswith(framing.yarp_number(10)) and b"~d\0\1" in question[:42]:
             at = question.index(b"~d\0\1") + 4
-            nothing = answer.startswith(wire.ACK)  # the service had no answer to give
+            nothing = answer.startswith(framing.ACK)  # the service had no answer to give
             found.append(
                 (decode_from(question, at, dialect)[0], None if nothing else decode_from(answer, 0, dialect)[0])
             )

@@ -14,19 +14,19 @@ from unittest import mock
 import pytest
 
 from rtf.bottle import Bottle
-from rtf.middleware import buffered, message_handoff, outputs, port, sender
-from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.carriers import local
+from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import PortClosedError, WaitTimeoutError
-from rtf.middleware.outputs import Output
-from rtf.middleware.port import Port
-from rtf.middleware.stream import Stream
+from rtf.middleware.ports import buffered, message_handoff, outputs, port, sender
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.outputs import Output
+from rtf.middleware.ports.port import Port
 from schedules import explore, start, together
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from schedules import Control
 
 MODULES = (port, buffered, outputs, message_handoff, sender, local)

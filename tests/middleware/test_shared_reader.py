@@ -14,19 +14,19 @@ from hypothesis import strategies as st
 
 from rtf.bottle import Bottle
 from rtf.bottle.binary import encode
-from rtf.middleware import wire
 from rtf.middleware.errors import ProtocolError
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.pipelined_port import PipelinedPort
-from rtf.middleware.port import Port
-from rtf.middleware.qos import Qos, QosError
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.pipelined_port import PipelinedPort
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.qos import Qos, QosError
+from rtf.middleware.wire import framing
 from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.incoming_message import IncomingMessage
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 
 class Keeper(Port):
@@ -143,8 +143,8 @@ class TestStreams:
                 caller.sendall(framed(_ONE))
                 eventually(lambda: len(keeper.came) == 2 and not threads_of_inputs(), "it is not gathered")
                 caller.sendall(framed(_ONE, "d"))
-                answer = encode(Bottle(["done"])) + wire.ACK
-                assert caller.recv(len(wire.ACK) + len(answer), socket.MSG_WAITALL) == wire.ACK + answer
+                answer = encode(Bottle(["done"])) + framing.ACK
+                assert caller.recv(len(framing.ACK) + len(answer), socket.MSG_WAITALL) == framing.ACK + answer
             assert keeper.came == [0, 1, 1, 7]
 
 
@@ -219,14 +219,14 @@ _ONE = encode(Bottle([1]))
 
 def framed(body: bytes, key: str = "D") -> bytes:
     """A message of data, or one that asks."""
-    return wire.front(key, "", len(body)) + body
+    return framing.front(key, "", len(body)) + body
 
 
 def raw(keeper: Port, specifier: int = 131) -> socket.socket:
     """A connection by tcp, or by what the number says, that was made by hand."""
     caller = socket.create_connection((keeper.contact.host, keeper.contact.port))
     name = b"/caller\0"
-    caller.sendall(wire.header(specifier) + struct.pack("<i", len(name)) + name)
+    caller.sendall(framing.header(specifier) + struct.pack("<i", len(name)) + name)
     assert len(caller.recv(8, socket.MSG_WAITALL)) == 8
     return caller
 
@@ -242,6 +242,6 @@ def test_messages_arrive_however_they_are_cut(words: list[bytes], data: st.DataO
         caller.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         for piece in pieces:
             caller.sendall(piece)
-        acknowledged = caller.recv(len(wire.ACK) * len(words), socket.MSG_WAITALL)
-        assert acknowledged == wire.ACK * len(words)
+        acknowledged = caller.recv(len(framing.ACK) * len(words), socket.MSG_WAITALL)
+        assert acknowledged == framing.ACK * len(words)
         assert [bytes(word) for word in keeper.came] == words  # type: ignore[arg-type]

@@ -19,7 +19,7 @@ from waiting import eventually
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.names import Contact
+    from rtf.middleware.wire.contact import Contact
 
 SECONDS = float(os.environ.get("RTF_SOAK", "3"))
 #: What a process may take more at the end than after its first half second, in bytes.
@@ -30,11 +30,11 @@ import json, os, sys, threading
 from pathlib import Path
 from rtf import clock
 from rtf.bottle import Bottle
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.names import Contact
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.wire.contact import Contact
 from rtf.middleware.naming.client import RemoteNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
 
 said = []
 names = RemoteNames(Contact("/root", "127.0.0.1", int(sys.argv[1]), "tcp"))

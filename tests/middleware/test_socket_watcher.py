@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from rtf.middleware.socket_watcher import SocketWatcher
+from rtf.middleware.carriers.socket_watcher import SocketWatcher
 from waiting import eventually, open_descriptors
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ _LATER = {
     "rtf.middleware.naming.local",
     "rtf.middleware.naming.multi_server",
     "rtf.middleware.naming.table",
-    "rtf.middleware.port",
+    "rtf.middleware.ports.port",
 }
 
 

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Bottle
-from rtf.middleware.port import Port
-from rtf.middleware.stream import CHUNK, Stream, StreamClosedError
+from rtf.middleware.carriers.stream import CHUNK, Stream, StreamClosedError
+from rtf.middleware.ports.port import Port
 from rtf.middleware.types import IMAGE, Image
 from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 LARGE = 3 * CHUNK
 #: Bytes in front of a block: with one of them it lies to where the kernel copies it as it should not.

@@ -11,18 +11,18 @@ import pytest
 
 from rtf import clock
 from rtf.bottle import Bottle, Vocab
-from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.clocks.lockstep import LockstepServer
+from rtf.middleware.clocks.network_clock import LockstepClock, NetworkClock
 from rtf.middleware.errors import ConnectError, MiddlewareError, PortClosedError
-from rtf.middleware.lockstep import LockstepServer
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient, RpcServer
-from rtf.middleware.time import LockstepClock, NetworkClock
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 
 class World:

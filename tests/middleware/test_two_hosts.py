@@ -32,12 +32,12 @@ _PROGRAM = f"""
 import json, sys, threading
 from rtf import clock
 from rtf.bottle import Bottle
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.names import Contact
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.wire.contact import Contact
 from rtf.middleware.naming.client import RemoteNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
 
 names = RemoteNames(Contact("/root", "{_NEAR}", 10000, "tcp"), patience=3.0)
 network = Network(names, patience=1.0)

@@ -11,7 +11,7 @@ import pytest
 
 from rtf import clock
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from waiting import eventually, open_descriptors
 
 from .sensor_bench import ManualClock

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from rtf.bottle import Bottle, Dialect, Float32, Int64, Property, Vocab
 from rtf.bottle.binary import encode
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.names import Contact
-from rtf.middleware.network import Network
-from rtf.middleware.remote import connect
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.remote import connect
 from rtf.middleware.types import VECTOR
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import IAxisInfo, IRemoteCalibrator, JointType

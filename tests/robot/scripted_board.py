@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.bottle import Bottle, Property
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.rpc import RpcServer
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.rpc import RpcServer
 from rtf.middleware.types import Stamp
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Any, Self
 
-    from rtf.middleware.network import Network
-    from rtf.middleware.outputs import Output
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.outputs import Output
     from rtf.middleware.types import Pair
     from rtf.robot.errors import RobotError
 

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.clock import Clock
-from rtf.middleware import remote
-from rtf.middleware.names import Contact
+from rtf.middleware.ports import remote
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import IMultipleAnalogSensors, SensorCategory, SensorInfo, SensorReading, SensorStatus
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.sensor_message import Measurements
 
 

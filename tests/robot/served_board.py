@@ -6,7 +6,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Property
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PipelinedOutlets

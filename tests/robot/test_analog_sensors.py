@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from rtf import clock
 from rtf.bottle import Bottle, Property
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.codecs import RAW
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import Stamp, call
+from rtf.middleware.types.codecs import RAW
 from rtf.robot.client.analog_sensors import AnalogSensorsClient, read_metadata
 from rtf.robot.devices.analog_sensors_remapper import CATEGORY_TAGS, AnalogSensorsRemapper
 from rtf.robot.devices.fake_sensors import FakeBattery, FakeImu

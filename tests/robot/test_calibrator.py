@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.bottle import Bottle, Property
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports.rpc import RpcClient
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import Calibrator, Device, make_device
@@ -27,7 +27,7 @@ from rtf.robot.server.control_board import ControlBoardServer
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
     from .sensor_bench import ManualClock
 

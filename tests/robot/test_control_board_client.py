@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Bottle, Property, as_string
-from rtf.middleware import remote
-from rtf.middleware.names import Contact
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
-from rtf.middleware.qos import Qos
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.qos import Qos
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.client.control_board import RemoteControlBoard, connect
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.device import make_device

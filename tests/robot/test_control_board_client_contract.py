@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from rtf.robot.client.control_board import connect
 from waiting import eventually
 

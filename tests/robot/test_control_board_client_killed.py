@@ -13,7 +13,7 @@ import pytest
 
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from rtf.robot.client.control_board import connect
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import (
@@ -34,9 +34,9 @@ SERVERS = """
 import os, select, sys
 from rtf import clock
 from rtf.bottle import Property
-from rtf.middleware.names import Contact
+from rtf.middleware.wire.contact import Contact
 from rtf.middleware.naming.client import RemoteNames
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.server.control_board import ControlBoardServer
 

@@ -12,8 +12,8 @@ import pytest
 from replaying import playing, recordings, segments
 from rtf.bottle import Bottle, Dialect, Property, Vocab
 from rtf.bottle.binary import decode_from
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.codecs import TextCodec
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.types.codecs import TextCodec
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.client.state_reader import StateReader
 from rtf.robot.control_modes import ControlMode, InteractionMode
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from replaying import Segment
-    from rtf.middleware.carriers.base import Buffer
-    from rtf.middleware.network import Network
-    from rtf.middleware.outputs import Output
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.outputs import Output
+    from rtf.middleware.types.codecs import Buffer
 
 RECORDED = recordings("3.12.3", "board_clients.json")
 BOARD = "/icubSim/head"

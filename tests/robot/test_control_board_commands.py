@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from rtf.bottle import Bottle, Vocab
 from rtf.bottle.binary import encode
-from rtf.middleware.codecs import RAW
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.types.codecs import RAW
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.vocabulary import STREAMED

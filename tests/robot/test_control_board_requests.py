@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from rtf import clock
 from rtf.bottle import Bottle, Vocab
 from rtf.bottle.binary import encode
-from rtf.middleware.codecs import RAW
-from rtf.middleware.network import Network
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.rpc import RpcClient
+from rtf.middleware.types.codecs import RAW
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.control_board_requests import ControlBoardRequests
 from rtf.robot.vocabulary import COMMANDS, TOPICS

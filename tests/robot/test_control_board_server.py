@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from rtf.bottle import Bottle, Dialect, Property
-from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.incoming_message import IncomingMessage
-from rtf.middleware.names import Contact
-from rtf.middleware.network import Network
-from rtf.middleware.remote import connect
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.remote import connect
+from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.types import VECTOR, Stamp
+from rtf.middleware.wire.contact import Contact
+from rtf.middleware.wire.incoming_message import IncomingMessage
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import find_device, make_device
 from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError

@@ -13,10 +13,10 @@ import pytest
 from replaying import receive, recordings, segments
 from rtf.bottle import Dialect, Property
 from rtf.bottle.binary import decode_from
-from rtf.middleware import wire
-from rtf.middleware.codecs import RAW
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.types.codecs import RAW
+from rtf.middleware.wire import framing
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState
@@ -69,7 +69,7 @@ def replayed(server: ControlBoardServer, network: Network, talk: list[list[str]]
                 connection.sendall(data)
                 question = str(decode_from(data, data.index(_ASKED) + 4)[0]) if _ASKED in data else "greeting or leave"
             else:
-                expected = data if number > 1 else wire.yarp_number(contact.port)
+                expected = data if number > 1 else framing.yarp_number(contact.port)
                 yield question, expected, receive(connection, len(expected))
 
 

@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 from replaying import receive, recordings, segments
 from rtf.bottle import Bottle, Dialect, Property, Vocab
 from rtf.bottle.binary import decode_from
-from rtf.middleware import wire
-from rtf.middleware.codecs import codec_of
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import ProtocolVersion, Record, call
+from rtf.middleware.types.codecs import codec_of
+from rtf.middleware.wire import framing
 from rtf.robot import service_kinds as kinds
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.client.control_board_service import ControlBoardServiceClient
@@ -137,7 +137,7 @@ RECORDED = recordings("4.0.0", "robot.json")["questions"]
 
 def of_the_board() -> list[Any]:
     """The recorded conversations that were held with the board's service."""
-    return [talk for talk in RECORDED if bytes.fromhex(talk[1][1]) == wire.yarp_number(RECORDED_PORT)]
+    return [talk for talk in RECORDED if bytes.fromhex(talk[1][1]) == framing.yarp_number(RECORDED_PORT)]
 
 
 def test_recorded_questions_are_answered_as_recorded(network: Network):
@@ -153,7 +153,7 @@ def test_recorded_questions_are_answered_as_recorded(network: Network):
                     if way == ">":
                         connection.sendall(data)
                     else:
-                        wanted = wire.yarp_number(contact.port) if number == 1 else data
+                        wanted = framing.yarp_number(contact.port) if number == 1 else data
                         assert receive(connection, len(data)) == wanted
 
 

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from rtf import clock
 from rtf.bottle import Bottle, Property, Vocab
 from rtf.bottle.binary import encode
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.codecs import RAW
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import IMAGE, Image, Stamp
+from rtf.middleware.types.codecs import RAW
 from rtf.robot.client.frame_grabber import FrameGrabberClient
 from rtf.robot.devices.fake_camera import FakeFrameGrabber
 from rtf.robot.errors import (

@@ -10,7 +10,7 @@ import pytest
 
 from rtf import clock
 from rtf.bottle import Bottle
-from rtf.middleware.port import Port
+from rtf.middleware.ports.port import Port
 from rtf.middleware.types import VECTOR
 from rtf.middleware.types.vector import VectorCodec
 from rtf.robot.client.latest_message import LatestMessage
@@ -19,7 +19,7 @@ from rtf.robot.errors import StaleStateError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 
 class Counting(VectorCodec):

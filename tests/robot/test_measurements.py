@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from rtf.middleware.buffered import BufferedPort
+from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.types import VECTOR
 from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import SensorCategory, SensorReading, SensorStatus
@@ -20,7 +20,7 @@ from rtf.robot.server.inertial import InertialServer
 from .sensor_bench import ScriptedSensors, connect
 
 if TYPE_CHECKING:
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 
 class QuickSensors(ScriptedSensors, IMeasurementsSource):

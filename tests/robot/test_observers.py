@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from rtf.bottle import Property
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.names import Contact
-from rtf.middleware.remote import connect
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.remote import connect
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState
 from waiting import eventually
@@ -21,7 +21,7 @@ from .served_board import fake_board, publish
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.server.control_board import ControlBoardServer
 
     from .sensor_bench import ManualClock

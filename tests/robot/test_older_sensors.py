@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from rtf import clock
 from rtf.bottle import Bottle, Property, Vocab
-from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient, RpcServer
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import VECTOR, Stamp
 from rtf.robot.client.analog import AnalogClient
 from rtf.robot.client.inertial import InertialClient

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rtf.bottle import Bottle, Dialect, Property
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from rtf.robot.client.remapper import RemoteControlBoardRemapper
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import Device

@@ -11,9 +11,9 @@ import pytest
 
 from replaying import VERSIONS, playing, receive, recordings, segments
 from rtf.bottle import Bottle, Dialect, Property
-from rtf.middleware import wire
-from rtf.middleware.rpc import RpcServer
+from rtf.middleware.ports.rpc import RpcServer
 from rtf.middleware.types import Image, Stamp
+from rtf.middleware.wire import framing
 from rtf.robot.client.analog_sensors import AnalogSensorsClient
 from rtf.robot.client.frame_grabber import FrameGrabberClient
 from rtf.robot.devices.fake_camera import FakeFrameGrabber
@@ -29,8 +29,8 @@ from .sensor_bench import ScriptedSensors, connect
 
 if TYPE_CHECKING:
     from replaying import Segment
-    from rtf.middleware.names import Contact
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.contact import Contact
 
 RECORDED = {version: recordings(version, "sensors.json") for version in VERSIONS}
 QUESTIONS = range(len(RECORDED["3.12.3"]["camera_questions"]))
@@ -52,7 +52,7 @@ def put(contact: Contact, talk: list[Segment]) -> None:
                 connection.sendall(data)
                 continue
             greeting = number == 1 and data.startswith(b"YA") and len(data) == _GREETING
-            assert receive(connection, len(data)) == (wire.yarp_number(contact.port) if greeting else data)
+            assert receive(connection, len(data)) == (framing.yarp_number(contact.port) if greeting else data)
 
 
 def listen(network: Network, name: str) -> socket.socket:
@@ -92,8 +92,8 @@ def test_the_stream_of_an_imu(network: Network, version: str):
     talk = segments(RECORDED[version]["measures"])
     sent = messages(talk)
     device = ScriptedSensors(SENSOR_MESSAGE.decode(sent[0][1], network.dialect))
-    ours = [(">", wire.front("D", envelope, len(body)) + body) for envelope, body in sent]
-    acknowledged = [one for message in ours for one in (message, ("<", wire.ACK))]
+    ours = [(">", framing.front("D", envelope, len(body)) + body) for envelope, body in sent]
+    acknowledged = [one for message in ours for one in (message, ("<", framing.ACK))]
     with ExitStack() as opened:
         server = AnalogSensorsServer(device, "/icubSim/inertial", network=network, period=0.01)
         opened.enter_context(closing(server))
@@ -126,7 +126,7 @@ def test_the_head_of_an_image(network: Network, version: str):
     """Up to the pixels the first message of a camera is that of a real one, to the byte but for the time."""
     talk = segments(RECORDED[version]["image"])
     [(envelope, body)] = messages(talk)
-    ours = wire.front("D", envelope, 60 + 230400) + body
+    ours = framing.front("D", envelope, 60 + 230400) + body
     time = Stamp.parse(envelope).time
     camera = FakeFrameGrabber("camera")
     camera.open(Property())
@@ -180,7 +180,7 @@ def test_an_image_of_a_real_camera(network: Network, version: str, expected: Dia
     talk = segments(RECORDED[version]["image"])
     (envelope, body) = messages(talk)[0]
     missing = 60 + 230400 - len(body)
-    whole = [*talk[:2], (">", talk[2][1] + bytes(missing)), ("<", wire.ACK)]
+    whole = [*talk[:2], (">", talk[2][1] + bytes(missing)), ("<", framing.ACK)]
     with RpcServer("/icubSim/cam/left/rpc", lambda question: Bottle(), network=network), ExitStack() as opened:
         listening = opened.enter_context(listen(network, "/icubSim/cam/left"))
         reply = b'0 "Added connection from /icubSim/cam/left to fast_tcp://rd4\\r\\n"\r\n<ACK>\r\n'

@@ -22,7 +22,7 @@ from .sensor_contract import MultipleAnalogSensorsContract, is_well
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.interfaces import IMultipleAnalogSensors
 
     Open = Callable[..., Device]

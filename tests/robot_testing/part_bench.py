@@ -9,7 +9,7 @@ import numpy as np
 from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.client.settings import unique_local
 from rtf.robot.control_modes import ControlMode

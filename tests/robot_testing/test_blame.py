@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from rtf.middleware.time import LockstepClock
+from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError
 from rtf.robot_testing.joints_test import command_at

@@ -6,7 +6,7 @@ import pytest
 
 from rtf import clock
 from rtf.clock import SystemClock
-from rtf.middleware.time import LockstepClock
+from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.robot.errors import RefusedError, StaleStateError
 from rtf.robot_testing import RobotTest, real_time_checks
 from rtf.robot_testing.port_recorder import Message

@@ -15,10 +15,10 @@ from harness import run_command, write_files
 from robot_outcomes import said
 from rtf import clock
 from rtf.bottle import Property
+from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
-from rtf.middleware.time import LockstepClock
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
 from rtf.middleware.types import VECTOR
 from rtf.robot.client.control_board import connect
 from rtf.robot.devices.fake_board import FakeBoard

@@ -12,7 +12,7 @@ import pytest
 from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from rtf.robot.client.control_board import RemoteControlBoard, connect
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard

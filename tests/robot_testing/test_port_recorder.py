@@ -9,8 +9,8 @@ from rtf.clock import Clock, SystemClock
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
 from rtf.middleware.types import VECTOR
 from rtf.robot.errors import RefusedError
 from rtf.robot_testing.ft_sensor_loads import WeightModel, parts_above

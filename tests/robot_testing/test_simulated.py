@@ -14,8 +14,8 @@ from rtf.bottle import Bottle, Property, Vocab
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.configuration import find_network
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network, listen
-from rtf.middleware.rpc import RpcServer
+from rtf.middleware.ports.network import Network, listen
+from rtf.middleware.ports.rpc import RpcServer
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.server.control_board import ControlBoardDevice
 from rtf.robot_testing import simulated

@@ -12,7 +12,7 @@ from harness import MARK, run_suite
 from rtf import clock
 from rtf.bottle import Property
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.interfaces import PidType

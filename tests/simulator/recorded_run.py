@@ -11,12 +11,12 @@ import numpy as np
 
 from rtf import clock
 from rtf.bottle import Property
-from rtf.middleware.names import Contact
+from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
-from rtf.middleware.remote import connect
-from rtf.middleware.time import LockstepClock
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.remote import connect
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.simulator.icub import SimulatedIcub

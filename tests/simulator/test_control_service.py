@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 
 from rtf import clock
 from rtf.bottle import Bottle, Vocab
+from rtf.middleware.clocks.network_clock import LockstepClock, NetworkClock, clock_from_environment
 from rtf.middleware.errors import AddressError, ConnectError, NameNotFoundError, WaitTimeoutError
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcServer
-from rtf.middleware.time import LockstepClock, NetworkClock, clock_from_environment
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcServer
 from rtf.robot.errors import RefusedError
 from rtf.simulator.axes import INDEX
 from rtf.simulator.control_client import SimulatorControl, control_port, describe_status

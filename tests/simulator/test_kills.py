@@ -18,7 +18,7 @@ import pytest
 from rtf import clock
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from rtf.robot.client.control_board import RemoteControlBoard, connect
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RobotError
@@ -37,9 +37,9 @@ ROUNDS = int(os.environ.get("RTF_TORTURE_ROUNDS", "3"))
 _NETWORK = """
 import sys
 from rtf import clock
-from rtf.middleware.names import Contact
+from rtf.middleware.wire.contact import Contact
 from rtf.middleware.naming.client import RemoteNames
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 
 network = Network(RemoteNames(Contact("/root", "127.0.0.1", int(sys.argv[1]), "tcp")))
 """

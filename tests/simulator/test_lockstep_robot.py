@@ -15,15 +15,15 @@ import pytest
 
 from rtf import clock
 from rtf.bottle import Bottle, Property, Vocab, as_float
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.names import Contact
+from rtf.middleware.clocks.network_clock import LockstepClock, NetworkClock
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
-from rtf.middleware.remote import connect
-from rtf.middleware.rpc import RpcClient
-from rtf.middleware.time import LockstepClock, NetworkClock
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.remote import connect
+from rtf.middleware.ports.rpc import RpcClient
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.simulator.axes import PARTS
 from rtf.simulator.contacts import touching
@@ -191,10 +191,10 @@ class TestParticipants:
 _PARTICIPANT = """
 import signal
 import sys
-from rtf.middleware.names import Contact
+from rtf.middleware.wire.contact import Contact
 from rtf.middleware.naming.client import RemoteNames
-from rtf.middleware.network import Network
-from rtf.middleware.time import LockstepClock
+from rtf.middleware.ports.network import Network
+from rtf.middleware.clocks.network_clock import LockstepClock
 
 time = LockstepClock(
     "/clock", "victim", network=Network(RemoteNames(Contact("/root", "127.0.0.1", int(sys.argv[1]), "tcp")))

@@ -10,9 +10,9 @@ import pytest
 
 from rtf import clock
 from rtf.bottle import Property
+from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.time import LockstepClock
+from rtf.middleware.ports.network import Network
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import RefusedError

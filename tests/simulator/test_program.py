@@ -14,12 +14,12 @@ import pytest
 
 from rtf import clock
 from rtf.bottle import Bottle, Dialect
+from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcClient
-from rtf.middleware.time import LockstepClock
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient
 from rtf.simulator.control_client import SimulatorControl
 from waiting import eventually
 
@@ -290,8 +290,8 @@ def test_another_dialect_and_another_clock(lab: Lab):
     with Port("/hears", lambda delivery: heard.append(delivery.read()), network=network) as port:
         RpcClient("", "/sim/clock", network=network).close()
         with Port("/pulls", network=network):
-            from rtf.middleware import remote
-            from rtf.middleware.names import Contact
+            from rtf.middleware.ports import remote
+            from rtf.middleware.wire.contact import Contact
 
             remote.connect(network, Contact("/sim/clock"), Contact(port.name))
         eventually(lambda: len(heard) > 2, "the time is not told")

@@ -21,7 +21,7 @@ from harness import Command, Outcome, write_files
 from rtf import clock
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.client import RemoteNames
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import journal
 from rtf.testing.events import FixtureChanged, FixtureIncident, PhaseStarted, SubResultEnded, TestEnded, TestStarted

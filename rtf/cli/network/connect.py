@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from rtf.bottle import Bottle, as_int, as_string
 from rtf.cli.network.options import contact, make_network, make_parser
 from rtf.cli.network.terminal import complain, say
-from rtf.middleware import remote
 from rtf.middleware.errors import ConnectError, MiddlewareError
-from rtf.middleware.naming.line_protocol import command
+from rtf.middleware.ports import remote
+from rtf.middleware.wire.name_server_lines import command
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.cli.parser import Parser
-    from rtf.middleware.names import Contact
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.contact import Contact
 
 #: Carriers by which the receiver calls the sender.
 _PULL = ("mjpeg",)

@@ -8,16 +8,16 @@ from rtf import clock
 from rtf.cli.network.options import add_timeout, contact, make_network, make_parser
 from rtf.cli.network.terminal import complain, progress, say
 from rtf.cli.parser import count
-from rtf.middleware import remote
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.names import Contact
+from rtf.middleware.ports import remote
+from rtf.middleware.wire.contact import Contact
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.cli.parser import Parser
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 #: Seconds between two looks at something that is waited for: the first ones, and at most.
 _LOOK_AGAIN, _LOOK_AT_MOST = 0.02, 0.5

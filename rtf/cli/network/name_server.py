@@ -15,13 +15,13 @@ from rtf.cli.network.options import add_timeout, make_network, make_parser
 from rtf.cli.network.terminal import complain, progress, say
 from rtf.cli.parser import Parser, port
 from rtf.errors import RtfError
+from rtf.middleware.carriers.authentication import find_key
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.names import Contact
 from rtf.middleware.naming import configuration
-from rtf.middleware.naming.authentication import find_key
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.configuration import namespaces
-from rtf.middleware.naming.line_protocol import END, command, read_registration, registration
+from rtf.middleware.wire.contact import Contact
+from rtf.middleware.wire.name_server_lines import END, command, read_registration, registration
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -64,8 +64,8 @@ def _parser() -> Parser:
 
 
 def _serve(options: Namespace) -> ExitCode:
+    from rtf.middleware.carriers.authentication import find_key
     from rtf.middleware.naming import configuration
-    from rtf.middleware.naming.authentication import find_key
     from rtf.middleware.naming.server import NameServer
 
     namespace = options.namespace or configuration.namespaces()[0]

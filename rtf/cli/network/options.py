@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from rtf.cli.parser import Parser, make_parser, seconds
 from rtf.middleware.errors import AddressError
-from rtf.middleware.names import Contact
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 __all__ = ["add_carrier", "add_timeout", "contact", "make_network", "make_parser", "own_name"]
 

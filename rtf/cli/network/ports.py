@@ -11,7 +11,7 @@ from rtf import clock
 from rtf.cli.network.options import contact, make_network, make_parser
 from rtf.cli.network.terminal import ENDING, say
 from rtf.cli.parser import seconds
-from rtf.middleware.monitor import Flow, Tap, Traffic, survey
+from rtf.middleware.tools.monitor import Flow, Tap, Traffic, survey
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
     from rich.table import Table as RichTable
 
-    from rtf.middleware.monitor import PortState
-    from rtf.middleware.names import Contact
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.tools.monitor import PortState
+    from rtf.middleware.wire.contact import Contact
 
 #: Colours of cells that are worth one.
 _STYLES = {"yes": "green", "no": "bold red"}

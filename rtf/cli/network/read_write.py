@@ -13,10 +13,10 @@ from rtf.bottle import Bottle, as_float, as_int
 from rtf.cli.network.options import add_carrier, contact, make_network, make_parser, own_name
 from rtf.cli.network.terminal import Bell, complain, opened, progress, say, typed
 from rtf.cli.parser import seconds
-from rtf.middleware import remote
-from rtf.middleware.names import Contact
 from rtf.middleware.naming.configuration import opening
-from rtf.middleware.port import Port
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.port import Port
+from rtf.middleware.wire.contact import Contact
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Value
     from rtf.cli.parser import Parser
-    from rtf.middleware.incoming_message import IncomingMessage
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 _KEYWORDS = ("envelope", "envelope2", "once")
 #: Characters that ``trim`` leaves of a message when it is not told how many.

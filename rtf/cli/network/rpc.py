@@ -12,10 +12,10 @@ from rtf.bottle import Bottle, Vocab, to_string
 from rtf.cli.network.options import add_timeout, contact, make_network, make_parser, own_name
 from rtf.cli.network.terminal import ENDING, Bell, complain, opened, progress, say, typed
 from rtf.middleware.carriers.tcp import Tcp
-from rtf.middleware.codecs import BOTTLE
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError
-from rtf.middleware.outgoing_message import OutgoingMessage
-from rtf.middleware.rpc import RpcServer
+from rtf.middleware.ports.rpc import RpcServer
+from rtf.middleware.types.codecs import BOTTLE
+from rtf.middleware.wire.outgoing_message import OutgoingMessage
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from typing import Self
 
     from rtf.cli.parser import Parser
-    from rtf.middleware.names import Contact
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.contact import Contact
 
 #: What a caller is called that has no port of its own.
 _LABEL = "anon_rpc"

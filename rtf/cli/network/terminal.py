@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from types import FrameType, TracebackType
 
-    from rtf.middleware.port import Port
+    from rtf.middleware.ports.port import Port
 
 P = TypeVar("P", bound="Port")
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

@@ -8,26 +8,60 @@ and its subclasses.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
 from rtf.bottle import BottleError
-from rtf.middleware.codecs import other_dialect
 from rtf.middleware.errors import ConnectError, ProtocolError
+from rtf.middleware.types.codecs import other_dialect
 
 if TYPE_CHECKING:
     import socket as sockets
     from collections.abc import Sequence
 
     from rtf.bottle import Dialect
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing_message import OutgoingMessage
-    from rtf.middleware.port import Port
-    from rtf.middleware.stream import Stream
+    from rtf.middleware.carriers.stream import Stream
+    from rtf.middleware.types.codecs import Buffer, Codec
+    from rtf.middleware.wire.contact import Contact
+    from rtf.middleware.wire.outgoing_message import OutgoingMessage
+    from rtf.middleware.wire.page import Page
 
-Buffer: TypeAlias = "bytes | bytearray | memoryview"
 #: A received message: the letter of its command, the text that came with it (an envelope, a name), and the data.
 Message: TypeAlias = "tuple[str, str, Buffer]"
+
+
+class CarrierNetwork(Protocol):
+    """What a carrier uses of the network of a port."""
+
+    @property
+    def dialect(self) -> Dialect: ...
+
+    def reach(self, target: Contact, patience: float | None = None) -> Stream:
+        """Open a connection to an address. Raises ConnectError."""
+
+
+class CarrierPort(Protocol):
+    """What a carrier uses of the port on whose behalf it connects, or which was called."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def contact(self) -> Contact: ...
+    @property
+    def network(self) -> CarrierNetwork: ...
+    @property
+    def closed(self) -> bool: ...
+    @property
+    def allows_outputs(self) -> bool: ...
+
+    def hand_over(self, sender: str, message: OutgoingMessage) -> tuple[object, Codec[object]] | None:
+        """Deliver an object of a port of this process, in that port's thread. Return the reply and its codec."""
+
+    def multicast_group(self, interface: str) -> Group:
+        """Return the multicast group that the port sends to on an interface. The first call creates it."""
+
+    def page(self) -> Page:
+        """Return what the port shows of itself in a browser."""
 
 
 class InputLink(ABC):
@@ -40,7 +74,7 @@ class InputLink(ABC):
     reuses: float = float("inf")
     endpoint: sockets.socket | None = None
 
-    def welcome(self, stream: Stream, port: Port) -> None:  # noqa: B027 - some carriers have no reply to the handshake
+    def welcome(self, stream: Stream, port: CarrierPort) -> None:  # noqa: B027 - some carriers have no reply to the handshake
         """Reply to the handshake. Called once, when the port counts the caller among its inputs.
 
         So a peer that has connected finds itself there. In the thread of the connection.
@@ -129,6 +163,14 @@ class OutputLink(ABC):
         """End the connection; ``politely`` tells the peer first. A second call has no effect."""
 
 
+@dataclass(slots=True)
+class Group:
+    """The multicast group of a port: each message is sent once for all receivers, by the first member."""
+
+    contact: Contact
+    members: list[OutputLink] = field(default_factory=list)
+
+
 class Carrier(ABC):
     """A kind of connection. One stateless object serves the whole process."""
 
@@ -150,11 +192,11 @@ class Carrier(ABC):
         return header == self.header
 
     @abstractmethod
-    def accept(self, stream: Stream, port: Port) -> InputLink:
+    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Answer the handshake of a peer whose header has been read; ``port`` is the port that it called."""
 
     @abstractmethod
-    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Perform the handshake with a port that is connected, on behalf of ``port``."""
 
     def pull_from(self, stream: Stream, source: Contact) -> InputLink:  # noqa: ARG002 - for carriers that pull

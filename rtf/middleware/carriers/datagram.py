@@ -17,24 +17,23 @@ import zlib
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
-from rtf.middleware import wire
-from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.stream import Stream, StreamClosedError
 from rtf.middleware.carriers.tcp import read_sender
 from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError, WaitTimeoutError
-from rtf.middleware.stream import Stream, StreamClosedError
+from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
     from rtf.bottle import Dialect
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing_message import OutgoingMessage
-    from rtf.middleware.port import Port
+    from rtf.middleware.carriers.base import CarrierPort, Group
+    from rtf.middleware.types.codecs import Buffer, Codec
+    from rtf.middleware.wire.contact import Contact
+    from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 #: The largest datagram, its first eight bytes included.
 MAX_DATAGRAM = 65_499
 _head = struct.Struct("<Ii")
 _UNCHECKED = -1
-_GROUP_PORT = 10_001
 #: Seconds that a receiver may take to join a group.
 _JOINING = 0.5
 #: The requested size of the kernel's receive buffer, in bytes; the kernel may limit it.
@@ -99,13 +98,13 @@ class Assembler:
 
     def _measure(self) -> int:
         """Return the size of the whole message, 0 until its index is complete."""
-        if len(self._data) < wire.INDEX_SIZE:
+        if len(self._data) < framing.INDEX_SIZE:
             return 0
-        blocks, rest = wire.index_rest(self._data)
-        self._begin = wire.INDEX_SIZE + rest
+        blocks, rest = framing.index_rest(self._data)
+        self._begin = framing.INDEX_SIZE + rest
         if len(self._data) < self._begin:
             return 0
-        return self._begin + wire.message_size(self._data, wire.INDEX_SIZE, blocks)
+        return self._begin + framing.message_size(self._data, framing.INDEX_SIZE, blocks)
 
     def _give_up(self) -> None:
         if self._next > 0 or self._data:
@@ -137,7 +136,7 @@ class DatagramInput(InputLink):
         self._closed = False
         self._ending = threading.Lock()  # the descriptor of a closed eventfd is soon reused
 
-    def welcome(self, stream: Stream, port: Port) -> None:  # noqa: ARG002 - the reply has the number of the datagrams
+    def welcome(self, stream: Stream, port: CarrierPort) -> None:  # noqa: ARG002 - the reply has the number of the datagrams
         if self._reply:
             stream.send(self._reply)
         stream.close()
@@ -156,7 +155,7 @@ class DatagramInput(InputLink):
             message = self.assembler.feed(self._buffer[:size])
             if message is not None:
                 with contextlib.suppress(ProtocolError):  # an invalid message counts as lost
-                    command = wire.read_command(message)
+                    command = framing.read_command(message)
                     return command.key, command.text, memoryview(message)[command.data :]
 
     def answer(self, *reply: Buffer) -> None:
@@ -180,7 +179,7 @@ class DatagramOutput(OutputLink):
 
     endpoint: socket.socket
 
-    def __init__(self, carrier: Carrier, sending: socket.socket, port: Port, target: Contact) -> None:
+    def __init__(self, carrier: Carrier, sending: socket.socket, port: CarrierPort, target: Contact) -> None:
         self.carrier = carrier
         self.endpoint = sending
         self._sender = port.name
@@ -189,8 +188,8 @@ class DatagramOutput(OutputLink):
         self._size = int(os.environ.get(f"YARP_{carrier.name.upper()}_SIZE") or os.environ.get("YARP_DGRAM_SIZE") or 0)
 
     def send(self, message: OutgoingMessage) -> None:
-        command = wire.command(message.key, message.envelope)
-        data = b"".join([wire.index_of_two(len(command), message.size), command, *message.blocks])
+        command = framing.command(message.key, message.envelope)
+        data = b"".join([framing.index_of_two(len(command), message.size), command, *message.blocks])
         try:
             for datagram in cut(data, self._size or MAX_DATAGRAM):
                 self.endpoint.send(datagram)
@@ -230,11 +229,11 @@ class Datagrams(Carrier):
 
     def matches(self, header: bytes) -> bool:
         """Compare the lowest four bits of the carrier number."""
-        number = wire.specifier(header)
-        return number >= 0 and number % 16 == wire.specifier(self.header)
+        number = framing.specifier(header)
+        return number >= 0 and number % 16 == framing.specifier(self.header)
 
     @abstractmethod
-    def accept(self, stream: Stream, port: Port) -> InputLink:
+    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """See the base."""
 
 
@@ -242,21 +241,21 @@ class Udp(Datagrams):
     """One sender, one receiver. The receiver takes datagrams only from the address that made the handshake."""
 
     name = "udp"
-    header = wire.header(0)
+    header = framing.header(0)
 
-    def accept(self, stream: Stream, port: Port) -> InputLink:
+    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Answer with the UDP port number to send to."""
         sender, modifiers = read_sender(stream)
         receiving = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         receiving.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
         receiving.bind((stream.socket.getsockname()[0] or port.contact.host, 0))
         receiving.connect(stream.socket.getpeername()[:2])
-        return DatagramInput(self, receiving, sender, modifiers, reply=wire.yarp_number(receiving.getsockname()[1]))
+        return DatagramInput(self, receiving, sender, modifiers, reply=framing.yarp_number(receiving.getsockname()[1]))
 
-    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Send from the local address of the handshake."""
-        stream.send(self.header + wire.sender(port.name))
-        number = wire.read_number(stream.take(8))
+        stream.send(self.header + framing.sender(port.name))
+        number = framing.read_number(stream.take(8))
         if not 0 < number < 1 << 16:
             raise ConnectError(f"{target.name} answered with the impossible UDP port {number}")
         own, peer = stream.socket.getsockname(), stream.socket.getpeername()
@@ -271,24 +270,12 @@ class Udp(Datagrams):
         return DatagramOutput(self, sending, port, target)
 
 
-class Group:
-    """The multicast group of a port: each message is sent once for all receivers."""
-
-    def __init__(self, port: Port, interface: str) -> None:
-        names = port.network.names
-        name = f"{port.name}/net={interface}"
-        self.contact = names.register(name, carrier="mcast")
-        if not self.contact.port:  # the name server has no pool of port numbers
-            host = self.contact.host
-            self.contact = names.register(name, carrier="mcast", host=host, port=_GROUP_PORT)
-        names.set_property(port.name, "owns", [self.contact.name])
-        self.members: list[McastOutput] = []
-
-
 class McastOutput(DatagramOutput):
     """The sending end for one receiver of a group. Only the first of them sends."""
 
-    def __init__(self, carrier: Carrier, sending: socket.socket, port: Port, target: Contact, group: Group) -> None:
+    def __init__(
+        self, carrier: Carrier, sending: socket.socket, port: CarrierPort, target: Contact, group: Group
+    ) -> None:
         super().__init__(carrier, sending, port, target)
         self._group = group
         group.members.append(self)
@@ -315,9 +302,9 @@ class Mcast(Datagrams):
     """One sender, any number of receivers, each datagram sent once."""
 
     name = "mcast"
-    header = wire.header(1)
+    header = framing.header(1)
 
-    def accept(self, stream: Stream, port: Port) -> InputLink:
+    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Join the multicast group that the caller names."""
         sender, modifiers = read_sender(stream)
         group, number = struct.unpack(">4sH", stream.take(6))
@@ -335,12 +322,12 @@ class Mcast(Datagrams):
             raise ConnectError(f"cannot join {socket.inet_ntoa(group)}:{number}: {error.strerror}") from None
         return DatagramInput(self, receiving, sender, modifiers)
 
-    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Send the address of the group; the receiver does not answer."""
         interface = stream.socket.getsockname()[0]
         group = port.multicast_group(interface)
         address = socket.inet_aton(group.contact.host)
-        stream.send(self.header + wire.sender(port.name) + address + struct.pack(">H", group.contact.port))
+        stream.send(self.header + framing.sender(port.name) + address + struct.pack(">H", group.contact.port))
         sending = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(interface))

@@ -22,16 +22,17 @@ import h11
 
 from rtf.bottle import Bottle, BottleError
 from rtf.middleware.carriers import http_page
-from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.stream import StreamClosedError
 from rtf.middleware.errors import ConnectError, ProtocolError
-from rtf.middleware.stream import StreamClosedError
 
 if TYPE_CHECKING:
     from typing import NoReturn
 
-    from rtf.middleware.names import Contact
-    from rtf.middleware.port import Port
-    from rtf.middleware.stream import Stream
+    from rtf.middleware.carriers.base import CarrierPort
+    from rtf.middleware.carriers.stream import Stream
+    from rtf.middleware.types.codecs import Buffer
+    from rtf.middleware.wire.contact import Contact
 
 #: The longest head of a request, in bytes; browsers send less than two thousand.
 MAX_HEAD = 1 << 14
@@ -53,7 +54,7 @@ class HttpInput(InputLink):
     #: Not the name of a port, so that several browsers can ask one port at once.
     sender = "http"
 
-    def __init__(self, carrier: Carrier, stream: Stream, port: Port) -> None:
+    def __init__(self, carrier: Carrier, stream: Stream, port: CarrierPort) -> None:
         self.carrier = carrier
         self.endpoint = stream.socket
         self._stream = stream
@@ -195,11 +196,11 @@ class Http(Carrier):
         method, blank, _ = header.partition(b" ")
         return header != STREAM and bool(blank) and method in _METHODS
 
-    def accept(self, stream: Stream, port: Port) -> InputLink:
+    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Return the link: there is no handshake before the request."""
         return HttpInput(self, stream, port)
 
-    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:  # noqa: ARG002
         """Refuse: ports do not send to browsers."""
         raise ConnectError(f"{target.name} cannot be connected by http, which is for browsers; use tcp")
 

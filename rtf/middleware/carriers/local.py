@@ -9,28 +9,28 @@ import threading
 from typing import TYPE_CHECKING
 from weakref import WeakValueDictionary
 
-from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.stream import StreamClosedError
 from rtf.middleware.errors import ConnectError
-from rtf.middleware.stream import StreamClosedError
 
 if TYPE_CHECKING:
     from rtf.bottle import Dialect
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing_message import OutgoingMessage
-    from rtf.middleware.port import Port
-    from rtf.middleware.stream import Stream
+    from rtf.middleware.carriers.base import CarrierPort
+    from rtf.middleware.carriers.stream import Stream
+    from rtf.middleware.types.codecs import Buffer, Codec
+    from rtf.middleware.wire.contact import Contact
+    from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 #: The ports of this process, by host and port number.
-_ports: WeakValueDictionary[tuple[str, int], Port] = WeakValueDictionary()
+_ports: WeakValueDictionary[tuple[str, int], CarrierPort] = WeakValueDictionary()
 
 
-def enrol(port: Port) -> None:
+def enrol(port: CarrierPort) -> None:
     """Register a port for this carrier."""
     _ports[port.contact.host, port.contact.port] = port
 
 
-def ports_here() -> list[Port]:
+def ports_here() -> list[CarrierPort]:
     """Return the open ports of this process, of any network. May be called from any thread."""
     ports = [reference() for reference in _ports.valuerefs()]  # unlike values() safe if another thread opens a port
     return [port for port in ports if port is not None and not port.closed]
@@ -60,7 +60,7 @@ class LocalInput(InputLink):
 class LocalOutput(OutputLink):
     """The sending end: it calls the receiving port directly."""
 
-    def __init__(self, carrier: Carrier, stream: Stream, sender: str, target: Port) -> None:
+    def __init__(self, carrier: Carrier, stream: Stream, sender: str, target: CarrierPort) -> None:
         self.carrier = carrier
         self.endpoint = stream.socket
         self._stream = stream
@@ -101,18 +101,18 @@ class Local(Carrier):
     name = "local"
     header = b"LOCALITY"
 
-    def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002
+    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002
         """Read the caller's name."""
         from rtf.middleware.carriers.tcp import read_sender
 
         return LocalInput(self, stream, read_sender(stream)[0])
 
-    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Find the target port in this process."""
-        from rtf.middleware import wire
+        from rtf.middleware.wire import framing
 
         other = _ports.get((target.host, target.port))
         if other is None:
             raise ConnectError(f"{target.name} is not a port of this process: connect it by tcp or unix_stream")
-        stream.send(self.header + wire.sender(port.name))
+        stream.send(self.header + framing.sender(port.name))
         return LocalOutput(self, stream, port.name, other)

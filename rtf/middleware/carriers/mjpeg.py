@@ -14,16 +14,16 @@ import numpy as np
 
 from rtf.bottle import Dialect
 from rtf.errors import RtfError
-from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
 from rtf.middleware.errors import ConnectError, ProtocolError
 from rtf.middleware.types.image import Image
 
 if TYPE_CHECKING:
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing_message import OutgoingMessage
-    from rtf.middleware.port import Port
-    from rtf.middleware.stream import Stream
+    from rtf.middleware.carriers.base import CarrierPort
+    from rtf.middleware.carriers.stream import Stream
+    from rtf.middleware.types.codecs import Buffer, Codec
+    from rtf.middleware.wire.contact import Contact
+    from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 IMAGE = Image.codec
 _BOUNDARY = b"--boundarydonotcross\r\n"
@@ -135,14 +135,14 @@ class Mjpeg(Carrier):
     header = b"GET /?ac"
     pull = True
 
-    def accept(self, stream: Stream, port: Port) -> InputLink:
+    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Read the rest of the request."""
         if not port.allows_outputs:
             raise ConnectError("Outputs not allowed")
         _lines(stream)
         return MjpegRequest(self, stream)
 
-    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:  # noqa: ARG002
         """Refuse: the reader opens the connection."""
         raise ConnectError(f"{target.name} cannot be sent to by mjpeg: a reader asks for pictures itself")
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
 from rtf.middleware.errors import ConnectError, ProtocolError
 
 if TYPE_CHECKING:
-    from rtf.middleware.names import Contact
-    from rtf.middleware.port import Port
-    from rtf.middleware.stream import Stream
+    from rtf.middleware.carriers.base import CarrierPort
+    from rtf.middleware.carriers.stream import Stream
+    from rtf.middleware.types.codecs import Buffer
+    from rtf.middleware.wire.contact import Contact
 
 _PREFIX = b"NAME_SERVER"
 #: The longest command, in bytes. The longest useful one names every carrier and address of a machine.
@@ -66,10 +67,10 @@ class NameSer(Carrier):
     text = True
     keeps_header = True
 
-    def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002 - there is no greeting
+    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002 - there is no greeting
         """Return the link: there is no handshake before the first command."""
         return NameSerInput(self, stream)
 
-    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:  # noqa: ARG002
         """Refuse: ports do not send to a name server."""
         raise ConnectError(f"{target.name} cannot be connected by name_ser, which is for asking name servers; use tcp")

@@ -7,14 +7,14 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar
 
 from rtf.bottle.binary import TruncatedBottleError
-from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, OutputLink
-from rtf.middleware.codecs import Arriving
+from rtf.middleware.carriers.base import Carrier, InputLink, OutputLink
 from rtf.middleware.errors import MiddlewareError
+from rtf.middleware.types.codecs import Arriving, Buffer
 
 if TYPE_CHECKING:
     from rtf.bottle import Dialect
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.stream import Stream
+    from rtf.middleware.carriers.stream import Stream
+    from rtf.middleware.types.codecs import Codec
 
 #: Seconds that a peer has to answer the end of a connection.
 _PATIENCE = 1.0

@@ -5,32 +5,33 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from rtf.middleware import wire
-from rtf.middleware.carriers.base import Buffer, Carrier, InputLink, Message, OutputLink, PollableInputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, PollableInputLink
+from rtf.middleware.carriers.stream import CHUNK, JOINED
 from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput
 from rtf.middleware.errors import ProtocolError
-from rtf.middleware.stream import CHUNK, JOINED
+from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing_message import OutgoingMessage
-    from rtf.middleware.port import Port
-    from rtf.middleware.stream import Stream
+    from rtf.middleware.carriers.base import CarrierPort
+    from rtf.middleware.carriers.stream import Stream
+    from rtf.middleware.types.codecs import Buffer
+    from rtf.middleware.wire.contact import Contact
+    from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 # Module-level names: they are looked up faster.
-_ACK, _ACK_SIZE = wire.ACK, len(wire.ACK)
-_INDEX_SIZE, _COMMAND_SIZE, _MAX_MESSAGE = wire.INDEX_SIZE, wire.COMMAND_SIZE, wire.MAX_MESSAGE
-_front, _read_command, _join = wire.front, wire.read_command, b"".join
+_ACK, _ACK_SIZE = framing.ACK, len(framing.ACK)
+_INDEX_SIZE, _COMMAND_SIZE, _MAX_MESSAGE = framing.INDEX_SIZE, framing.COMMAND_SIZE, framing.MAX_MESSAGE
+_front, _read_command, _join = framing.front, framing.read_command, b"".join
 #: The start of an acknowledgement, which no bottle begins with: a peer that sends it has no reply.
-_NO_REPLY = wire.ACK[:4]
+_NO_REPLY = framing.ACK[:4]
 #: Index and command of the usual message of two blocks. The bytes in between are ignored.
 _USUAL = struct.Struct("<10s8xii4x8s")
 _USUAL_SIZE = _USUAL.size
 _BLOCKS_AT = _USUAL_SIZE - _COMMAND_SIZE
-_USUAL_HEAD = wire.front("D", "", 0)[:10]
-_KEYS = {wire.command(letter): letter for letter in "dDaq"}
+_USUAL_HEAD = framing.front("D", "", 0)[:10]
+_KEYS = {framing.command(letter): letter for letter in "dDaq"}
 _read_usual = _USUAL.unpack_from
 
 
@@ -40,8 +41,8 @@ class TcpInput(StreamInput, PollableInputLink):
     reuses = CHUNK
     acknowledgement = _ACK
 
-    def welcome(self, stream: Stream, port: Port) -> None:
-        stream.send(wire.yarp_number(port.contact.port))
+    def welcome(self, stream: Stream, port: CarrierPort) -> None:
+        stream.send(framing.yarp_number(port.contact.port))
 
     def receive(self) -> Message:
         """Wait for the next message.
@@ -84,9 +85,9 @@ class TcpInput(StreamInput, PollableInputLink):
 
     def _receive_any(self) -> Message:
         stream = self._stream
-        blocks, rest = wire.index_rest(stream.peek(wire.INDEX_SIZE))
-        stream.skip(wire.INDEX_SIZE)
-        size = wire.message_size(stream.take(rest), 0, blocks)
+        blocks, rest = framing.index_rest(stream.peek(framing.INDEX_SIZE))
+        stream.skip(framing.INDEX_SIZE)
+        size = framing.message_size(stream.take(rest), 0, blocks)
         data = stream.take(size)
         key, text, begin = _read_command(data)
         return key, text, data[begin:]
@@ -118,11 +119,11 @@ class TcpInput(StreamInput, PollableInputLink):
                 return max(0, _BLOCKS_AT + first + size - have)  # type: ignore[no-any-return]
         if have < _INDEX_SIZE:
             return _INDEX_SIZE - have
-        blocks, rest = wire.index_rest(stream.view, start)
+        blocks, rest = framing.index_rest(stream.view, start)
         front = _INDEX_SIZE + rest
         if have < front:
             return front - have
-        return max(0, front + wire.message_size(stream.view, start + _INDEX_SIZE, blocks) - have)
+        return max(0, front + framing.message_size(stream.view, start + _INDEX_SIZE, blocks) - have)
 
     def acknowledge(self, count: int) -> None:
         if self._acknowledged and count:
@@ -170,15 +171,15 @@ class TcpOutput(StreamOutput):
 
     def _take_unusual(self) -> None:
         """Read an acknowledgement with a payload, which has no meaning."""
-        extra = wire.read_number(self._stream.take(_ACK_SIZE))
+        extra = framing.read_number(self._stream.take(_ACK_SIZE))
         if not 0 <= extra <= _MOST_EXTRA:
             raise ProtocolError(f"an acknowledgement with {extra} bytes")
         if extra:
             self._stream.take(extra)
 
     def _send_quit(self) -> None:
-        command = wire.command_text("q")
-        self._stream.send(wire.index(len(command)) + command)
+        command = framing.command_text("q")
+        self._stream.send(framing.index(len(command)) + command)
         self._due += self._acknowledged
         self.finish()
 
@@ -190,28 +191,28 @@ class Tcp(Carrier):
     """Messages are acknowledged after the receiver has processed them."""
 
     name = "tcp"
-    header = wire.header(131)
+    header = framing.header(131)
     acknowledged = True
     _bits = (3, 128)
 
     def matches(self, header: bytes) -> bool:
         """Compare the lowest four bits of the carrier number, and the bit that requests acknowledgements."""
-        number = wire.specifier(header)
+        number = framing.specifier(header)
         code, flag = self._bits
         return number >= 0 and number % 16 == code and number & 128 == flag
 
-    def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002 - the reply comes later
+    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002 - the reply comes later
         """Read the sender's name and answer with this port's number."""
         sender, modifiers = read_sender(stream)
         return TcpInput(self, stream, sender, modifiers)
 
-    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:  # noqa: ARG002
         return self.call(stream, port.name)
 
     def call(self, stream: Stream, name: str) -> TcpOutput:
         """Send the name of the caller, a port or a label. The peer's answer has no meaning."""
-        stream.send(self.header + wire.sender(name))
-        wire.read_number(stream.take(8))
+        stream.send(self.header + framing.sender(name))
+        framing.read_number(stream.take(8))
         return TcpOutput(self, stream)
 
 
@@ -219,7 +220,7 @@ class FastTcp(Tcp):
     """Messages are not acknowledged. A sender blocks only when the network buffers are full."""
 
     name = "fast_tcp"
-    header = wire.header(3)
+    header = framing.header(3)
     acknowledged = False
     _bits = (3, 0)
 
@@ -227,6 +228,6 @@ class FastTcp(Tcp):
 def read_sender(stream: Stream) -> tuple[str, str]:
     """Read the name of a binary carrier's sender, and the modifiers behind it."""
     (size,) = struct.unpack("<i", stream.take(4))
-    raw = bytes(stream.take(min(max(size, 1), wire.MAX_NAME)))
+    raw = bytes(stream.take(min(max(size, 1), framing.MAX_NAME)))
     name, _, modifiers = raw.split(b"\0", 1)[0].decode("utf-8", "surrogateescape").partition(" ")
     return name, modifiers

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Balance, Bottle
 from rtf.bottle.binary import encode
-from rtf.middleware import wire
 from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.stream import MAX_LINE
 from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput
 from rtf.middleware.errors import ProtocolError
-from rtf.middleware.stream import MAX_LINE
+from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
     from rtf.bottle import Dialect
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing_message import OutgoingMessage
-    from rtf.middleware.port import Port
-    from rtf.middleware.stream import Stream
+    from rtf.middleware.carriers.base import CarrierPort
+    from rtf.middleware.carriers.stream import Stream
+    from rtf.middleware.types.codecs import Codec
+    from rtf.middleware.wire.contact import Contact
+    from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 _ACK = b"<ACK>\r\n"
 _WITH_DATA = ("d", "D", "a")
@@ -29,7 +29,7 @@ class TextInput(StreamInput):
 
     acknowledgement = _ACK
 
-    def welcome(self, stream: Stream, port: Port) -> None:  # noqa: ARG002 - the reply has the name of the caller
+    def welcome(self, stream: Stream, port: CarrierPort) -> None:  # noqa: ARG002 - the reply has the name of the caller
         stream.send(f"Welcome {self.sender}\r\n".encode("utf-8", "surrogateescape"))
 
     def reversed(self, stream: Stream) -> OutputLink:
@@ -38,7 +38,7 @@ class TextInput(StreamInput):
     def receive(self) -> Message:
         """Wait for the next command. Data lines are joined while a parenthesis or quote is open."""
         line = _text(self._stream.take_line())
-        command = wire.text_command(line)
+        command = framing.text_command(line)
         if command.key not in _WITH_DATA:
             return command.key, command.text, b""
         return command.key, command.text if command.key != "a" else "", self._data()
@@ -103,12 +103,12 @@ class Text(Carrier):
     header = b"CONNECT "
     text = True
 
-    def accept(self, stream: Stream, port: Port) -> InputLink:  # noqa: ARG002 - it answers with the caller's name
+    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002 - it answers with the caller's name
         """Read the caller's name from the rest of the line, and send the greeting."""
-        name, _, modifiers = _text(stream.take_line())[: wire.MAX_NAME].strip().partition(" ")
+        name, _, modifiers = _text(stream.take_line())[: framing.MAX_NAME].strip().partition(" ")
         return TextInput(self, stream, name, modifiers)
 
-    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:  # noqa: ARG002
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:  # noqa: ARG002
         return self.call(stream, port.name)
 
     def call(self, stream: Stream, name: str) -> TextOutput:

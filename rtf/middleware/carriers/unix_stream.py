@@ -15,19 +15,19 @@ from rtf import clock
 from rtf.bottle.binary import TruncatedBottleError
 from rtf.bottle.errors import BottleSyntaxError
 from rtf.bottle.extent import Scanner
-from rtf.middleware import wire
 from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.stream import CHUNK, Stream
 from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput
 from rtf.middleware.carriers.tcp import read_sender
-from rtf.middleware.codecs import other_dialect
 from rtf.middleware.errors import ConnectError, ProtocolError
-from rtf.middleware.stream import CHUNK, Stream
+from rtf.middleware.types.codecs import other_dialect
+from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
     from rtf.bottle import Dialect
-    from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing_message import OutgoingMessage
-    from rtf.middleware.port import Port
+    from rtf.middleware.carriers.base import CarrierPort
+    from rtf.middleware.wire.contact import Contact
+    from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 _ACK = b"ACK\0"
 #: Seconds that both ends have for the handshake, and the interval between two attempts to connect.
@@ -54,9 +54,9 @@ class UnixInput(StreamInput):
         if self._lent:
             stream.pass_lent(self._lent)
             self._lent = 0
-        head = stream.peek(wire.COMMAND_SIZE)
-        size = wire.COMMAND_SIZE + wire.command_text_size(head)
-        command = wire.read_command(bytes(stream.peek(size)))
+        head = stream.peek(framing.COMMAND_SIZE)
+        size = framing.COMMAND_SIZE + framing.command_text_size(head)
+        command = framing.read_command(bytes(stream.peek(size)))
         if command.key not in ("d", "D", "a"):
             self._read = size
             return command.key, command.text, b""
@@ -91,7 +91,7 @@ class UnixOutput(StreamOutput):
 
     def send(self, message: OutgoingMessage) -> None:
         self._due = self._acknowledged
-        self._stream.send(wire.command(message.key, message.envelope), *message.blocks)
+        self._stream.send(framing.command(message.key, message.envelope), *message.blocks)
 
     def finish(self) -> None:
         if self._due:
@@ -100,7 +100,7 @@ class UnixOutput(StreamOutput):
             self._due = False
 
     def _send_quit(self) -> None:
-        self._stream.send(wire.command_text("q"))
+        self._stream.send(framing.command_text("q"))
 
 
 class UnixStream(Carrier):
@@ -109,7 +109,7 @@ class UnixStream(Carrier):
     name = "unix_stream"
     header = b"UNIX_STR"
 
-    def accept(self, stream: Stream, port: Port) -> InputLink:
+    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Create the socket where the caller expects it, and wait for the caller."""
         sender, modifiers = read_sender(stream)
         path = _socket_path(port.contact.port, stream.socket.getpeername()[1])
@@ -127,9 +127,9 @@ class UnixStream(Carrier):
         connection.settimeout(None)
         return UnixInput(self, Stream(connection), sender, modifiers, port.network.dialect)
 
-    def connect(self, stream: Stream, port: Port, target: Contact) -> OutputLink:
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Send the caller's name, and connect to the socket that the other end creates."""
-        stream.send(self.header + wire.sender(port.name))
+        stream.send(self.header + framing.sender(port.name))
         path = _socket_path(target.port, stream.socket.getsockname()[1])
         deadline = clock.Deadline.after(_MEETING)
         connection = socket.socket(socket.AF_UNIX)

@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING, TypeAlias
 from rtf import clock
 from rtf.bottle import Bottle, to_string
 from rtf.middleware.carriers import registry
+from rtf.middleware.carriers.tcp_connection import open_stream
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError, ProtocolError
-from rtf.middleware.naming.base import Names
-from rtf.middleware.naming.line_protocol import PREFIX, command, read_registration, register_command
 from rtf.middleware.naming.network_interfaces import own_addresses
 from rtf.middleware.naming.registration_keeper import Record, RegistrationKeeper
-from rtf.middleware.tcp_connection import open_stream
+from rtf.middleware.ports.names import Names
+from rtf.middleware.wire.name_server_lines import PREFIX, command, read_registration, register_command
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.names import Contact
-    from rtf.middleware.stream import Stream
+    from rtf.middleware.carriers.stream import Stream
+    from rtf.middleware.wire.contact import Contact
 
 #: An alias: within the class, ``list`` is a method.
 Lines: TypeAlias = list[str]

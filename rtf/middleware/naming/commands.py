@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, BottleError, Vocab, as_int, as_string, to_string
 from rtf.middleware.errors import AddressError, ConnectError
-from rtf.middleware.naming.line_protocol import AUTOMATIC, END, PREFIX
 from rtf.middleware.naming.port_query import PortQuery
+from rtf.middleware.wire.name_server_lines import AUTOMATIC, END, PREFIX
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.bottle import Value
-    from rtf.middleware.names import Contact
     from rtf.middleware.naming.subscriptions import Subscriptions
     from rtf.middleware.naming.table import Table
+    from rtf.middleware.wire.contact import Contact
 
 _HELP_TITLE = "Here are some ways to use the name server:"
 _HELP = (

@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, as_int, as_string
 from rtf.errors import RtfError
+from rtf.middleware.carriers.authentication import find_key
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
-from rtf.middleware.names import Contact
-from rtf.middleware.naming.authentication import find_key
-from rtf.middleware.network import Network, Opening
+from rtf.middleware.ports.network import Network, Opening
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rtf.middleware.naming.base import Names
+    from rtf.middleware.ports.names import Names
 
 NAMESPACE = "/root"
 _NAMESPACE_FILE = "yarp_namespace.conf"

@@ -5,14 +5,14 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from rtf.middleware import remote
-from rtf.middleware.names import Contact
 from rtf.middleware.naming.port_query import PortQuery
 from rtf.middleware.naming.work_queue import WorkQueue
+from rtf.middleware.ports import remote
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from rtf.errors import RtfError
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 
 class Connector:

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.middleware.carriers.datagram import cut
-from rtf.middleware.naming.line_protocol import END, QUERY, read_registration, registration
 from rtf.middleware.naming.network_interfaces import own_addresses
+from rtf.middleware.wire.name_server_lines import END, QUERY, read_registration, registration
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from rtf.middleware.names import Contact
+    from rtf.middleware.wire.contact import Contact
 
 GROUP = "224.2.1.1"
 PORT = 10000

@@ -6,12 +6,12 @@ import os
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle
-from rtf.middleware.names import Contact
-from rtf.middleware.naming.base import Names
 from rtf.middleware.naming.commands import Commands
 from rtf.middleware.naming.pools import group_slots
 from rtf.middleware.naming.subscriptions import Subscriptions
 from rtf.middleware.naming.table import Table
+from rtf.middleware.ports.names import Names
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

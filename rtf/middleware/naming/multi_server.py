@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeVar
 
 from rtf.middleware.errors import ConnectError, MiddlewareError
-from rtf.middleware.naming.base import Names
+from rtf.middleware.ports.names import Names
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.middleware.names import Contact
+    from rtf.middleware.wire.contact import Contact
 
 T = TypeVar("T")
 

@@ -18,7 +18,7 @@ from rtf.middleware.errors import MiddlewareError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from rtf.middleware.names import Contact
+    from rtf.middleware.wire.contact import Contact
 
 
 @dataclass(slots=True)

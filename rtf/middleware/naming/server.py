@@ -15,11 +15,7 @@ from typing import TYPE_CHECKING, Self
 from weakref import WeakSet
 
 from rtf.bottle import Bottle, Vocab, as_string
-from rtf.middleware.carriers.http_page import Link, Page, Section
-from rtf.middleware.codecs import TextCodec
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
-from rtf.middleware.incoming_message import IncomingMessage
-from rtf.middleware.names import Contact
 from rtf.middleware.naming.commands import Commands
 from rtf.middleware.naming.connector import Connector
 from rtf.middleware.naming.discovery import GROUP, PORT, Answerer
@@ -29,9 +25,13 @@ from rtf.middleware.naming.store import Database, Memory
 from rtf.middleware.naming.subscriptions import Subscriptions
 from rtf.middleware.naming.table import Table
 from rtf.middleware.naming.work_queue import WorkQueue
-from rtf.middleware.network import Network, listen
-from rtf.middleware.port import Port
-from rtf.middleware.remote import administer
+from rtf.middleware.ports.network import Network, listen
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.remote import administer
+from rtf.middleware.types.codecs import TextCodec
+from rtf.middleware.wire.contact import Contact
+from rtf.middleware.wire.incoming_message import IncomingMessage
+from rtf.middleware.wire.page import Link, Page, Section
 
 if TYPE_CHECKING:
     import os
@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from rtf.bottle import Dialect
-    from rtf.middleware.carriers.base import Buffer
-    from rtf.middleware.inputs import Input
-    from rtf.middleware.naming.base import Names
+    from rtf.middleware.ports.inputs import Input
+    from rtf.middleware.ports.names import Names
+    from rtf.middleware.types.codecs import Buffer
 
 MAX_CALLERS = 256
 _FALLBACK = "fallback"
@@ -59,7 +59,7 @@ class NameServer:
 
     ``port`` 0 chooses a free one. ``portdb`` is a file in which names are stored for the next server. ``discovery`` is
     the port number at which it answers multicast queries on the interface of ``host``; 0: none. ``key`` is the shared
-    key, see :mod:`rtf.middleware.naming.authentication`. ``report`` is called with a sentence for each action of its
+    key, see :mod:`rtf.middleware.carriers.authentication`. ``report`` is called with a sentence for each action of its
     own. Raises ConnectError if the address cannot be used, MiddlewareError for the file.
     """
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rtf.middleware.errors import AddressError
-from rtf.middleware.names import Contact, is_host
-from rtf.middleware.naming.line_protocol import AUTOMATIC
 from rtf.middleware.naming.pools import Numbers, Slots, group, group_slots, nameless
 from rtf.middleware.naming.store import Memory, Store
+from rtf.middleware.wire.contact import Contact, is_host
+from rtf.middleware.wire.name_server_lines import AUTOMATIC
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

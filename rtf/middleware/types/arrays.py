@@ -11,7 +11,7 @@ from rtf.middleware.types.vector import vector_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rtf.middleware.codecs import Codec
+    from rtf.middleware.types.codecs import Codec
 
 _VECTOR, _MATRIX = 1, 2
 

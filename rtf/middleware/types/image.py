@@ -14,7 +14,7 @@ import numpy as np
 from rtf.bottle import BottleError, BottleTypeError, Dialect, Vocab
 from rtf.bottle.binary import TruncatedBottleError, decode_from
 from rtf.bottle.values import INT32_MAX, Kind
-from rtf.middleware.codecs import TextCodec
+from rtf.middleware.types.codecs import TextCodec
 from rtf.middleware.types.colors import convert
 from rtf.middleware.types.pixels import PixelFormat, pixel_format, usual_format
 from rtf.middleware.types.vector import contiguous
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
 
 #: The default padding of rows in bytes, as everywhere in YARP.
 QUANTUM = 8

@@ -10,7 +10,7 @@ import numpy as np
 from rtf.bottle import Bottle, BottleError, BottleTypeError, Dialect
 from rtf.bottle.binary import LIST, TruncatedBottleError, decode_from
 from rtf.bottle.values import INT32_MAX, Kind
-from rtf.middleware.codecs import TextCodec
+from rtf.middleware.types.codecs import TextCodec
 from rtf.middleware.types.vector import CODES, VECTOR, contiguous, with_head
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
     from rtf.middleware.types.vector import Array
 
 _DOUBLE = np.dtype("<f8")

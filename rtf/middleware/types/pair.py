@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from rtf.bottle import BottleError, Dialect
 from rtf.bottle.binary import LIST, TruncatedBottleError
 from rtf.bottle.tags import pair as _head
-from rtf.middleware.codecs import TextCodec, codec_of
+from rtf.middleware.types.codecs import TextCodec, codec_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.carriers.base import Buffer
-    from rtf.middleware.codecs import Codec
+    from rtf.middleware.types.codecs import Buffer, Codec
 
 A = TypeVar("A")
 B = TypeVar("B")

@@ -9,12 +9,12 @@ from rtf.bottle import Bottle, BottleError, Dialect, Property, as_bytes
 from rtf.bottle.binary import LARGE_BLOB, decode_from, encode_blocks
 from rtf.bottle.tags import LIST, int32, pair
 from rtf.bottle.values import Kind
-from rtf.middleware.codecs import TextCodec
+from rtf.middleware.types.codecs import TextCodec
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
 
 
 class StringCodec(TextCodec[str]):

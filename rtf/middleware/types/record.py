@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING, ClassVar
 from rtf.bottle import Bottle, Dialect, Vocab, coerce
 from rtf.bottle.binary import LIST, decode_from, encode, encode_element
 from rtf.bottle.tags import pair
-from rtf.middleware.codecs import TextCodec, codec_of
+from rtf.middleware.types.codecs import TextCodec, codec_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
 
 OK, FAILED = Vocab("ok"), Vocab("fail")
 #: A record of at most this many bytes is sent in one piece.

@@ -14,7 +14,7 @@ import numpy as np
 from rtf.bottle import Bottle, BottleError, BottleTypeError, Dialect
 from rtf.bottle.binary import LIST, TruncatedBottleError, encode, extent
 from rtf.bottle.values import INT32_MAX, Kind
-from rtf.middleware.codecs import TextCodec
+from rtf.middleware.types.codecs import TextCodec
 from rtf.middleware.types.vector import SMALL, vector_of
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
 
 _HEAD = struct.Struct("<10i")
 _INT32 = Kind.INT32.value

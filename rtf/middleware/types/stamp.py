@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, ClassVar
 from rtf.bottle import Bottle, BottleError, Dialect, Vocab, as_float, as_int
 from rtf.bottle.binary import decode_from, encode
 from rtf.bottle.values import INT32_MAX
-from rtf.middleware.codecs import TextCodec
+from rtf.middleware.types.codecs import TextCodec
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
 
 _PARTS = (2, 3)
 #: The longest text of a stamp, in characters.

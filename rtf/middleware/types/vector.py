@@ -9,7 +9,7 @@ import numpy as np
 from rtf.bottle import BottleError, BottleTypeError, Dialect, Float32, Int8, Int16, Int64, Vocab, as_float, as_int
 from rtf.bottle.binary import TAGS, TruncatedBottleError, decode_from
 from rtf.bottle.tags import LIST, pair
-from rtf.middleware.codecs import TextCodec
+from rtf.middleware.types.codecs import TextCodec
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from rtf.bottle import Bottle
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
 
     Array: TypeAlias = NDArray[Any]  # of the type of its codec's elements
 

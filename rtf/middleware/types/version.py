@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rtf.bottle import Bottle, BottleError, Dialect
 from rtf.bottle.binary import LIST, TruncatedBottleError
-from rtf.middleware.codecs import TextCodec
+from rtf.middleware.types.codecs import TextCodec
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
 
 _VERSION = struct.Struct("<2i4h")
 _NUMBERS = 4

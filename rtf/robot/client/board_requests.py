@@ -10,7 +10,7 @@ from rtf.bottle.binary import LIST, encode
 from rtf.bottle.tags import TAGS, pair
 from rtf.bottle.values import INT32_MAX, INT32_MIN
 from rtf.bottle.values import Kind as Type
-from rtf.middleware.codecs import BottleCodec
+from rtf.middleware.types.codecs import BottleCodec
 from rtf.robot import vocabulary
 from rtf.robot import vocabulary_kinds as kinds
 from rtf.robot.vocabulary import GET, SET, Echo, Shape
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from rtf.bottle import Dialect, Property
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
     from rtf.robot.vocabulary import Streamed, Topic
     from rtf.robot.vocabulary_kinds import Kind
 

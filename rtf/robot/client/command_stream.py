@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from rtf import clock
 from rtf.bottle import Bottle, Value
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.names import Contact
+from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.types import Pair
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.errors import NoAnswerError
 from rtf.robot.vocabulary import COMMAND
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.interfaces import FloatArray
 
 

@@ -23,7 +23,7 @@ from rtf.robot.vocabulary import Shape
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.client.board_requests import Request, RequestsByShape
     from rtf.robot.client.settings import ClientSettings
     from rtf.robot.forwarded_board import Plural

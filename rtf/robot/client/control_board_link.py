@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from rtf import clock
 from rtf.bottle import as_int
 from rtf.errors import RtfError
-from rtf.middleware import remote
-from rtf.middleware.names import Contact
-from rtf.middleware.qos import Qos
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.qos import Qos
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.client.board_requests import GETTING
 from rtf.robot.client.command_stream import CommandStream
 from rtf.robot.client.rpc import BoardRpc
@@ -21,7 +21,7 @@ from rtf.robot.extended_state import MAX_AXES
 from rtf.robot.vocabulary import Shape
 
 if TYPE_CHECKING:
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.client.settings import ClientSettings
 
 #: Seconds between attempts to reconnect the state, so that a loop that reads it is not blocked each time.

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 from rtf import clock
 from rtf.errors import RtfError
-from rtf.middleware import remote
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.names import Contact
-from rtf.middleware.port import Port
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.port import Port
 from rtf.middleware.types import Stamp
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.errors import DeviceError, StaleStateError
 
 if TYPE_CHECKING:
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.types.codecs import Codec
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 T = TypeVar("T")
 

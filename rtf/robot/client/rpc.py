@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from rtf.bottle import Bottle, Value
 from rtf.errors import RtfError
-from rtf.middleware.names import Contact
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports.rpc import RpcClient
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.client.board_requests import PROTOCOL, REQUEST, plain
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError
 from rtf.robot.vocabulary import FAIL, IS, NAK, OK, PROTOCOL_VERSION
@@ -21,7 +21,7 @@ from rtf.robot.vocabulary import PROTOCOL as VERSION
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.client.board_requests import FilledRequest, Request
 
 #: Timeout in seconds of an action that is answered when it is done, such as the calibration of a whole part.

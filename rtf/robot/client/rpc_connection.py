@@ -6,15 +6,15 @@ import threading
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rtf.errors import RtfError
-from rtf.middleware.codecs import BOTTLE
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports.rpc import RpcClient
+from rtf.middleware.types.codecs import BOTTLE
 from rtf.robot.errors import DeviceError, NoAnswerError
 
 if TYPE_CHECKING:
     from rtf.bottle import Bottle
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.types.codecs import Codec
 
 T = TypeVar("T")
 

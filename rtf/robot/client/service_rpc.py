@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.bottle import Value
-    from rtf.middleware.network import Network
-    from rtf.middleware.rpc import RpcClient
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.rpc import RpcClient
     from rtf.robot.client.board_requests import Request
     from rtf.robot.service_rows import Message
 

@@ -8,7 +8,7 @@ import socket
 from dataclasses import dataclass, field
 
 from rtf.bottle import Bottle, Property, as_int, as_string, to_string
-from rtf.middleware.qos import Qos, QosError
+from rtf.middleware.ports.qos import Qos, QosError
 from rtf.robot import parameters
 
 #: Default age after which a state is stale, in seconds; as in YARP.

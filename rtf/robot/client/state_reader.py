@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from rtf import clock
-from rtf.middleware import remote
-from rtf.middleware.names import Contact
+from rtf.middleware.ports import remote
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.client.latest_message import LatestMessage
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError, StaleStateError
 from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState, Field
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.incoming_message import IncomingMessage
     from rtf.robot.client.latest_message import ReceivedValue
     from rtf.robot.interfaces import AxisSelection, FloatArray
 

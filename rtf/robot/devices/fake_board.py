@@ -39,7 +39,7 @@ from rtf.robot.parameters import count, group_of, wrong
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.interfaces import AxisSelection, FloatArray
 
 MAX_JOINTS = 1000

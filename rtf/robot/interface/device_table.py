@@ -13,7 +13,7 @@ from rtf.robot.interface.log import Level, Log, seconds
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.interface.model import DeviceEntry, Robot
 
 

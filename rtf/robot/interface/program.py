@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.middleware.errors import ConnectError, MiddlewareError
-from rtf.middleware.names import Contact
-from rtf.middleware.remote import exists
+from rtf.middleware.ports.remote import exists
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.interface.log import Level, printable, seconds
 from rtf.robot.interface.robot_interface import Outcome, RobotInterface
 from rtf.robot.interface.service import open_service
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import signal
     from typing import TextIO
 
-    from rtf.middleware.network import Network
-    from rtf.middleware.rpc import RpcServer
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.rpc import RpcServer
     from rtf.robot.interface.device_thread import Patience
     from rtf.robot.interface.model import Robot
 

@@ -26,7 +26,7 @@ from rtf.robot.interface.model import INTERRUPTS, ActionKind, Phase
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.device import Calibrator
     from rtf.robot.interface.actions import Job
     from rtf.robot.interface.model import Action, Robot

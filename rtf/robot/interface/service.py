@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rtf.middleware.rpc import RpcServer
+from rtf.middleware.ports.rpc import RpcServer
 from rtf.middleware.types.service import Function, Service
 
 if TYPE_CHECKING:
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.interface.robot_interface import RobotInterface
 
 _CLASS = "yarprobotinterfaceRpc"

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.bottle import Bottle, Vocab, as_float, as_int, as_string, as_vocab
 from rtf.middleware.errors import ConnectError
-from rtf.middleware.names import Contact
-from rtf.middleware.remote import exists
+from rtf.middleware.ports.remote import exists
 from rtf.middleware.types import FAIL, VECTOR
+from rtf.middleware.wire.contact import Contact
 from rtf.robot import parameters
 from rtf.robot.errors import ConfigurationError, RobotError
 from rtf.robot.interfaces import IAnalogSensor
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.bottle import Property
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.device import Device
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.server.outlets import Outlets

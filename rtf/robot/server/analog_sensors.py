@@ -12,7 +12,7 @@ from rtf.robot.server.publishing_device import PublishingDevice
 from rtf.robot.server.stream_server import StreamServer
 
 if TYPE_CHECKING:
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.device import Device
     from rtf.robot.server.outlets import Outlets
 

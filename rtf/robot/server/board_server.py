@@ -9,7 +9,7 @@ from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.control_board_service import ControlBoardServiceServer
 
 if TYPE_CHECKING:
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.server.outlets import Outlets
 
 BoardServer: TypeAlias = "ControlBoardServer | ControlBoardServiceServer"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.bottle import Bottle, Value
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.service_rows import Message
 
 #: The version of the protocol, and the release that it belongs to.

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Property
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcServer
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcServer
 from rtf.robot.device import Device, make_device
 from rtf.robot.errors import DeviceError, NotSupportedError
 from rtf.robot.interfaces import IAxisInfo
@@ -21,7 +21,7 @@ from rtf.robot.server.control_board_state import StateStreams
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.server.board_server import BoardServer
     from rtf.robot.server.outlets import Outlets
 

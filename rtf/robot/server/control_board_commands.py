@@ -14,7 +14,7 @@ from rtf.robot.vocabulary_kinds import inner, whole
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.middleware.incoming_message import IncomingMessage
+    from rtf.middleware.wire.incoming_message import IncomingMessage
     from rtf.robot.interfaces import FloatArray
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from rtf.middleware.port import Port
-from rtf.middleware.rpc import RpcServer
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcServer
 from rtf.robot.control_board_messages import in_its_dialect
 from rtf.robot.errors import NotSupportedError
 from rtf.robot.interfaces import IAxisInfo
@@ -16,7 +16,7 @@ from rtf.robot.server.control_board_commands import StreamedCommands
 from rtf.robot.server.control_board_state import StateStreams
 
 if TYPE_CHECKING:
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.server.outlets import Outlets
 
 

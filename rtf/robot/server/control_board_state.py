@@ -14,8 +14,8 @@ from rtf.robot.server.stamp_counter import StampCounter
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.middleware.network import Network
-    from rtf.middleware.outputs import Output
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.outputs import Output
     from rtf.robot.server.outlets import Outlets
 
 _POSITIONS = Field.JOINT_POSITIONS

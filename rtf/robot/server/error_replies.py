@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.bottle import Bottle
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 
 def with_error_replies(

@@ -16,7 +16,7 @@ from rtf.robot.server.stream_server import StreamServer
 
 if TYPE_CHECKING:
     from rtf.bottle import Property
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
     from rtf.robot.device import Device
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.server.outlets import Outlets

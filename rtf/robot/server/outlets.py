@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.pipelined_port import PipelinedPort
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.pipelined_port import PipelinedPort
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.network import Network
-    from rtf.middleware.outputs import Output
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.outputs import Output
+    from rtf.middleware.types.codecs import Codec
 
 
 class Outlet(Protocol):

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
-from rtf.middleware.rpc import RpcServer
+from rtf.middleware.ports.rpc import RpcServer
 from rtf.robot.errors import RobotError
 from rtf.robot.server.error_replies import with_error_replies
 from rtf.robot.server.outlets import BackgroundOutlets
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.bottle import Bottle
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.types.codecs import Codec
     from rtf.robot.server.outlets import Outlet, Outlets
 
 T = TypeVar("T")

@@ -16,8 +16,8 @@ import pytest
 from rtf import clock
 from rtf.cli.network.terminal import ENDING, Bell, opened
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, ClassVar
 import pytest
 
 from rtf.bottle import Bottle, same
-from rtf.middleware.buffered import BufferedPort
-from rtf.middleware.codecs import BOTTLE
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.outgoing_message import OutgoingMessage
-from rtf.middleware.port import Port
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.port import Port
+from rtf.middleware.types.codecs import BOTTLE
+from rtf.middleware.wire.outgoing_message import OutgoingMessage
 from waiting import eventually
 
 if TYPE_CHECKING:
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 TALK = '1 2.5 hello "two words" (1 2 3) [pos] {10 20 30} -7 "say \\"hi\\"" (1.5 2.5) (a (b c) [ok]) true 3000000000'
 

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Bottle
-from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.carriers.datagram import DatagramInput, Udp
+from rtf.middleware.carriers.stream import Stream, StreamClosedError
 from rtf.middleware.errors import ConnectError
-from rtf.middleware.port import Port
-from rtf.middleware.stream import Stream, StreamClosedError
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.port import Port
 
 if TYPE_CHECKING:
-    from rtf.middleware.names import Contact
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.contact import Contact
 
 
 def receiving() -> DatagramInput:

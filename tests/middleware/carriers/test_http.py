@@ -14,17 +14,17 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rtf.bottle import Bottle
-from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.carriers.http import MAX_FORM, MAX_HEAD
-from rtf.middleware.carriers.http_page import MAX_SHOWN
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.wire.page import MAX_SHOWN
 from waiting import eventually
 
 if TYPE_CHECKING:
-    from rtf.middleware.incoming_message import IncomingMessage
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 HOSTILE = '<script>alert("x")</script>'
 

@@ -15,20 +15,20 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image as Pictures
 
 from rtf.bottle import Bottle
-from rtf.middleware import remote
-from rtf.middleware.buffered import BufferedPort
 from rtf.middleware.carriers.mjpeg import MAX_PIXELS, decode_jpeg, encode_jpeg
 from rtf.middleware.errors import ConnectError, ProtocolError
-from rtf.middleware.names import Contact
-from rtf.middleware.port import Port
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.port import Port
 from rtf.middleware.types.image import Image
+from rtf.middleware.wire.contact import Contact
 from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from contextlib import AbstractContextManager
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 BOUNDARY = b"--boundarydonotcross\r\n"
 

@@ -16,7 +16,7 @@ from rtf.middleware.naming.server import NameServer
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from rtf.middleware.names import Contact
+    from rtf.middleware.wire.contact import Contact
 
 _LIMIT = 10.0
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from rtf.middleware.carriers import authentication
+from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import MiddlewareError, ProtocolError
-from rtf.middleware.naming import authentication
-from rtf.middleware.stream import Stream
 from rtf.resources import ResourceError
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf import clock
+from rtf.middleware.carriers import authentication
+from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import AddressError, ConnectError, ProtocolError
-from rtf.middleware.names import Contact
-from rtf.middleware.naming import authentication
 from rtf.middleware.naming.client import RemoteNames
-from rtf.middleware.stream import Stream
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

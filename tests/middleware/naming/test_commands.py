@@ -7,11 +7,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rtf.bottle import Bottle
-from rtf.middleware.names import Contact
 from rtf.middleware.naming.commands import Commands
 from rtf.middleware.naming.pools import Numbers
 from rtf.middleware.naming.subscriptions import Subscriptions
 from rtf.middleware.naming.table import Table
+from rtf.middleware.wire.contact import Contact
 
 END = "*** end of message\r\n"
 

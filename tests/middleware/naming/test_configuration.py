@@ -9,14 +9,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
-from rtf.middleware.names import Contact
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.naming.multi_server import MultiServerNames
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network, Opening, default_network, set_default_network
-from rtf.middleware.port import Port
+from rtf.middleware.ports.network import Network, Opening, default_network, set_default_network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -14,13 +14,13 @@ from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.naming.multi_server import MultiServerNames
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.naming.base import Names
+    from rtf.middleware.ports.names import Names
 
 
 class NamesContract:

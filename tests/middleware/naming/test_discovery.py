@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf import clock
-from rtf.middleware.names import Contact
 from rtf.middleware.naming.discovery import GROUP, Answerer, detect
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from rtf.bottle import Bottle
 from rtf.middleware.errors import AddressError
-from rtf.middleware.names import Contact, is_host
-from rtf.middleware.naming.line_protocol import command, read_registration, register_command, registration
 from rtf.middleware.naming.network_interfaces import own_addresses
 from rtf.middleware.naming.port_query import PortQuery
+from rtf.middleware.wire.contact import Contact, is_host
+from rtf.middleware.wire.name_server_lines import command, read_registration, register_command, registration
 
 _NAMES = st.text(st.characters(exclude_categories=("Cc", "Cs", "Z")), min_size=1, max_size=30)
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from rtf.middleware.names import Contact
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.pools import Numbers, group, group_slots
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -16,11 +16,11 @@ import pytest
 from rtf import clock
 from rtf.bottle import Bottle
 from rtf.middleware.errors import ConnectError
-from rtf.middleware.names import Contact
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -15,15 +15,16 @@ from hypothesis import strategies as st
 
 from rtf.bottle import Bottle
 from rtf.bottle.binary import decode_from, encode
-from rtf.middleware import remote, wire
 from rtf.middleware.carriers import name_ser
 from rtf.middleware.errors import AddressError, ConnectError
-from rtf.middleware.names import Contact
 from rtf.middleware.naming import server as module
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
-from rtf.middleware.port import Port
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.wire import framing
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -80,12 +81,12 @@ class TestBinary:
     @staticmethod
     def _asked(server: NameServer, command: bytes, *messages: bytes) -> bytes:
         with socket.create_connection((server.contact.host, server.contact.port), 10) as connection:
-            connection.sendall(wire.header(131) + wire.sender("/me"))
-            assert wire.read_number(connection.recv(8, socket.MSG_WAITALL)) == server.contact.port
+            connection.sendall(framing.header(131) + framing.sender("/me"))
+            assert framing.read_number(connection.recv(8, socket.MSG_WAITALL)) == server.contact.port
             for message in messages:
-                connection.sendall(wire.index(len(command), len(message)) + command + message)
+                connection.sendall(framing.index(len(command), len(message)) + command + message)
             heard = b""
-            while heard.count(wire.ACK) < len(messages):
+            while heard.count(framing.ACK) < len(messages):
                 part = connection.recv(4096)
                 assert part
                 heard += part
@@ -94,12 +95,12 @@ class TestBinary:
     def test_a_plain_answer_is_text(self, server: NameServer):
         """The same bytes as in lines, and the acknowledgement."""
         question = bytes.fromhex("04010000 02000000 05000000 7175657279 05000000 2f726f6f74")
-        assert self._asked(server, wire.command("d"), question) == own(server) + END + wire.ACK
+        assert self._asked(server, framing.command("d"), question) == own(server) + END + framing.ACK
 
     def test_an_answer_for_machines_is_a_bottle(self, server: NameServer):
         """And so are those about subscriptions."""
         asked = [encode(Bottle(words.split())) for words in ("bot query /root", "announce /root", "subscribe")]
-        heard = self._asked(server, wire.command("d"), *asked)
+        heard = self._asked(server, framing.command("d"), *asked)
         port = server.contact.port
         for text in (
             f'port (name "/root") (ip "127.0.0.1") (port_number {port}) (carrier tcp)',
@@ -108,17 +109,17 @@ class TestBinary:
         ):
             bottle, end = decode_from(heard)
             assert bottle.to_text() == text
-            assert heard[end : end + 8] == wire.ACK
+            assert heard[end : end + 8] == framing.ACK
             heard = heard[end + 8 :]
 
     def test_without_a_reply(self, server: NameServer):
         """It is done, and acknowledged."""
-        assert self._asked(server, wire.command("D"), encode(Bottle(["register", "/a"]))) == wire.ACK
+        assert self._asked(server, framing.command("D"), encode(Bottle(["register", "/a"]))) == framing.ACK
         assert server.names.query("/a") is not None
 
     def test_what_is_no_command(self, server: NameServer):
         """Other values are answered by the end line."""
-        assert self._asked(server, wire.command("d"), encode(Bottle([5, [1.5], b"x"]))) == END + wire.ACK
+        assert self._asked(server, framing.command("d"), encode(Bottle([5, [1.5], b"x"]))) == END + framing.ACK
 
 
 class TestText:
@@ -237,12 +238,12 @@ class TestBadCallers:
             b"NAME_SERVER ",
             b"CONNACK x\r\nd\r\n",
             b"CONNECT ",
-            wire.header(131),
-            wire.header(3),
+            framing.header(131),
+            framing.header(3),
             b"",
         ]
         starts += [
-            wire.header(131) + wire.sender("/x") + wire.index(8, 40) + wire.command("d"),
+            framing.header(131) + framing.sender("/x") + framing.index(8, 40) + framing.command("d"),
             b"GET / HTTP/1.1\r\n\r\n",
         ]
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -334,7 +335,7 @@ class TestByItself:
                 theirs, _ = deaf.accept()
                 stack.enter_context(theirs)
                 theirs.recv(8 + 4 + 6, socket.MSG_WAITALL)
-                theirs.sendall(wire.yarp_number(1))
+                theirs.sendall(framing.yarp_number(1))
                 said = b""
                 while b"Added" not in said:
                     part = ours.recv(200)

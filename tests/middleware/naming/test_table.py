@@ -10,13 +10,13 @@ import pytest
 
 from rtf.bottle import Bottle
 from rtf.middleware.errors import AddressError, MiddlewareError
-from rtf.middleware.names import Contact
 from rtf.middleware.naming import table as module
 from rtf.middleware.naming.commands import Commands
 from rtf.middleware.naming.pools import Numbers
 from rtf.middleware.naming.store import Database
 from rtf.middleware.naming.subscriptions import Subscriptions
 from rtf.middleware.naming.table import Table
+from rtf.middleware.wire.contact import Contact
 
 
 def port(table: Table, name: str, number: int = 0) -> int:

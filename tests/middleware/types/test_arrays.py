@@ -14,8 +14,8 @@ from hypothesis.extra import numpy as hnp
 
 from rtf.bottle import Bottle, BottleError, BottleTypeError, Dialect
 from rtf.bottle.binary import decode, encode
-from rtf.middleware.codecs import codec_of
 from rtf.middleware.types import MATRIX, VECTOR, vector_of
+from rtf.middleware.types.codecs import codec_of
 
 THREE, FOUR = Dialect.YARP3, Dialect.YARP4
 RECORDED = json.loads((Path(__file__).parents[2] / "data" / "yarp_wire" / "bottles.json").read_text())

@@ -12,7 +12,6 @@ import pytest
 from rtf.bottle import Bottle, Dialect, Property, Vocab
 from rtf.bottle.binary import TruncatedBottleError, encode, extent
 from rtf.errors import RtfError
-from rtf.middleware.codecs import BOTTLE, RAW, Codec, codec_of
 from rtf.middleware.types import (
     BYTES,
     IMAGE,
@@ -31,6 +30,7 @@ from rtf.middleware.types import (
     Stamp,
     vector_of,
 )
+from rtf.middleware.types.codecs import BOTTLE, RAW, Codec, codec_of
 
 WORDS = Bottle.parse('[set] [pos] 0 10.0 "a b" (1 2) {1 2}')
 PIXELS = np.arange(5 * 7 * 3, dtype=np.uint8).reshape(5, 7, 3)

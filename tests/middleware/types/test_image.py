@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from rtf.bottle import Bottle, BottleError, BottleTypeError, Dialect, Vocab
 from rtf.bottle.binary import decode
-from rtf.middleware.codecs import codec_of
 from rtf.middleware.types import IMAGE, Image, ImageCodec
+from rtf.middleware.types.codecs import codec_of
 from rtf.middleware.types.pixels import pixel_format
 
 THREE, FOUR = Dialect.YARP3, Dialect.YARP4

@@ -7,8 +7,8 @@ import pytest
 
 from rtf.bottle import Bottle, BottleError, BottleTypeError, Dialect, Property
 from rtf.bottle.binary import LARGE_BLOB, decode, encode
-from rtf.middleware.codecs import BOTTLE
 from rtf.middleware.types import BYTES, IMAGE, PROPERTY, SOUND, STRING, VECTOR, Image, Pair, PairCodec, Sound
+from rtf.middleware.types.codecs import BOTTLE
 
 THREE, FOUR = Dialect.YARP3, Dialect.YARP4
 

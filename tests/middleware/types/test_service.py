@@ -10,8 +10,8 @@ import pytest
 
 from rtf.bottle import Bottle, BottleError, Dialect, Int8, Int16, Int64, Property, Vocab
 from rtf.bottle.binary import decode, encode
-from rtf.middleware.codecs import codec_of
 from rtf.middleware.types import FAIL, Function, ProtocolVersion, Record, Service, Stamp, call, read_call
+from rtf.middleware.types.codecs import codec_of
 from rtf.middleware.types.service import succeeded
 
 THREE, FOUR = Dialect.YARP3, Dialect.YARP4

@@ -10,7 +10,7 @@ import pytest
 import scripted_devices
 from rtf.bottle import Property
 from rtf.middleware.naming.local import LocalNames
-from rtf.middleware.network import Network
+from rtf.middleware.ports.network import Network
 from rtf.robot import device
 from rtf.robot.interface.device_thread import Patience
 from rtf.robot.interface.robot_interface import Outcome, RobotInterface

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle
-from rtf.middleware.names import Contact
-from rtf.middleware.remote import exists
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports.remote import exists
+from rtf.middleware.ports.rpc import RpcClient
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.interface.robot_interface import RobotInterface
 from rtf.robot.interface.robot_reader import read_robot
 from waiting import eventually
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from conftest import Running
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 RECORDED = Path(__file__).parents[2] / "data" / "yarp_config" / "fakerobot.xml"
 

@@ -9,8 +9,8 @@ import pytest
 
 from replaying import VERSIONS, receive, recordings, segments
 from rtf.bottle import Bottle
-from rtf.middleware import wire
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports.rpc import RpcClient
+from rtf.middleware.wire import framing
 from rtf.robot.interface.model import Phase, Robot
 from rtf.robot.interface.robot_interface import RobotInterface
 from rtf.robot.interface.service import make_service, open_service
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
     from conftest import Bench, Running
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 #: How the recorded program's port begins to answer: with its number, 10002.
-_PORT = wire.yarp_number(10002)
+_PORT = framing.yarp_number(10002)
 CONVERSATIONS = [
     (version, number)
     for version in VERSIONS
@@ -57,7 +57,7 @@ def test_answers_are_those_recorded(
             if way == ">":
                 connection.sendall(data)
             else:
-                wanted = wire.yarp_number(port.contact.port) if data == _PORT else data
+                wanted = framing.yarp_number(port.contact.port) if data == _PORT else data
                 assert receive(connection, len(wanted)) == wanted
     running.interface.quit()
     assert running.end().good

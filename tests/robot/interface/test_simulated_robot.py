@@ -17,8 +17,8 @@ from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.server import NameServer
-from rtf.middleware.network import Network
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.rpc import RpcClient
 from rtf.robot.client.analog_sensors import AnalogSensorsClient
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode

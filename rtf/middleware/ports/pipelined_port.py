@@ -11,17 +11,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rtf.middleware.codecs import codec_of
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.outgoing_message import OutgoingMessage
-from rtf.middleware.port import Port
+from rtf.middleware.ports.port import Port
+from rtf.middleware.types.codecs import codec_of
+from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.network import Network
-    from rtf.middleware.outputs import Output
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.outputs import Output
+    from rtf.middleware.types.codecs import Codec
 
 T = TypeVar("T")
 #: Seconds that a reader may take for a message before it is disconnected.

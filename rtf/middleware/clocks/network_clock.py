@@ -24,16 +24,16 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Vocab, as_float, as_int, as_string
 from rtf.clock import Clock, SystemClock
-from rtf.middleware import remote
-from rtf.middleware.buffered import BufferedPort, Received
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError, PortClosedError
-from rtf.middleware.names import Contact
-from rtf.middleware.rpc import RpcClient
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.buffered import BufferedPort, Received
+from rtf.middleware.ports.rpc import RpcClient
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
 
 _NANO = 1e-9
 _DIGITS = 9

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.names import Contact
+    from rtf.middleware.wire.contact import Contact
 
 
 class Names(ABC):

@@ -7,8 +7,8 @@ as YARP's clocks do, for programs that follow the time without taking part.
 Time advances in the thread of the participant that starts to wait last, which avoids two thread switches. The server's
 own thread advances it when there are no participants, and when the time is controlled by commands.
 
-Beside the commands of participants (:mod:`rtf.middleware.time`) the port answers commands that control the time:
-``pause``, ``continue``, ``step SECONDS`` while paused, ``reset``, and ``participants``.
+Beside the commands of participants (:mod:`rtf.middleware.clocks.network_clock`) the port answers commands that control
+the time: ``pause``, ``continue``, ``step SECONDS`` while paused, ``reset``, and ``participants``.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.bottle import Bottle, Vocab, as_float, as_int, as_string
-from rtf.middleware.port import Port
+from rtf.middleware.ports.port import Port
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.inputs import Input
-    from rtf.middleware.network import Network
-    from rtf.middleware.outputs import Output
+    from rtf.middleware.ports.inputs import Input
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.outputs import Output
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 _OK, _FAIL = Vocab("ok"), Vocab("fail")
 _NANOSECONDS = 1_000_000_000

@@ -17,7 +17,7 @@ from rtf.middleware.errors import MiddlewareError, ProtocolError, WaitTimeoutErr
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.carriers.base import Buffer
+    from rtf.middleware.types.codecs import Buffer
 
 #: Larger pieces get memory of their own; see ``take``.
 CHUNK = 1 << 16

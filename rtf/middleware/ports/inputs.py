@@ -1,8 +1,8 @@
 """An incoming connection of a port, from the first byte of the handshake to the end.
 
 Each connection starts with a thread of its own, which waits for messages, passes them to the port and replies. If the
-port's callback never blocks (``nonblocking``, see :class:`~rtf.middleware.port.Port`), that thread ends after the first
-message and one *shared reader* thread serves the connection: a dozen streams would otherwise be a dozen threads that
+port's callback never blocks (``nonblocking``, see :class:`~rtf.middleware.ports.port.Port`), that thread ends after the
+first message and one *shared reader* thread serves the connection: a dozen streams would otherwise be a dozen threads that
 compete for the interpreter. A connection returns to a thread of its own as soon as it carries anything but small
 messages of data.
 """
@@ -11,25 +11,25 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from rtf.errors import RtfError
-from rtf.middleware.carriers import registry
-from rtf.middleware.carriers.base import PollableInputLink
+from rtf.middleware.carriers import authentication, registry
+from rtf.middleware.carriers.base import CarrierPort, PollableInputLink
+from rtf.middleware.carriers.socket_watcher import SocketWatcher
+from rtf.middleware.carriers.stream import CHUNK, Stream, StreamClosedError
 from rtf.middleware.errors import ProtocolError
-from rtf.middleware.names import Contact
-from rtf.middleware.naming import authentication
-from rtf.middleware.outputs import Output
-from rtf.middleware.qos import Connection
-from rtf.middleware.socket_watcher import SocketWatcher
-from rtf.middleware.stream import CHUNK, Stream, StreamClosedError
+from rtf.middleware.ports.outputs import Output
+from rtf.middleware.ports.qos import Connection
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     import socket as sockets
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from rtf.middleware.carriers.base import InputLink, Message
-    from rtf.middleware.port import Port
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.types.codecs import Buffer
 
 #: Seconds that a caller may take for the handshake. People type handshakes by hand, so it is long.
 _PATIENCE = 60.0
@@ -40,6 +40,30 @@ _LAST = frozenset("qr")
 _SHARED_READER = SocketWatcher("rtf-shared-reader")
 
 
+class InputOwner(CarrierPort, Protocol):
+    """What an input uses of its port."""
+
+    @property
+    def network(self) -> Network: ...
+    @property
+    def nonblocking(self) -> bool: ...
+
+    def input_opened(self, caller: Input) -> None:
+        """Add an input whose handshake is done and end an older one from the same port."""
+
+    def input_closed(self, caller: Input) -> None:
+        """Remove an input that has ended."""
+
+    def report_broken_input(self, caller: Input, error: RtfError) -> None:
+        """Report a protocol error of a caller."""
+
+    def dispatch(self, caller: Input, key: str, text: str, data: Buffer) -> Sequence[Buffer]:
+        """Execute a message. Return the bytes of the reply."""
+
+    def adopt(self, output: Output) -> None:
+        """Use a connection that the peer has opened as an output."""
+
+
 class Input(Connection):
     """One incoming connection of a port. ``link`` is None until the handshake is done.
 
@@ -48,7 +72,7 @@ class Input(Connection):
 
     instead = "one thread reads all streams of non-blocking ports"
 
-    def __init__(self, port: Port, stream: Stream, link: InputLink | None = None) -> None:
+    def __init__(self, port: InputOwner, stream: Stream, link: InputLink | None = None) -> None:
         self.port = port
         self.link = link
         self.announced = False  # the port has reported it as an input

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.bottle import Bottle, Vocab
-from rtf.middleware import remote
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.names import Contact
+from rtf.middleware.ports import remote
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from rtf.middleware.inputs import Input
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.inputs import Input
+    from rtf.middleware.ports.network import Network
 
 #: Seconds for all sources together: closing a port must not take long.
 _PATIENCE = 1.0

@@ -8,19 +8,19 @@ from collections import deque
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 from rtf import clock
-from rtf.middleware.codecs import BOTTLE
 from rtf.middleware.errors import PortClosedError, WaitTimeoutError
-from rtf.middleware.outgoing_message import OutgoingMessage
-from rtf.middleware.port import Port
-from rtf.middleware.sender import Sender
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.sender import Sender
+from rtf.middleware.types.codecs import BOTTLE
+from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.network import Network
-    from rtf.middleware.outputs import Output
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.outputs import Output
+    from rtf.middleware.types.codecs import Codec
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 T = TypeVar("T")
 _CLOSING = 5.0

@@ -6,15 +6,14 @@ import contextlib
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from rtf.errors import RtfError
-from rtf.middleware.codecs import BOTTLE, codec_of, other_dialect
+from rtf.middleware.types.codecs import BOTTLE, codec_of, other_dialect
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.bottle import Bottle, Dialect
-    from rtf.middleware.carriers.base import Buffer
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.outgoing_message import OutgoingMessage
+    from rtf.middleware.types.codecs import Buffer, Codec
+    from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 T = TypeVar("T")
 _NOTHING: tuple[Buffer, ...] = ()

@@ -16,7 +16,7 @@ from rtf.middleware.errors import ProtocolError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rtf.middleware.stream import Stream
+    from rtf.middleware.carriers.stream import Stream
 
 _FILE = "auth.conf"
 _SECTION = "AUTH"

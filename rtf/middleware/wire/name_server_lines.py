@@ -7,7 +7,7 @@ import re
 from rtf.bottle import Bottle, BottleError, to_string
 from rtf.bottle import to_text as value_text
 from rtf.middleware.errors import AddressError
-from rtf.middleware.names import Contact, is_host
+from rtf.middleware.wire.contact import Contact, is_host
 
 PREFIX = "NAME_SERVER"
 QUERY = f"{PREFIX} query"

@@ -12,13 +12,13 @@ from rtf.bottle import Bottle, Property, Vocab, as_int, as_string
 from rtf.middleware.carriers import registry
 from rtf.middleware.carriers.text import TextAck, TextOutput
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError
-from rtf.middleware.qos import Qos
+from rtf.middleware.ports.qos import Qos
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.names import Contact
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.contact import Contact
 
 _ADMIN = "admin"
 

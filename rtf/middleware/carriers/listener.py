@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from rtf.middleware.socket_watcher import SocketWatcher
+from rtf.middleware.carriers.socket_watcher import SocketWatcher
 
 if TYPE_CHECKING:
     import socket

@@ -10,8 +10,8 @@ from rtf.middleware.errors import MiddlewareError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.middleware.outgoing_message import OutgoingMessage
-    from rtf.middleware.outputs import Output
+    from rtf.middleware.ports.outputs import Output
+    from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 
 class Sender:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import socket
 
-from rtf.middleware.naming import authentication
-from rtf.middleware.stream import Stream
+from rtf.middleware.carriers import authentication
+from rtf.middleware.carriers.stream import Stream
 
 
 def open_stream(host: str, port: int, patience: float, key: bytes) -> Stream:

@@ -17,19 +17,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rtf import clock
 from rtf.bottle import Bottle, as_string
-from rtf.middleware import remote, tcp_counters
-from rtf.middleware.codecs import RAW
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.names import Contact
-from rtf.middleware.port import Port
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.port import Port
+from rtf.middleware.tools import tcp_counters
+from rtf.middleware.types.codecs import RAW
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from typing import Self
 
     from rtf.middleware.carriers.text import TextOutput
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 #: Carriers of name server entries that are not ports and cannot be queried.
 NO_PORT = ("mcast", "topic")

@@ -8,8 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.bottle import Dialect
-    from rtf.middleware.carriers.base import Buffer
-    from rtf.middleware.codecs import Codec
+    from rtf.middleware.types.codecs import Buffer, Codec
 
 
 class OutgoingMessage:

@@ -16,31 +16,30 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
 from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.bottle.binary import encode
-from rtf.middleware import admin, describe
 from rtf.middleware.carriers import local, registry
-from rtf.middleware.carriers.http_page import MAX_SHOWN, LastMessage, Link, Page, Section, text_of, too_long
-from rtf.middleware.codecs import BOTTLE, codec_of
-from rtf.middleware.disconnect_sources import disconnect_sources
+from rtf.middleware.carriers.listener import SHARED
+from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError
-from rtf.middleware.incoming_message import IncomingMessage, LocalMessage
-from rtf.middleware.inputs import Input
-from rtf.middleware.listener import SHARED
-from rtf.middleware.message_handoff import MessageHandoff
-from rtf.middleware.names import Contact
-from rtf.middleware.outgoing_message import OutgoingMessage
-from rtf.middleware.outputs import Output, send_to_all
-from rtf.middleware.stream import Stream
+from rtf.middleware.ports import admin, describe
+from rtf.middleware.ports.disconnect_sources import disconnect_sources
+from rtf.middleware.ports.inputs import Input
+from rtf.middleware.ports.message_handoff import MessageHandoff
+from rtf.middleware.ports.outputs import Output, send_to_all
+from rtf.middleware.types.codecs import BOTTLE, codec_of
+from rtf.middleware.wire.contact import Contact
+from rtf.middleware.wire.incoming_message import IncomingMessage, LocalMessage
+from rtf.middleware.wire.outgoing_message import OutgoingMessage
+from rtf.middleware.wire.page import MAX_SHOWN, LastMessage, Link, Page, Section, text_of, too_long
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from types import TracebackType
 
     from rtf.errors import RtfError
-    from rtf.middleware.carriers.base import Buffer
-    from rtf.middleware.carriers.datagram import Group
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.network import Network
-    from rtf.middleware.qos import Connection, Qos
+    from rtf.middleware.carriers.base import Group
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.qos import Connection, Qos
+    from rtf.middleware.types.codecs import Buffer, Codec
 
 Receiver = Callable[[IncomingMessage], None]
 T = TypeVar("T")
@@ -48,6 +47,8 @@ T = TypeVar("T")
 #: Maximum number of inputs of a port. Further callers are refused, which bounds threads and memory.
 MAX_INPUTS = 1024
 _CLOSING = 5.0
+#: The port number of multicast groups where the name server assigns none.
+_GROUP_PORT = 10_001
 #: The local port number of the handshake is used for datagrams too, and may be taken; a retry gets another one.
 _ATTEMPTS = 5
 
@@ -74,7 +75,7 @@ class Port:
         nonblocking: bool = False,
         promise: str = "",
     ) -> None:
-        from rtf.middleware.network import default_network
+        from rtf.middleware.ports.network import default_network
 
         self.network = network or default_network()
         self.allows_inputs = inputs
@@ -262,12 +263,21 @@ class Port:
 
     def multicast_group(self, interface: str) -> Group:
         """Return the multicast group that this port sends to on an interface. The first call creates it."""
-        from rtf.middleware.carriers.datagram import Group
+        from rtf.middleware.carriers.base import Group
 
         with self._writing:
-            if interface not in self._groups:
-                self._groups[interface] = Group(self, interface)
-            return self._groups[interface]
+            group = self._groups.get(interface)
+            if group is None:
+                group = self._groups[interface] = Group(self._register_group(f"{self.name}/net={interface}"))
+            return group
+
+    def _register_group(self, name: str) -> Contact:
+        names = self.network.names
+        contact = names.register(name, carrier="mcast")
+        if not contact.port:  # the name server has no pool of port numbers
+            contact = names.register(name, carrier="mcast", host=contact.host, port=_GROUP_PORT)
+        names.set_property(self.name, "owns", [contact.name])
+        return contact
 
     def remove_output(self, name: str) -> bool:
         """End the output to a port. Return False if there is none."""
@@ -421,7 +431,7 @@ class Port:
         """Set the priorities of the connections with a port, in both directions.
 
         Raises ConnectError if there is none, and QosError if they cannot be set. The other end is not changed;
-        :func:`rtf.middleware.remote.set_connection_qos` sets both ends.
+        :func:`rtf.middleware.ports.remote.set_connection_qos` sets both ends.
         """
         connections: list[Connection] = [one for one in (*self.outputs, *self.inputs) if one.peer == peer]
         if not connections:

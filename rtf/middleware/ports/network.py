@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Dialect
+from rtf.middleware.carriers.tcp_connection import open_stream
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
-from rtf.middleware.tcp_connection import open_stream
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.middleware.names import Contact
-    from rtf.middleware.naming.base import Names
-    from rtf.middleware.stream import Stream
+    from rtf.middleware.carriers.stream import Stream
+    from rtf.middleware.ports.names import Names
+    from rtf.middleware.wire.contact import Contact
 
 _BACKLOG = 128
 
@@ -37,7 +37,7 @@ class Network:
     that is made or ended, in YARP's words ("Receiving input from /a to /b using tcp"). Both are called from any thread,
     which waits meanwhile, so they must be quick. ``opening`` maps the name of a port that this process opens to its
     actual name and number; the configuration may rename ports or fix their numbers. ``key`` is the shared key that both
-    ends of every connection must know, see :mod:`rtf.middleware.naming.authentication`; empty: no key.
+    ends of every connection must know, see :mod:`rtf.middleware.carriers.authentication`; empty: no key.
     """
 
     def __init__(
@@ -141,10 +141,21 @@ def set_default_network(network: Network | None) -> None:
 
 
 def default_network() -> Network:
-    """Return the network of this process. The first call finds it by the user's configuration."""
+    """Return the network of this process. The first call finds it by the user's configuration.
+
+    How is not this floor's concern: :mod:`rtf.middleware` sets the function that finds it.
+    """
     with _lock:
         if not _default:
-            from rtf.middleware.naming.configuration import find_network
-
-            _default.append(find_network())
+            _default.append(_find())
         return _default[0]
+
+
+def find_default_by(find: Callable[[], Network]) -> None:
+    """Set the function that finds the network of a process that has set none."""
+    global _find  # noqa: PLW0603 - set once, by the package
+    _find = find
+
+
+def _find() -> Network:
+    raise AddressError("no function finds the network of this process: import rtf.middleware")

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
-from rtf.middleware.codecs import BOTTLE, codec_of
 from rtf.middleware.errors import ConnectError, MiddlewareError
-from rtf.middleware.outgoing_message import OutgoingMessage
-from rtf.middleware.port import Port
+from rtf.middleware.ports.port import Port
+from rtf.middleware.types.codecs import BOTTLE, codec_of
+from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.bottle import Bottle
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.incoming_message import IncomingMessage
-    from rtf.middleware.names import Contact
-    from rtf.middleware.network import Network
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.types.codecs import Codec
+    from rtf.middleware.wire.contact import Contact
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 T = TypeVar("T")
 

@@ -6,7 +6,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from rtf.middleware.errors import MiddlewareError
-from rtf.middleware.qos import Connection
+from rtf.middleware.ports.qos import Connection
 
 if TYPE_CHECKING:
     import socket as sockets
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Dialect
     from rtf.middleware.carriers.base import OutputLink
-    from rtf.middleware.codecs import Codec
-    from rtf.middleware.names import Contact
-    from rtf.middleware.outgoing_message import OutgoingMessage
+    from rtf.middleware.types.codecs import Codec
+    from rtf.middleware.wire.contact import Contact
+    from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 
 class Output(Connection):

@@ -12,7 +12,7 @@ from rtf.middleware.errors import PortClosedError, WaitTimeoutError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.middleware.incoming_message import IncomingMessage
+    from rtf.middleware.wire.incoming_message import IncomingMessage
 
 
 class MessageHandoff:

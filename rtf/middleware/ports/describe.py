@@ -2,13 +2,42 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from rtf.errors import RtfError
-from rtf.middleware.names import Contact
+from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
-    from rtf.middleware.port import Port
+    from collections.abc import Sequence
+
+    from rtf.middleware.ports.inputs import Input
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.outputs import Output
+
+
+class Connectable(Protocol):
+    """A port whose connections can be shown and changed."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def contact(self) -> Contact: ...
+    @property
+    def network(self) -> Network: ...
+    @property
+    def inputs(self) -> Sequence[Input]: ...
+    @property
+    def outputs(self) -> Sequence[Output]: ...
+
+    def add_output(self, target: str | Contact, carrier: str = "") -> Contact:
+        """Connect to a port."""
+
+    def remove_output(self, name: str) -> bool:
+        """End the output to a port. Return False if there is none."""
+
+    def remove_input(self, name: str) -> bool:
+        """End the inputs from a port. Return False if there is none."""
+
 
 _HELP = (
     "Commands of this port, one per line:",
@@ -28,7 +57,7 @@ _UNKNOWN = ("Port command not understood.", "Type d to send data to the port's o
 _UNREACHABLE = "Cannot connect to "
 
 
-def answer(port: Port, key: str, text: str) -> str:
+def answer(port: Connectable, key: str, text: str) -> str:
     """Execute a command that is neither data nor an admin request. Return the lines of the reply."""
     if key == "*":
         lines: tuple[str, ...] = tuple(connections(port))
@@ -45,7 +74,7 @@ def answer(port: Port, key: str, text: str) -> str:
     return "".join(f"{line}\r\n" for line in lines)
 
 
-def connections(port: Port) -> list[str]:
+def connections(port: Connectable) -> list[str]:
     """Return the port's address and connections, one per line."""
     lines = [f"This is {port.name} at {port.contact.by('tcp')}"]
     outputs, inputs = port.outputs, port.inputs
@@ -58,7 +87,7 @@ def connections(port: Port) -> list[str]:
     return lines
 
 
-def add(port: Port, target: str, carrier: str = "") -> str:
+def add(port: Connectable, target: str, carrier: str = "") -> str:
     """Connect an output. Return the result in YARP's words."""
     try:
         contact = Contact.parse(target)
@@ -73,14 +102,14 @@ def add(port: Port, target: str, carrier: str = "") -> str:
     return f"Added connection from {port.name} to {target if not carrier else f'{carrier}:/{contact.name}'}"
 
 
-def remove_output(port: Port, name: str) -> str:
+def remove_output(port: Connectable, name: str) -> str:
     """Disconnect an output. Return the result in YARP's words."""
     if port.remove_output(name):
         return f"Removed connection from {port.name} to {name}"
     return f"Could not find an outgoing connection to {name}"
 
 
-def remove_input(port: Port, name: str) -> str:
+def remove_input(port: Connectable, name: str) -> str:
     """Disconnect an input. Return the result in YARP's words."""
     if port.remove_input(name):
         return f"Removing connection from {name} to {port.name}"

@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
 from rtf.bottle import Bottle, BottleSyntaxError, Dialect, Property
 from rtf.bottle.binary import Scanner, TruncatedBottleError, decode_from, encode, encode_blocks, extent
@@ -19,9 +19,9 @@ from rtf.middleware.errors import ProtocolError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.middleware.carriers.base import Buffer
-
 T = TypeVar("T")
+#: Bytes of a message.
+Buffer: TypeAlias = "bytes | bytearray | memoryview"
 
 
 class Codec(Protocol[T]):

@@ -1,0 +1,1 @@
+"""Clocks of a network: time that a port publishes, and lockstep with a simulator."""
