@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf import clock
-from rtf.bottle import Bottle, Vocab
+from rtf.bottle import Bottle, Dialect, Vocab
 from rtf.middleware.ports import remote
 from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.port import Port
@@ -187,6 +187,7 @@ class TestNotices:
 
     def test_connection_that_breaks(self, network: Network, noticed: list[str], said: list[str]):
         """Is ended, and a problem besides."""
+        network.dialect = Dialect.YARP3  # the peer is not asked for it
         with socket.create_server(("127.0.0.1", 0)) as listening, Port("/writer", network=network) as writer:
             network.names.register("/gone", carrier="tcp", host="127.0.0.1", port=listening.getsockname()[1])
             thread = threading.Thread(target=_welcome, args=(listening,))

@@ -82,7 +82,7 @@ class Scene:
 def output_to(writer: Port, reader: Port) -> Output:
     """A connection within this process that nobody needed to ask for."""
     link = local.LocalOutput(local.Local(), Stream(socket.socket()), writer.name, reader)
-    return Output(link, reader.contact.by("local"))
+    return Output(link, reader.contact.by("local"), lambda: writer.network.dialect)
 
 
 @pytest.fixture

@@ -82,6 +82,7 @@ def recorded_board(network: Network, talk: list[Segment]) -> Iterator[tuple[list
     """A board that answers what was recorded: what it was asked and should have been, and its port of commands."""
     with ExitStack() as opened:
         listening = opened.enter_context(socket.create_server(("127.0.0.1", 0)))
+        network.dialect = Dialect.YARP3  # the recorded boards are not asked for it
         network.names.register(f"{BOARD}/rpc:i", carrier="tcp", host="127.0.0.1", port=listening.getsockname()[1])
         commands = opened.enter_context(
             BufferedPort(f"{BOARD}/command:i", Raw(), strict=True, network=network, outputs=False)

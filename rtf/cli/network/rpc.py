@@ -13,6 +13,8 @@ from rtf.cli.network.options import add_timeout, contact, make_network, make_par
 from rtf.cli.network.terminal import ENDING, Bell, complain, opened, progress, say, typed
 from rtf.middleware.carriers.tcp import Tcp
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError
+from rtf.middleware.ports.dialect_probe import dialect_of_reader
+from rtf.middleware.ports.outputs import Output
 from rtf.middleware.ports.rpc import RpcServer
 from rtf.middleware.types.codecs import BOTTLE
 from rtf.middleware.wire.outgoing_message import OutgoingMessage
@@ -100,16 +102,17 @@ class Caller:
             raise ConnectError(f"{error}; 'rtf clean' forgets ports that are gone") from None
         try:
             self._link = Tcp().call(stream, _LABEL)
+            self._reader = Output(self._link, found, partial(dialect_of_reader, network, self._link.carrier, found))
         except MiddlewareError:
             stream.close()
             raise
-        self._dialect = network.dialect
+        self._dialect = self._reader.dialect or network.dialect
 
     def ask(self, key: str, question: Bottle, timeout: float | None = None) -> Bottle | None:
         """Ask, and wait for the answer; None when the other side has none to give. Raises MiddlewareError."""
         link = self._link
         link.limit_waiting(timeout)
-        link.send(OutgoingMessage(key, question, BOTTLE, self._dialect))
+        link.send(self._reader.encoded(OutgoingMessage(key, question, BOTTLE, self._dialect)))
         if timeout is None and link.endpoint is not None:
             ENDING.wait(link.endpoint.fileno())
         answer, self._dialect = link.receive_reply_in_any(BOTTLE, self._dialect)

@@ -182,6 +182,8 @@ class Carrier(ABC):
     connectionless: ClassVar[bool] = False
     #: Data are lines of text.
     text: ClassVar[bool] = False
+    #: Messages are encoded in the dialect of the reader; else the reader gets text, objects or pictures.
+    has_dialects: ClassVar[bool] = True
     #: The first eight bytes are the start of the first message: ``accept`` finds them unread.
     keeps_header: ClassVar[bool] = False
     #: The port that receives opens the connection, and ``pull_from`` performs the handshake.

@@ -100,6 +100,7 @@ class Local(Carrier):
 
     name = "local"
     header = b"LOCALITY"
+    has_dialects = False
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002
         """Read the caller's name."""

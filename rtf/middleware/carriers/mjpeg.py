@@ -133,6 +133,7 @@ class Mjpeg(Carrier):
 
     name = "mjpeg"
     header = b"GET /?ac"
+    has_dialects = False
     pull = True
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:

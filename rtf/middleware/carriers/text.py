@@ -102,6 +102,7 @@ class Text(Carrier):
     name = "text"
     header = b"CONNECT "
     text = True
+    has_dialects = False
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002 - it answers with the caller's name
         """Read the caller's name from the rest of the line, and send the greeting."""

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.bottle import Bottle, as_int, as_string
+from rtf.bottle import Bottle, Dialect, as_int, as_string
 from rtf.errors import RtfError
 from rtf.middleware.carriers.authentication import find_key
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
@@ -206,7 +206,16 @@ def _names_of(namespace: str, environment: Mapping[str, str]) -> Names:
     return RemoteNames(place.contact, address=chosen_address(environment), key=find_key(environment))
 
 
+def find_dialect(environment: Mapping[str, str] | None = None) -> Dialect | None:
+    """Return the dialect that ``RTF_DIALECT`` sets, 3 or 4; None if it does not. Raises AddressError."""
+    text = (os.environ if environment is None else environment).get("RTF_DIALECT", "")
+    try:
+        return Dialect(int(text)) if text else None
+    except ValueError:
+        raise AddressError(f"RTF_DIALECT is {text!r}; set it to 3 or 4, the major version of YARP") from None
+
+
 def find_network(environment: Mapping[str, str] | None = None) -> Network:
     """Return the configured network, for ports that are given none."""
     given = os.environ if environment is None else environment
-    return Network(find_names(given), opening=partial(opening, given), key=find_key(given))
+    return Network(find_names(given), dialect=find_dialect(given), opening=partial(opening, given), key=find_key(given))

@@ -9,7 +9,7 @@ import threading
 from typing import TYPE_CHECKING, Protocol
 
 from rtf.bottle import Bottle, Property, Vocab, as_string
-from rtf.middleware.ports import describe, qos
+from rtf.middleware.ports import describe, dialect_probe, qos
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -157,6 +157,8 @@ def _get_property(port: AdministeredPort, key: str) -> Bottle:
 def _set_property(port: AdministeredPort, key: str, request: Bottle) -> Bottle:
     """Store the property; if the key is the name of a port, also apply the request to its connections."""
     value = request.get(3)
+    if key == dialect_probe.KEY:
+        return Bottle([_OK, dialect_probe.BOTH])  # readers of this library understand either
     port.properties.put(key, *([] if value is None else [value]))
     if not key.startswith("/"):
         return Bottle([_OK])

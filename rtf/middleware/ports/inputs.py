@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from rtf.errors import RtfError
@@ -20,6 +21,7 @@ from rtf.middleware.carriers.base import CarrierPort, PollableInputLink
 from rtf.middleware.carriers.socket_watcher import SocketWatcher
 from rtf.middleware.carriers.stream import CHUNK, Stream, StreamClosedError
 from rtf.middleware.errors import ProtocolError
+from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.outputs import Output
 from rtf.middleware.ports.qos import Connection
 from rtf.middleware.wire.contact import Contact
@@ -208,7 +210,9 @@ class Input(Connection):
         return False
 
     def _turn_round(self, link: InputLink) -> None:
-        self.port.adopt(Output(link.reversed(self._stream), Contact(link.sender, carrier=link.carrier.name)))
+        target = Contact(link.sender, carrier=link.carrier.name)
+        ask = partial(dialect_of_reader, self.port.network, link.carrier, target)
+        self.port.adopt(Output(link.reversed(self._stream), target, ask))
         self._turned = True
 
     def _move_to_shared_thread(self) -> bool:

@@ -36,15 +36,16 @@ class Network:
     ``report`` is called with a sentence for each problem, such as a lost connection, and ``notice`` for each connection
     that is made or ended, in YARP's words ("Receiving input from /a to /b using tcp"). Both are called from any thread,
     which waits meanwhile, so they must be quick. ``opening`` maps the name of a port that this process opens to its
-    actual name and number; the configuration may rename ports or fix their numbers. ``key`` is the shared key that both
-    ends of every connection must know, see :mod:`rtf.middleware.carriers.authentication`; empty: no key.
+    actual name and number; the configuration may rename ports or fix their numbers. ``dialect`` is used with all ports;
+    None: each reader is asked for its own, see :mod:`rtf.middleware.ports.dialect_probe`. ``key`` is the shared key
+    that both ends of every connection must know, see :mod:`rtf.middleware.carriers.authentication`; empty: no key.
     """
 
     def __init__(
         self,
         names: Names,
         *,
-        dialect: Dialect = Dialect.YARP3,
+        dialect: Dialect | None = None,
         patience: float = 5.0,
         report: Callable[[str], None] | None = None,
         notice: Callable[[str], None] | None = None,
@@ -52,12 +53,26 @@ class Network:
         key: bytes = b"",
     ) -> None:
         self.names = names
-        self.dialect = dialect
+        self._dialect = dialect
         self.patience = patience
         self.report = report or _say_nothing
         self.notice = notice or _say_nothing
         self.key = key
         self._opening = opening
+
+    @property
+    def dialect(self) -> Dialect:
+        """The dialect of ports that can serve in either, and the first guess at what is received."""
+        return self._dialect or Dialect.YARP3
+
+    @dialect.setter
+    def dialect(self, dialect: Dialect) -> None:
+        self._dialect = dialect
+
+    @property
+    def dialect_is_set(self) -> bool:
+        """Whether all ports are to be sent to in :attr:`dialect`, instead of being asked which one they speak."""
+        return self._dialect is not None
 
     def resolve(self, contact: Contact) -> Contact | None:
         """Return the contact with its address, or None if the name is not registered."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from rtf.middleware.errors import MiddlewareError
+from rtf.middleware.errors import ConnectError, MiddlewareError
 from rtf.middleware.ports.qos import Connection
+from rtf.middleware.types.codecs import other_dialect
 
 if TYPE_CHECKING:
     import socket as sockets
@@ -22,16 +23,19 @@ if TYPE_CHECKING:
 class Output(Connection):
     """One outgoing connection. Several threads may send.
 
-    A lock keeps each message together with its reply and acknowledgement.
+    ``ask`` finds out the dialect of the other end, see :mod:`rtf.middleware.ports.dialect_probe`; it is called at once,
+    and again where the other end did not tell and a message would differ. A lock keeps each message together with its
+    reply and acknowledgement.
     """
 
-    def __init__(self, link: OutputLink, target: Contact) -> None:
+    def __init__(self, link: OutputLink, target: Contact, ask: Callable[[], Dialect | None]) -> None:
         self.link = link
         self.target = target
         self.lock = threading.Lock()
         self._timeout: float | None = None
-        #: The dialect of the other end, known since its first reply.
-        self.dialect: Dialect | None = None
+        self._ask = ask
+        #: The dialect of the other end; None: it does not tell.
+        self.dialect = ask()
 
     @property
     def peer(self) -> str:
@@ -49,14 +53,37 @@ class Output(Connection):
     def socket(self) -> sockets.socket | None:
         return self.link.endpoint
 
+    def encoded(self, message: OutgoingMessage) -> OutgoingMessage:
+        """Return the message in the dialect of this reader.
+
+        Raises ConnectError if the reader's is not known and the bytes would not be the same in both.
+        """
+        dialect = self.dialect
+        if dialect is message.dialect:
+            return message
+        if dialect is not None:
+            return message.in_dialect(dialect)
+        other = message.in_dialect(other_dialect(message.dialect))
+        if b"".join(other.blocks) == b"".join(message.blocks):
+            return message
+        self.dialect = self._ask()  # it may only have been busy
+        if self.dialect is None:
+            raise ConnectError(
+                f"{self.peer} does not tell whether it speaks YARP 3 or 4, in which this message differs;"
+                " set RTF_DIALECT to 3 or 4"
+            )
+        return message.in_dialect(self.dialect)
+
     def call(self, message: OutgoingMessage, codec: Codec[object], timeout: float | None = None) -> object | None:
         """Send a message and return its reply, decoded with ``codec``. Raises WaitTimeoutError."""
         with self.lock:
             if timeout != self._timeout:  # saves a system call
                 self.link.limit_waiting(timeout)
                 self._timeout = timeout
-            self.link.send(message)
-            reply, self.dialect = self.link.receive_reply_in_any(codec, message.dialect)
+            self.link.send(self.encoded(message))
+            reply, spoken = self.link.receive_reply_in_any(codec, message.dialect)
+            if spoken is not message.dialect:
+                self.dialect = spoken
             self.link.finish()
             return reply
 
@@ -87,7 +114,7 @@ def send_to_all(
             output.lock.acquire()
             waiting.append(output)
             try:
-                output.link.send(message)
+                output.link.send(output.encoded(message))
             except MiddlewareError as error:
                 waiting.pop()
                 output.lock.release()
@@ -113,7 +140,7 @@ def _send_to_one(output: Output, message: OutgoingMessage, failed: Callable[[Out
     link = output.link
     with output.lock:
         try:
-            link.send(message)
+            link.send(output.encoded(message))
             link.finish()
         except MiddlewareError as error:
             broken = error

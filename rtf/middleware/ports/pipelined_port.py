@@ -90,7 +90,7 @@ class PipelinedPort(Port):
         for output in self._outputs:
             try:
                 with output.lock:
-                    output.link.send_all(messages)
+                    output.link.send_all([output.encoded(message) for message in messages])
             except MiddlewareError as error:
                 self._lost(output, error)
             else:

@@ -11,6 +11,7 @@ import errno
 import socket
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
 
 from rtf import clock
@@ -21,6 +22,7 @@ from rtf.middleware.carriers.listener import SHARED
 from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError
 from rtf.middleware.ports import admin, describe
+from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.disconnect_sources import disconnect_sources
 from rtf.middleware.ports.inputs import Input
 from rtf.middleware.ports.message_handoff import MessageHandoff
@@ -246,7 +248,11 @@ class Port:
                 taken = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
                 if not (taken and left):
                     raise ConnectError(f"Cannot connect to {target.name}: {error}") from None
-        return Output(link, target)
+        try:
+            return Output(link, target, partial(dialect_of_reader, self.network, carrier, target))
+        except BaseException:  # such as a stop of the test that waits for the reader's answer
+            link.close(politely=False)
+            raise
 
     def _pull(self, source: Contact) -> None:
         """Open a connection by which the port at ``source`` sends to this one."""

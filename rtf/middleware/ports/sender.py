@@ -68,7 +68,7 @@ class Sender:
                     return
             try:
                 with self.output.lock:
-                    self.output.link.send(message)
+                    self.output.link.send(self.output.encoded(message))
                     self.output.link.finish()
             except MiddlewareError as error:
                 self.close()

@@ -17,7 +17,7 @@ class OutgoingMessage:
     ``envelope`` is the text that travels beside the object. The object must not change until all outputs have sent it.
     """
 
-    __slots__ = ("_blocks", "_frozen", "_size", "_text", "codec", "dialect", "envelope", "key", "value")
+    __slots__ = ("_blocks", "_frozen", "_other", "_size", "_text", "codec", "dialect", "envelope", "key", "value")
 
     def __init__(self, key: str, value: object, codec: Codec[Any], dialect: Dialect, envelope: str = "") -> None:
         self.key = key
@@ -29,6 +29,7 @@ class OutgoingMessage:
         self._size = 0
         self._frozen = False
         self._text: str | None = None
+        self._other: OutgoingMessage | None = None
 
     @property
     def blocks(self) -> Sequence[Buffer]:
@@ -44,6 +45,19 @@ class OutgoingMessage:
         self._frozen = True
         self._blocks = (b"".join(self.codec.encode(self.value, self.dialect)),)
         self._size = len(self._blocks[0])
+
+    def in_dialect(self, dialect: Dialect) -> OutgoingMessage:
+        """Return the message for a reader of a dialect; it is encoded once for all of them. Any thread."""
+        if dialect is self.dialect:
+            return self
+        other = self._other
+        if other is None:
+            value = self.codec.decode(self.blocks[0], self.dialect) if self._frozen else self.value
+            other = OutgoingMessage(self.key, value, self.codec, dialect, self.envelope)
+            if self._frozen:
+                other.freeze()
+            self._other = other
+        return other
 
     @property
     def size(self) -> int:

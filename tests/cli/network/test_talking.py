@@ -218,7 +218,9 @@ class TestAsking:
     def test_one_question_on_the_command_line(self, net: Net, reader: Tool):
         """It is asked, and nothing is read."""
         assert net.run("admin", "rpc", "/reader", "[ver]").stdout == "Response: [ver] 1 2 3\n"
-        assert net.run("admin", "/reader", "[list]", "[in]").stdout == "Response: anon_rpc\n"
+        inputs = net.run("admin", "/reader", "[list]", "[in]").stdout.split()
+        assert inputs[:2] == ["Response:", "anon_rpc"]
+        assert inputs[2:] in ([], ["admin"])  # the connection that asked for the dialect may just be ending
 
     def test_a_server_without_answers_left(self, net: Net):
         """It ends, and the one who asked hears of it."""

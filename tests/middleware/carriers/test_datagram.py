@@ -65,8 +65,8 @@ def test_a_number_that_somebody_else_has_is_not_the_end(
     """Datagrams leave from the number of the handshake: another handshake has another. It gives up in the end."""
     reach, others = network.reach, []
 
-    def reach_from_an_occupied_number(contact: Contact) -> Stream:
-        stream = reach(contact)
+    def reach_from_an_occupied_number(contact: Contact, patience: float | None = None) -> Stream:
+        stream = reach(contact, patience)
         if len(others) < occupied:
             others.append(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
             others[-1].bind(stream.socket.getsockname())
