@@ -34,9 +34,8 @@ from rtf.testing.events import (
     from_line,
     to_line,
 )
-from rtf.testing.outcome import TestingError
 from rtf.testing.results import RunResult
-from rtf.testing.verdict import Verdict
+from rtf.testing.verdict import TestingError, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator

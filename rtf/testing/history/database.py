@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from rtf import clock
-from rtf.testing.outcome import TestingError
 from rtf.testing.suite.ids import renewed
+from rtf.testing.verdict import TestingError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

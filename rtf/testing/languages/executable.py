@@ -31,11 +31,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.testing import recording
-from rtf.testing.languages.case_report import CaseReport, TapReport, tell_junit, wanted_cases
+from rtf.testing.languages.case_report import CaseReport, TapReport, read_junit, tell_junit, wanted_cases
 from rtf.testing.languages.program import LineCutter, run_program
 from rtf.testing.languages.scripts import RawParameters
 from rtf.testing.languages.tap import looks_like_tap
-from rtf.testing.outcome import SkipTest, TestFailure, TestProblem, TestStopped
+from rtf.testing.verdict import SkipTest, TestFailure, TestProblem, TestStopped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -130,8 +130,6 @@ class ExecutableTest(RawParameters):
             raise SkipTest(cases.all_skipped)
 
     def _tell_junit(self, cases: CaseReport, junit: Path, ended: Ended) -> None:
-        from rtf.testing.languages.junit_file import read_junit
-
         if not junit.exists():
             raise TestProblem(
                 f"{self._path.name} ended with {ended} and did not write {junit} (RTF_JUNIT, GTEST_OUTPUT)",
