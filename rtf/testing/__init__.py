@@ -35,19 +35,19 @@ __all__ = [
 ]
 
 _HOMES = {
-    "FixtureCollapsed": "outcome",
+    "FixtureCollapsed": "verdict",
     "FixtureManager": "fixture",
     "FixtureUnusable": "fixture",
     "FixtureValue": "fixture",
-    "Inconclusive": "outcome",
+    "Inconclusive": "verdict",
     "Matrix": "plugin_spec",
     "Measurement": "measurement",
     "Parameter": "parameters",
     "Reporter": "reporting",
-    "SkipTest": "outcome",
+    "SkipTest": "verdict",
     "TestCase": "case",
-    "TestFailure": "outcome",
-    "TestProblem": "outcome",
+    "TestFailure": "verdict",
+    "TestProblem": "verdict",
     "Unit": "measurement",
     "Value": "fixture",
 }

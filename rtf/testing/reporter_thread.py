@@ -9,6 +9,7 @@ would take more of the time than :data:`SHARE`.
 
 from __future__ import annotations
 
+import resource
 import threading
 from collections import deque
 from dataclasses import dataclass
@@ -28,10 +29,12 @@ if TYPE_CHECKING:
 #: Seconds that a call may take, and ``close``, which may have to write the whole report; that any call may take when
 #: the run was asked to stop; and when it is asked while it waits for its reports.
 CALL_LIMIT, CLOSE_LIMIT, STOPPING_LIMIT, HURRIED_LIMIT = 10.0, 30.0, 3.0, 1.0
-#: Seconds between two updates of a report, and the part of the time that those of one report may take, as the clock on
-#: the wall has it: on a busy machine they take longer, like the run. The first of all, which may have to import what it
-#: needs, is not counted.
+#: Seconds between two updates of a report, and the part of the time that those of one report may take. The first of
+#: all, which may have to import what it needs, is not counted.
 PAUSE, SHARE = 1.0, 0.003
+#: On a busy machine an update takes longer, like the run, but not so many times longer than it uses a processor: then
+#: it was merely interrupted.
+_BUSIEST = 10
 
 _BACKLOG = 1000
 #: Seconds in which events gather before the thread wakes up again: to wake it for each one would take the run the
@@ -230,10 +233,16 @@ class ReporterThread:
 
     def _update(self, member: _Member) -> None:
         first, member.shown = member.shown < 0, self._heard
-        began = clock.monotonic()
+        began, used_before = clock.monotonic(), _cpu_time()
         member.reporter.update(self._results)
-        now = clock.monotonic()
-        member.due = now + (PAUSE if first else max(PAUSE, (now - began) / SHARE))
+        now, used = clock.monotonic(), _cpu_time() - used_before
+        member.due = now + (PAUSE if first else max(PAUSE, min(now - began, _BUSIEST * used) / SHARE))
+
+
+def _cpu_time() -> float:
+    """Seconds of processor time that this thread has used."""
+    used = resource.getrusage(resource.RUSAGE_THREAD)
+    return used.ru_utime + used.ru_stime
 
 
 def _most_when(asked: Callable[[], int]) -> Callable[[], float]:

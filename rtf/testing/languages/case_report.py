@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING
 from rtf.errors import Location
 from rtf.testing.events import Message
 from rtf.testing.isolation.messages import LONGEST_CASE, Case
-from rtf.testing.languages.tap import BailOut, Comment, Fault, Item, Point, SkippedAll, TapParser
+from rtf.testing.languages.tap import BailOut, Comment, Fault, Item, Point, SkippedAll
 from rtf.testing.verdict import Phase, Severity, TestingError, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     from lxml import etree
@@ -72,6 +72,7 @@ class CaseReport:
         self.session = session
         self.failed = False  # a case did, or the protocol was broken
         self.all_skipped: str | None = None  # why, while nothing was tested
+        self.bailed_out: str | None = None  # why
         self._counts: Counter[str] = Counter()
 
     def tell(
@@ -106,50 +107,25 @@ class CaseReport:
             )
         )
 
-    def _message(self, severity: Severity, detail: str, place: Place) -> Message:
-        test, (file, line) = self.session.test, place
-        return Message(
-            severity=severity, title="checks", detail=detail, test=test, phase=Phase.RUN, file=file, line=line
-        )
+    def tell_tap(self, items: Iterable[Item]) -> None:
+        """Tell what was read from a TAP stream."""
+        for item in items:
+            self._tell_item(item)
 
-    def _unique(self, name: str) -> str:
-        self._counts[name] += 1
-        count = self._counts[name]
-        return name if count == 1 else self._unique(f"{name} ({count})")
-
-
-class TapReport:
-    """Feeds the lines of one run of a program to a parser, and tells what they mean while it runs."""
-
-    def __init__(self, cases: CaseReport) -> None:
-        self._cases = cases
-        self._parser = TapParser()
-        self.bailed_out: str | None = None  # why
-
-    def feed(self, line: str) -> None:
-        """Take one line of the program."""
-        for item in self._parser.feed(line):
-            self._tell(item)
-
-    def finish(self, *, cut_off: bool) -> None:
-        """Tell what is known when the program has ended."""
-        for item in self._parser.finish(cut_off=cut_off):
-            self._tell(item)
-
-    def _tell(self, item: Item) -> None:
-        session = self._cases.session
+    def _tell_item(self, item: Item) -> None:
+        session = self.session
         match item:
             case Point():
                 self._tell_point(item)
             case Comment():
                 session.message(Severity.INFO, "reports", item.text, _NOWHERE)
             case Fault():
-                self._cases.failed = True
+                self.failed = True
                 where = f"{'/'.join(item.path)}: " if item.path else ""
                 session.judged()
                 session.message(Severity.FAILURE, "breaks the TAP protocol", f"{where}{item.text}", _NOWHERE)
             case SkippedAll():
-                self._cases.all_skipped = item.reason or "the program has nothing to test (1..0)"
+                self.all_skipped = item.reason or "the program has nothing to test (1..0)"
             case BailOut():
                 self.bailed_out = item.reason
 
@@ -160,16 +136,46 @@ class TapReport:
         place = _place(point.block)
         match point.directive, point.ok:
             case "skip", _:
-                self._cases.tell(name, Verdict.SKIPPED, point.reason or "skipped")
+                self.tell(name, Verdict.SKIPPED, point.reason or "skipped")
             case "todo", True:
                 warning = f"{text} passed, and was expected to fail ({todo})"
-                self._cases.tell(name, Verdict.PASSED, todo, [(Severity.WARNING, warning, place)])
+                self.tell(name, Verdict.PASSED, todo, [(Severity.WARNING, warning, place)])
             case "todo", False:
-                self._cases.tell(name, Verdict.EXPECTED_FAILURE, todo, [(Severity.INFO, f"{text} ({todo})", place)])
+                self.tell(name, Verdict.EXPECTED_FAILURE, todo, [(Severity.INFO, f"{text} ({todo})", place)])
             case _, True:
-                self._cases.tell(name, Verdict.PASSED, said=[(Severity.PASS, text, place)] if point.block else [])
+                self.tell(name, Verdict.PASSED, said=[(Severity.PASS, text, place)] if point.block else [])
             case _:
-                self._cases.tell(name, Verdict.FAILED, point.block, [(Severity.FAILURE, text, place)])
+                self.tell(name, Verdict.FAILED, point.block, [(Severity.FAILURE, text, place)])
+
+    def tell_junit(self, case: JunitCase) -> None:
+        """Tell of a case of a JUnit file. A failure weighs more than an error."""
+        place = (case.file, case.line)
+        said = [
+            (
+                Severity.ERROR if problem.kind == "error" else Severity.FAILURE,
+                problem.detail or f"{case.subject}: {problem.kind}",
+                (problem.file, problem.line) if problem.file else place,
+            )
+            for problem in case.problems
+        ]
+        verdict, detail = Verdict.PASSED, ""
+        if said:
+            verdict = Verdict.FAILED if any(severity is Severity.FAILURE for severity, *_ in said) else Verdict.ERROR
+            detail = said[0][1]
+        elif case.skipped is not None:
+            verdict, detail = Verdict.SKIPPED, case.skipped
+        self.tell(case.subject, verdict, detail, said, duration=case.time or 0.0, place=place)
+
+    def _message(self, severity: Severity, detail: str, place: Place) -> Message:
+        test, (file, line) = self.session.test, place
+        return Message(
+            severity=severity, title="checks", detail=detail, test=test, phase=Phase.RUN, file=file, line=line
+        )
+
+    def _unique(self, name: str) -> str:
+        self._counts[name] += 1
+        count = self._counts[name]
+        return name if count == 1 else self._unique(f"{name} ({count})")
 
 
 def _place(block: str) -> Place:
@@ -308,23 +314,3 @@ def _seconds(text: str) -> float | None:
     except ValueError:
         return None
     return value if math.isfinite(value) and value >= 0 else None
-
-
-def tell_junit(cases: CaseReport, case: JunitCase) -> None:
-    """Tell of a case of a JUnit file. A failure weighs more than an error."""
-    place = (case.file, case.line)
-    said = [
-        (
-            Severity.ERROR if problem.kind == "error" else Severity.FAILURE,
-            problem.detail or f"{case.subject}: {problem.kind}",
-            (problem.file, problem.line) if problem.file else place,
-        )
-        for problem in case.problems
-    ]
-    verdict, detail = Verdict.PASSED, ""
-    if said:
-        verdict = Verdict.FAILED if any(severity is Severity.FAILURE for severity, *_ in said) else Verdict.ERROR
-        detail = said[0][1]
-    elif case.skipped is not None:
-        verdict, detail = Verdict.SKIPPED, case.skipped
-    cases.tell(case.subject, verdict, detail, said, duration=case.time or 0.0, place=place)
