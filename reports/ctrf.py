@@ -69,12 +69,12 @@ class CtrfReporter(FileReporter):
         super().handle(event, results)
 
     def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:
-        suite = results.suite_of(result.id)
-        name = suite.name if suite is not None else ""
+        suite, program = results.suite_of(result.id), results.tests.get(result.planned.parent)
+        suites = [suite.name if suite is not None else "", *([program.name] if program is not None else [])]
         if result.verdict is None and not attempts:
             record = {"name": result.name or "(unnamed)", "status": "pending", "rawStatus": "not run", "duration": 0}
-            return to_json({**record, "suite": [name], "message": _KILLED})
-        return to_json(self._test(result, name, attempts))
+            return to_json({**record, "suite": suites, "message": _KILLED})
+        return to_json(self._test(result, suites, attempts))
 
     def document(self, stream: BinaryIO, results: RunResult) -> None:
         statuses: Counter[str] = Counter()
@@ -121,7 +121,7 @@ class CtrfReporter(FileReporter):
 
     # One test ----------------------------------------------------------------------------------------------------
 
-    def _test(self, result: TestResult, suite: str, attempts: list[AttemptEvents]) -> dict[str, Any]:
+    def _test(self, result: TestResult, suites: list[str], attempts: list[AttemptEvents]) -> dict[str, Any]:
         planned, ended = result.planned, result.last
         verdict = result.verdict or Verdict.NOT_RUN
         attempts = [attempt for attempt in attempts if attempt.ended is not None] or attempts
@@ -131,7 +131,7 @@ class CtrfReporter(FileReporter):
             "name": result.name or "(unnamed)",
             "status": _status(verdict),
             "rawStatus": verdict,
-            "suite": [suite],
+            "suite": suites,
             **self._times(last),
         }
         if planned.file:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from rtf.errors import RtfError
 from rtf.testing.history import History, default_place
-from rtf.testing.history.recording import record_run
+from rtf.testing.history.database import record_run
 from rtf.testing.journal import FILE_NAME
 from rtf.testing.report.text import shown
 from rtf.testing.reporting import Reporter

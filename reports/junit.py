@@ -12,47 +12,52 @@ when RTF's exit code is not 0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import html
+import os
+import re
+from collections import Counter
 from typing import TYPE_CHECKING, BinaryIO
 
 from rtf import clock
-from rtf.testing.report.files import FileReporter
-from rtf.testing.report.junit import CaseWriter, attributes, element, kind_of, problem_case, properties_of, seconds_of
-from rtf.testing.report.problems import of_run, of_suite
-from rtf.testing.report.text import near_path
+from rtf.testing.events import (
+    Attached,
+    Measured,
+    Message,
+    OutputCaptured,
+    ParametersResolved,
+    SeriesRecorded,
+    StackDumped,
+    SubResultEnded,
+)
+from rtf.testing.report.files import AttemptEvents, FileReporter
+from rtf.testing.report.problems import PASSED_OVER, incident_text, of_run, of_suite
+from rtf.testing.report.text import cut, joined, measured, near_path, parameter, place, problem_text, sentence
+from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
-    from rtf.testing.report.files import AttemptEvents
+    from collections.abc import Iterable
+
     from rtf.testing.report.problems import Problem
     from rtf.testing.results import RunResult, SuiteResult, TestResult
 
-#: What is said of a test that has not begun. There may be thousands of them, and they are made while the run goes on.
-_NOT_RUN = element(
-    "error", "not run: the runner was killed", ("type", "not run"), ("message", "not run: the runner was killed")
-)
+    Pairs = list[tuple[str, object]]
 
 FAMILIES = ("strict", "rich")
 
+#: What is kept of a case's output, in characters: Jenkins keeps 1000 of a passing one, and GitLab reads 30 MB a file.
+_PASSING_LIMIT = 64 * 1024
+_FAILING_LIMIT = 1024 * 1024
+_EARLIER_LIMIT = 16 * 1024
+_MESSAGE_LIMIT = 4096
+_PROPERTIES_LIMIT = 200
 
-@dataclass(slots=True)
-class _Totals:
-    """What the attributes of a suite count."""
+_FAILURES = (Verdict.FAILED, Verdict.UNEXPECTED_PASS)
 
-    tests: int = 0
-    failures: int = 0
-    errors: int = 0
-    skipped: int = 0
-
-    def count(self, kind: str) -> None:
-        self.tests += 1
-        self.failures += kind == "failure"
-        self.errors += kind == "error"
-        self.skipped += kind == "skipped"
-
-    def add(self, other: _Totals) -> None:
-        self.tests += other.tests
-        self.failures += other.failures
-        self.errors += other.errors
+_ILLEGAL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_FOREIGN_MARK = re.compile(r"\[\[(?=\s*(?:ATTACHMENT|PROPERTY))", re.IGNORECASE)
+_NOT_IN_A_MARK = re.compile(r"[|\n\r]|\]\]")
+_ONE_LINE = {ord("\n"): "\\n", ord("\r"): "\\r"}
+_NO_TIME = ("time", "0.000")
 
 
 class _Names:
@@ -60,13 +65,12 @@ class _Names:
 
     def __init__(self, given: dict[tuple[str, str], int] | None = None) -> None:
         self._given = given or {}
-        self._of_tests: dict[str, str] = {}
 
     def copy(self) -> _Names:
         """Names for the cases that are no tests, which are others each time the file is written."""
         return _Names({**self._given})
 
-    def identity(self, group: str, name: str) -> list[tuple[str, object]]:
+    def identity(self, group: str, name: str) -> Pairs:
         """The attributes that say which case it is."""
         name = name or "(unnamed)"
         unique, count = name, self._given.get((group, name), 0)
@@ -76,12 +80,6 @@ class _Names:
         self._given[group, unique] = 1
         self._given[group, name] = max(count, 1)
         return [("name", unique), ("classname", group)]
-
-    def of_test(self, test: str, group: str, name: str) -> list[tuple[str, object]]:
-        """The attributes of a test, which are the same each time the file is written."""
-        if test not in self._of_tests:
-            self._of_tests[test] = str(self.identity(group, name)[0][1])
-        return [("name", self._of_tests[test]), ("classname", group)]
 
 
 class JUnitReporter(FileReporter):
@@ -95,99 +93,254 @@ class JUnitReporter(FileReporter):
         family = self.options.extra.get("junit-family", FAMILIES[0])
         if family not in FAMILIES:
             raise ValueError(f"junit-family is {family!r}; known families are {' and '.join(FAMILIES)}")
-        self._cases = CaseWriter(self.options.run_folder, strict=family == "strict")
+        self._strict = family == "strict"
         self._names = _Names()
+        self._identities: dict[str, Pairs] = {}  # of tests; the same each time the file is written
         super().open()
 
     def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:
-        identity = self._identity(result.id, results)
+        identity = self._identities.get(result.id)
+        if identity is None:
+            suite = results.suite_of(result.id)
+            group = _class_name(results, suite.name if suite else "")
+            identity = self._identities[result.id] = self._names.identity(group, result.label)
         if result.verdict is None and not attempts:
-            return f"<testcase{attributes([*identity, ('time', '0.000')])}>\n{_NOT_RUN}</testcase>\n".encode()
-        return self._cases.case(result, attempts, identity).encode()
-
-    def _identity(self, test: str, results: RunResult) -> list[tuple[str, object]]:
-        result, suite = results.tests.get(test), results.suite_of(test)
-        if result is None or suite is None:
-            return []
-        return self._names.of_test(test, _class_name(results, suite.name), result.label)
-
-    # The file ----------------------------------------------------------------------------------------------------
+            return f"<testcase{_attributes([*identity, _NO_TIME])}>\n{_NOT_RUN}</testcase>\n".encode()
+        return self._case(result, attempts, identity).encode()
 
     def document(self, stream: BinaryIO, results: RunResult) -> None:
         suites = [*results.suites.values()]
         problems = of_run(results)
-        of_suites = [_totals(suite) for suite in suites]
-        totals = _Totals()
-        for one in of_suites:
-            totals.add(one)
-        for problem in problems:
-            totals.count("error" if problem.red else "")
-        elapsed = sum(_elapsed(suite) for suite in suites)
-        pairs: list[tuple[str, object]] = [("name", "rtf"), ("tests", totals.tests), ("failures", totals.failures)]
-        pairs += [("errors", totals.errors), ("time", seconds_of(elapsed))]
+        kinds = {suite.id: _kinds(suite) for suite in suites}
+        of_run_itself = _kinds_of(problems)
+        totals = sum(kinds.values(), Counter(of_run_itself))
+        elapsed = sum(map(_elapsed, suites))
+        counted: Pairs = [("tests", totals.total()), ("failures", totals["failure"]), ("errors", totals["error"])]
+        pairs: Pairs = [("name", "rtf"), *counted, ("time", _seconds(elapsed))]
         names = self._names.copy()
-        stream.write(f'<?xml version="1.0" encoding="UTF-8"?>\n<testsuites{attributes(pairs)}>\n'.encode())
-        for suite, one in zip(suites, of_suites, strict=True):
-            stream.write(self._suite_head(suite, one, results).encode())
+        stream.write(f'<?xml version="1.0" encoding="UTF-8"?>\n<testsuites{_attributes(pairs)}>\n'.encode())
+        for suite in suites:
+            stream.write(_suite_head(suite, kinds[suite.id], results).encode())
             stream.writelines(self.entries(suite.tests))
-            stream.write(self._beside_tests(suite, names, results).encode())
+            stream.write(_beside_tests(suite, names, results).encode())
         if problems:
-            stream.write(self._run_suite(problems, names, results).encode())
+            head = _suite_tag("run", of_run_itself, 0.0)
+            cases = _problem_cases(problems, _class_name(results, "run"), names)
+            stream.write(f"{head}{_properties(_run_facts(results))}{cases}</testsuite>\n".encode())
         stream.write(b"</testsuites>\n")
 
-    def _suite_head(self, suite: SuiteResult, totals: _Totals, results: RunResult) -> str:
-        planned, run = suite.planned, results.started
-        pairs: list[tuple[str, object]] = [
-            ("name", suite.name or "(unnamed)"),
-            ("tests", totals.tests),
-            ("failures", totals.failures),
-            ("errors", totals.errors),
-            ("skipped", totals.skipped),
-            ("time", seconds_of(_elapsed(suite))),
-        ]
-        if suite.started is not None:
-            pairs.append(("timestamp", clock.iso(round(suite.started, 6))))
-        host = run.environment.get("host", "") if run else ""
-        pairs += [("hostname", host)] if host else []
-        pairs.append(("id", suite.id))
-        pairs += [("file", near_path(planned.file))] if planned.file else []
-        properties = [("description", planned.description), ("environment", planned.environment)]
-        properties += [("tags", " ".join(planned.tags)), ("fixtures", " ".join(planned.fixtures))]
-        return f"<testsuite{attributes(pairs)}>\n{properties_of([*_run_facts(results), *properties])}"
+    # A test ------------------------------------------------------------------------------------------------------
 
-    @staticmethod
-    def _beside_tests(suite: SuiteResult, names: _Names, results: RunResult) -> str:
-        group = _class_name(results, suite.name)
-        problems = of_suite(suite)
-        cases = [problem_case(problem, names.identity(group, problem.name)) for problem in problems]
-        if not suite.tests and not problems:  # Jenkins drops a suite without a case
-            empty = attributes([*names.identity(group, "(no tests)"), ("time", "0.000")])
-            skipped = element("skipped", "the suite has no tests", ("message", "the suite has no tests"))
-            cases.append(f"<testcase{empty}>\n{skipped}</testcase>\n")
-        return "".join([*cases, "</testsuite>\n"])
+    def _case(self, result: TestResult, attempts: list[AttemptEvents], identity: Pairs) -> str:
+        """Verdict, earlier attempts, properties, output."""
+        attempts = [attempt for attempt in attempts if attempt.ended is not None] or attempts
+        last = attempts[-1] if attempts else AttemptEvents()
+        kind, planned = _kind(result), result.planned
+        facts = self._facts(result, last, len(attempts))
+        head = [*identity, ("time", _seconds(result.duration))]
+        parts = []
+        if not self._strict:
+            head += [("file", near_path(planned.file))] if planned.file else []
+            head += [("line", planned.line)] if planned.file and planned.line else []
+            parts.append(_properties(facts))
+        parts += [_verdict(result, last, kind)] if kind else []
+        parts += [_earlier(attempt, "rerunFailure" if kind else "flakyFailure") for attempt in attempts[:-1]]
+        out, err = _outputs(last, _FAILING_LIMIT if kind else _PASSING_LIMIT)
+        out = self._marks(attempts, facts if self._strict else []) + out
+        parts += [_element("system-out", out) if out else "", _element("system-err", err) if err else ""]
+        return f"<testcase{_attributes(head)}>\n{''.join(parts)}</testcase>\n"
 
-    @staticmethod
-    def _run_suite(problems: list[Problem], names: _Names, results: RunResult) -> str:
-        totals = _Totals()
-        for problem in problems:
-            totals.count("error" if problem.red else "")
-        pairs: list[tuple[str, object]] = [("name", "run"), ("tests", totals.tests), ("failures", 0)]
-        pairs.append(("errors", totals.errors))
-        group = _class_name(results, "run")
-        cases = "".join(problem_case(problem, names.identity(group, problem.name)) for problem in problems)
-        head = attributes([*pairs, ("skipped", 0), ("time", "0.000")])
-        return f"<testsuite{head}>\n{properties_of(_run_facts(results))}{cases}</testsuite>\n"
+    def _facts(self, result: TestResult, last: AttemptEvents, attempts: int) -> list[tuple[str, str]]:
+        """What is known of a test beside its output, as names and values."""
+        planned, ended = result.planned, last.ended
+        facts = [("id", result.id), ("name", result.name if result.name != result.label else "")]
+        facts += [("verdict", str(result.verdict or Verdict.NOT_RUN))]
+        if planned.file and self._strict:
+            facts += [("file", near_path(planned.file)), ("line", str(planned.line or ""))]
+        facts += [("plugin", planned.plugin), ("param", planned.param), ("description", result.description)]
+        facts += [("attempts", str(attempts) if attempts > 1 else "")]
+        if ended is not None:
+            facts += [("signal", ended.signal), ("exit status", str(ended.exit_status or ""))]
+        for event in last.events:
+            if isinstance(event, Measured):
+                name = f"{event.subject}.{event.name}" if event.subject else event.name
+                facts.append((f"measurement.{name}", measured(event)))
+            elif isinstance(event, SubResultEnded):
+                facts.append((f"part.{event.subject}", f"{event.verdict}: {event.reason}".rstrip(": ")))
+            elif isinstance(event, ParametersResolved):
+                facts += [(f"parameter.{row.get('name', '')}", parameter(row)) for row in event.parameters]
+        facts = [(name, value) for name, value in facts if value]
+        if len(facts) > _PROPERTIES_LIMIT:
+            left_out = f"{len(facts) - _PROPERTIES_LIMIT} more are in the journal"
+            facts = [*facts[:_PROPERTIES_LIMIT], ("left out", left_out)]
+        return facts
+
+    def _marks(self, attempts: list[AttemptEvents], properties: list[tuple[str, str]]) -> str:
+        """The lines that plug-ins look for, first of all: Jenkins cuts a passing case's output, then searches it."""
+        lines = []
+        for attempt in attempts:
+            for event in attempt.events:
+                if isinstance(event, Attached | SeriesRecorded):
+                    path = _relative(os.path.join(self.options.run_folder, event.path))  # noqa: PTH118 - no need of a Path
+                    lines.append(_defused(path) if _NOT_IN_A_MARK.search(path) else f"[[ATTACHMENT|{path}]]")
+        for name, value in properties:
+            pair = _defused(cut(f"{name}={value}", _MESSAGE_LIMIT))
+            lines.append(f"[[PROPERTY|{pair.replace(']]', '] ]').translate(_ONE_LINE)}]]")
+        return "".join(f"{line}\n" for line in lines)
 
 
-def _totals(suite: SuiteResult) -> _Totals:
-    totals = _Totals()
-    for result in suite.tests.values():
-        totals.count(kind_of(result))
-    for problem in of_suite(suite):
-        totals.count("error" if problem.red else "")
-    if not totals.tests:
-        totals.count("skipped")
-    return totals
+# The elements of a case ----------------------------------------------------------------------------------------------
+
+
+def _problem_case(problem: Problem, identity: Pairs) -> str:
+    """A case for what is no test. What RTF got over is shown as an earlier, failed attempt of a case that passed."""
+    parts = [f"<testcase{_attributes([*identity, _NO_TIME])}>\n"]
+    message = cut(_filled(problem.message, problem.name), _MESSAGE_LIMIT)
+    if problem.red:
+        text = cut(_filled(problem.text, message), _FAILING_LIMIT)
+        parts.append(_element("error", text, ("type", problem.kind), ("message", message)))
+    else:
+        for event in problem.incidents:
+            cause = cut(_filled(event.cause, message), _MESSAGE_LIMIT)
+            head = _attributes([("type", problem.kind), ("message", cause)])
+            trace = _element("stackTrace", cut(incident_text(event), _EARLIER_LIMIT))
+            parts.append(f"<flakyFailure{head}>{trace}</flakyFailure>\n")
+    parts.append(_element("system-out", _defused(cut(problem.text, _PASSING_LIMIT))))
+    return "".join([*parts, "</testcase>\n"])
+
+
+def _kind(result: TestResult) -> str:
+    """The element that a test's verdict becomes; none for a pass. A test without one is lost with its runner."""
+    verdict = result.verdict
+    if verdict is None:
+        return "error"
+    if verdict in PASSED_OVER:
+        return "skipped"
+    if verdict.good:
+        return ""
+    return "failure" if verdict in _FAILURES else "error"
+
+
+def _verdict(result: TestResult, last: AttemptEvents, kind: str) -> str:
+    verdict = result.verdict or (Verdict.NOT_RUN if last.started is None else Verdict.INTERRUPTED)
+    ended = last.ended or result.last
+    reason, detail = (ended.reason, ended.detail) if ended is not None else ("", _lost(last))
+    found = last.problems or result.problems
+    problems = [problem_text(one) for one in found]
+    message = _filled(detail, problems[0].partition("\n")[0] if problems else "", reason, verdict)
+    if verdict not in (Verdict.FAILED, Verdict.ERROR, Verdict.SKIPPED):
+        message = f"{verdict}: {message}" if message != verdict else message
+    named = verdict is not Verdict.ERROR or not reason
+    pairs = [("type", verdict if named else reason), ("message", cut(message, _MESSAGE_LIMIT))]
+    text = "\n".join(problems if found and _says(found[0], detail) else [message, *problems])
+    return _element(kind, cut(_filled(text, message), _FAILING_LIMIT // 4), *pairs)
+
+
+def _earlier(attempt: AttemptEvents, name: str) -> str:
+    ended = attempt.ended
+    if ended is None:
+        return ""
+    problems = "\n".join(problem_text(event) for event in attempt.problems)
+    message = _filled(ended.detail, problems.partition("\n")[0], ended.reason, ended.outcome)
+    out, err = _outputs(attempt, _EARLIER_LIMIT)
+    head = _attributes([("type", ended.outcome), ("message", cut(message, _MESSAGE_LIMIT))])
+    inner = _element("stackTrace", cut(_filled(problems, message), _EARLIER_LIMIT))
+    inner += _element("system-out", out) if out else ""
+    inner += _element("system-err", err) if err else ""
+    return f"<{name}{head}>\n{inner}</{name}>\n"
+
+
+def _lost(attempt: AttemptEvents) -> str:
+    """Why a test has no end: it is in a file that was written while the run went on, and then the run was killed."""
+    return "the runner was killed" if attempt.started is None else "the runner was killed while this test was running"
+
+
+def _filled(*texts: str) -> str:
+    """The first text that says something: consumers drop an empty message, and some the failure with it."""
+    return next((text for text in texts if text.strip()), "no reason was given")
+
+
+def _relative(path: str) -> str:
+    """Relative to the working directory where it lies below, which is what GitLab and Jenkins look from."""
+    return near_path(os.path.normpath(os.path.abspath(path)))  # noqa: PTH100 - links stay as they are
+
+
+def _says(message: Message, detail: str) -> bool:
+    """Whether a message, which has its title before what it says, is what a test ended with."""
+    return detail in problem_text(message) or detail == f"{message.subject}: {message.detail}"
+
+
+def _outputs(attempt: AttemptEvents, limit: int) -> tuple[str, str]:
+    """What was said and written to standard output, in order; and what to standard error, with the stacks."""
+    out: list[str] = []
+    err: list[str] = []
+    for event in attempt.events:
+        if isinstance(event, Message):
+            where = place(event.file, event.line)
+            suffix = f" ({where})" if where else ""
+            out.append(f"[{event.severity.upper()}] {sentence(event)}{suffix}\n")
+        elif isinstance(event, OutputCaptured):
+            part = err if event.stream == "stderr" else out
+            if event.omitted:
+                part.append(f"… {event.omitted} bytes not kept …\n")
+            part.append(event.text)
+        elif isinstance(event, StackDumped):
+            err.append(f"{event.cause}\n{event.text.rstrip()}\n")
+    return _defused(cut("".join(out), limit)), _defused(cut("".join(err), limit))
+
+
+def _defused(text: str) -> str:
+    """The text without marks that a plug-in of Jenkins would obey: only ours name files and properties."""
+    return _FOREIGN_MARK.sub("[ [", text) if "[[" in text else text
+
+
+# Suites --------------------------------------------------------------------------------------------------------------
+
+
+def _kinds(suite: SuiteResult) -> Counter[str]:
+    """How many cases of a suite become which element."""
+    kinds = Counter(map(_kind, suite.tests.values())) + _kinds_of(of_suite(suite))
+    return kinds or Counter({"skipped": 1})
+
+
+def _kinds_of(problems: list[Problem]) -> Counter[str]:
+    return Counter("error" if problem.red else "" for problem in problems)
+
+
+def _suite_tag(name: str, kinds: Counter[str], elapsed: float, *more: tuple[str, object]) -> str:
+    numbers: Pairs = [("tests", kinds.total()), ("failures", kinds["failure"]), ("errors", kinds["error"])]
+    pairs = [("name", name), *numbers, ("skipped", kinds["skipped"]), ("time", _seconds(elapsed)), *more]
+    return f"<testsuite{_attributes(pairs)}>\n"
+
+
+def _suite_head(suite: SuiteResult, kinds: Counter[str], results: RunResult) -> str:
+    planned, run = suite.planned, results.started
+    host = run.environment.get("host", "") if run else ""
+    more: Pairs = []
+    if suite.started is not None:
+        more.append(("timestamp", clock.iso(round(suite.started, 6))))
+    more += [("hostname", host)] if host else []
+    more.append(("id", suite.id))
+    more += [("file", near_path(planned.file))] if planned.file else []
+    facts = [("description", planned.description), ("environment", planned.environment)]
+    facts += [("tags", " ".join(planned.tags)), ("fixtures", " ".join(planned.fixtures))]
+    tag = _suite_tag(suite.name or "(unnamed)", kinds, _elapsed(suite), *more)
+    return f"{tag}{_properties([*_run_facts(results), *facts])}"
+
+
+def _beside_tests(suite: SuiteResult, names: _Names, results: RunResult) -> str:
+    group = _class_name(results, suite.name)
+    problems = of_suite(suite)
+    cases = _problem_cases(problems, group, names)
+    if not suite.tests and not problems:  # Jenkins drops a suite without a case
+        empty = _attributes([*names.identity(group, "(no tests)"), _NO_TIME])
+        skipped = _element("skipped", "the suite has no tests", ("message", "the suite has no tests"))
+        cases = f"<testcase{empty}>\n{skipped}</testcase>\n"
+    return f"{cases}</testsuite>\n"
+
+
+def _problem_cases(problems: list[Problem], group: str, names: _Names) -> str:
+    return "".join(_problem_case(problem, names.identity(group, problem.name)) for problem in problems)
 
 
 def _elapsed(suite: SuiteResult) -> float:
@@ -211,3 +364,49 @@ def _run_facts(results: RunResult) -> list[tuple[str, str]]:
     facts += [(f"device.{key}", value) for key, value in run.device.items()]
     facts += [("command", " ".join(run.command)), ("seed", "" if run.seed is None else str(run.seed))]
     return facts + sorted(run.environment.items())
+
+
+# XML -----------------------------------------------------------------------------------------------------------------
+
+
+def _legal(text: str) -> str:
+    """The text with characters that XML cannot carry, or that only terminals understand, made visible."""
+    return _ILLEGAL.sub(lambda found: f"#x{ord(found.group()):02X}", joined(text))
+
+
+def _text(text: str) -> str:
+    """A text as it stands between tags."""
+    return html.escape(_legal(text), quote=False).replace("\r", "&#13;")
+
+
+def _attributes(pairs: Iterable[tuple[str, object]]) -> str:
+    """Attributes as they stand in a tag, each after a blank."""
+    return "".join(f' {name}="{_quoted(str(value))}"' for name, value in pairs)
+
+
+def _quoted(text: str) -> str:
+    """A text as it stands between quotation marks; a reader would make blanks of line ends and tabs otherwise."""
+    text = html.escape(_legal(text))
+    return text.replace("\n", "&#10;").replace("\r", "&#13;").replace("\t", "&#9;")
+
+
+def _element(name: str, text: str, *pairs: tuple[str, object]) -> str:
+    """An element that holds only text, on a line of its own."""
+    return f"<{name}{_attributes(pairs)}>{_text(text)}</{name}>\n"
+
+
+def _seconds(seconds: float) -> str:
+    """Three decimals, as the schema wants."""
+    return f"{seconds:.3f}" if 0 <= seconds < float("inf") else "0.000"
+
+
+def _properties(pairs: Iterable[tuple[str, str]]) -> str:
+    """The element of those properties that have a value; nothing when none has."""
+    rows = [f"<property{_attributes([('name', name), ('value', value)])}/>\n" for name, value in pairs if value]
+    return f"<properties>\n{''.join(rows)}</properties>\n" if rows else ""
+
+
+#: What is said of a test that has not begun. There may be thousands of them, and they are made while the run goes on.
+_NOT_RUN = _element(
+    "error", "not run: the runner was killed", ("type", "not run"), ("message", "not run: the runner was killed")
+)

@@ -137,7 +137,7 @@ def _import(path: Path, runs: list[Path]) -> ExitCode:
 
 def _import_one(opened: History, path: Path) -> None:
     from rtf.testing import journal
-    from rtf.testing.history.recording import import_run
+    from rtf.testing.history.database import import_run
     from rtf.testing.report.text import counts
 
     folder = path if path.is_dir() else path.parent

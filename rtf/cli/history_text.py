@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rtf import clock
+from rtf.testing.history.trends import middles
 from rtf.testing.measurement import limits_text, margin_of, number, quantity
 from rtf.testing.report import text as report_text
 from rtf.testing.report.text import one_line
@@ -208,27 +209,18 @@ def _urgency(measurement: tuple[str, dict[str, Any]]) -> tuple[float, str]:
 
 
 def _about(sheet: Sheet, item: dict[str, Any], runs: int) -> Iterable[str]:
-    middles = [*_middles(item).values()]
+    values = [*middles(item["points"]).values()]
     point = item["points"][-1]
     yield f"last {_newest(item)}, {point[4]}; {_limits(item)}"
-    if middles:
-        low, middle, high = (number(value) for value in (min(middles), median(middles), max(middles)))
-        yield f"smallest {low}, median {middle}, largest {high} of {len(middles)} runs"
+    if values:
+        low, middle, high = (number(value) for value in (min(values), median(values), max(values)))
+        yield f"smallest {low}, median {middle}, largest {high} of {len(values)} runs"
     if any(point[4] != MeasurementVerdict.RECORDED for point in item["points"]):
         yield _rate(item["pass_rate"])
     yield _drift_text(item)
-    if middles:
+    if values:
         bottom, top = _scale(item)
         yield f"{number(bottom)} {_spark(sheet, item, runs)} {number(top)}"
-
-
-def _middles(item: dict[str, Any]) -> dict[int, float]:
-    """The middle value of each run that has one."""
-    values: dict[int, list[float]] = {}
-    for run, value, *_ in item["points"]:
-        if value is not None:
-            values.setdefault(run, []).append(value)
-    return {run: median(of_a_run) for run, of_a_run in values.items()}
 
 
 def _newest(item: dict[str, Any]) -> str:
@@ -274,26 +266,26 @@ def _drift_text(item: dict[str, Any]) -> str:
 
 def _scale(item: dict[str, Any]) -> tuple[float, float]:
     """What the lowest and the highest bar stand for: the limits, and where there is none the extreme values."""
-    middles = [*_middles(item).values()]
+    values = [*middles(item["points"]).values()]
     _, _, low, high, _ = item["points"][-1]
-    return min(middles) if low is None else low, max(middles) if high is None else high
+    return min(values) if low is None else low, max(values) if high is None else high
 
 
 def _spark(sheet: Sheet, item: dict[str, Any], runs: int | None = None) -> str:
     """A bar a run, and a cross for what is outside its limits; with ``runs`` also a mark for those without a value."""
-    middles = _middles(item)
+    values = middles(item["points"])
     failed = {point[0] for point in item["points"] if point[4] == MeasurementVerdict.FAILED}
-    bottom, top = _scale(item) if middles else (0.0, 0.0)
+    bottom, top = _scale(item) if values else (0.0, 0.0)
     bars = _PLAIN_BARS if sheet.plain else _BARS
 
     def bar(run: int) -> str:
         if run in failed:
             return sheet.glyph(_GLYPHS[Verdict.FAILED])
-        if run not in middles:
+        if run not in values:
             return sheet.glyph(_NOT_THERE)
         share = (
-            (middles[run] / 2 - bottom / 2) / (top / 2 - bottom / 2) if top > bottom else 0.5
+            (values[run] / 2 - bottom / 2) / (top / 2 - bottom / 2) if top > bottom else 0.5
         )  # halves never overflow
         return bars[round((len(bars) - 1) * min(1.0, max(0.0, share)))]
 
-    return "".join(bar(run) for run in (range(runs) if runs is not None else sorted({*middles, *failed})))
+    return "".join(bar(run) for run in (range(runs) if runs is not None else sorted({*values, *failed})))

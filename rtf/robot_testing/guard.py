@@ -33,7 +33,7 @@ from rtf.robot_testing.monitored_quantities import (
 from rtf.robot_testing.real_time_checks import RecentCpuPressure
 from rtf.robot_testing.snapshot import Snapshot, answered, sliding_joints
 from rtf.robot_testing.transmission import Transmission
-from rtf.testing.outcome import TestFailure
+from rtf.testing.verdict import TestFailure
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence

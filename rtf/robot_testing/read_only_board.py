@@ -10,7 +10,7 @@ from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.client.control_board_link import ControlBoardLink
 from rtf.robot.client.rpc import BoardRpc
 from rtf.robot.client.settings import unique_local
-from rtf.testing.outcome import TestProblem
+from rtf.testing.verdict import TestProblem
 
 if TYPE_CHECKING:
     from rtf.bottle import Value

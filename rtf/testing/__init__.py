@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from rtf.testing.case import TestCase
     from rtf.testing.fixture import FixtureManager, FixtureUnusable, FixtureValue, Value
     from rtf.testing.measurement import Measurement, Unit
-    from rtf.testing.outcome import FixtureCollapsed, Inconclusive, SkipTest, TestFailure, TestProblem
     from rtf.testing.parameters import Parameter
     from rtf.testing.plugin_spec import Matrix
     from rtf.testing.reporting import Reporter
+    from rtf.testing.verdict import FixtureCollapsed, Inconclusive, SkipTest, TestFailure, TestProblem
 
 __all__ = [
     "FixtureCollapsed",
@@ -35,19 +35,19 @@ __all__ = [
 ]
 
 _HOMES = {
-    "FixtureCollapsed": "outcome",
+    "FixtureCollapsed": "verdict",
     "FixtureManager": "fixture",
     "FixtureUnusable": "fixture",
     "FixtureValue": "fixture",
-    "Inconclusive": "outcome",
+    "Inconclusive": "verdict",
     "Matrix": "plugin_spec",
     "Measurement": "measurement",
     "Parameter": "parameters",
     "Reporter": "reporting",
-    "SkipTest": "outcome",
+    "SkipTest": "verdict",
     "TestCase": "case",
-    "TestFailure": "outcome",
-    "TestProblem": "outcome",
+    "TestFailure": "verdict",
+    "TestProblem": "verdict",
     "Unit": "measurement",
     "Value": "fixture",
 }

@@ -19,11 +19,10 @@ from rtf.testing import recording
 from rtf.testing.events import Asked, Measured, Progressed, TestRenamed
 from rtf.testing.fixture import UsesFixtures
 from rtf.testing.measurement import Measurement, Unit, margin_of, quantity, require_limits, unit
-from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
 from rtf.testing.parameters import Declared, Parameter
 from rtf.testing.recording import Series
 from rtf.testing.source_location import calling_place
-from rtf.testing.verdict import MeasurementVerdict, Severity
+from rtf.testing.verdict import Inconclusive, MeasurementVerdict, Severity, SkipTest, TestFailure, TestProblem
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

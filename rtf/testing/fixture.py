@@ -41,10 +41,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, overload
 
 from rtf.testing.isolation.messages import STOP_LIMIT, Provided
-from rtf.testing.outcome import FixtureCollapsed
 from rtf.testing.parameters import Declared
 from rtf.testing.source_location import calling_place
-from rtf.testing.verdict import Severity
+from rtf.testing.verdict import FixtureCollapsed, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

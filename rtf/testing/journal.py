@@ -13,8 +13,7 @@ import fcntl
 import mmap
 import os
 import threading
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.testing.events import (
@@ -35,14 +34,12 @@ from rtf.testing.events import (
     from_line,
     to_line,
 )
-from rtf.testing.outcome import TestingError
 from rtf.testing.results import RunResult
-from rtf.testing.verdict import Verdict
+from rtf.testing.verdict import TestingError, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator
     from pathlib import Path
-    from types import TracebackType
 
 FILE_NAME = "journal.jsonl"
 #: The link beside the folders of runs to that of the last run in which something was done.
@@ -95,7 +92,7 @@ class Journal:
             if resume:
                 _repair_torn_end(path)
         except OSError as error:
-            raise JournalError(error.errno, f"cannot write the journal {path}: {error.strerror}") from None
+            raise self._error(error) from None
         self._lock = threading.Lock()
         self._dirty = False
         self._closing = threading.Event()
@@ -113,7 +110,7 @@ class Journal:
                 while view:
                     view = view[os.write(self._descriptor, view) :]
             except OSError as error:
-                raise JournalError(error.errno, f"cannot write the journal {self.path}: {error.strerror}") from None
+                raise self._error(error) from None
         if type(event) in _TO_DISK:
             self._dirty = True
         if self._link and type(event) in _DOES_SOMETHING:
@@ -129,7 +126,7 @@ class Journal:
         try:
             os.fsync(self._descriptor)
         except OSError as error:
-            raise JournalError(error.errno, f"cannot write the journal {self.path}: {error.strerror}") from None
+            raise self._error(error) from None
         finally:
             os.close(self._descriptor)
 
@@ -138,20 +135,15 @@ class Journal:
         with contextlib.suppress(OSError):
             self.close()
 
+    def _error(self, error: OSError) -> JournalError:
+        return JournalError(error.errno, f"cannot write the journal {self.path}: {error.strerror}")
+
     def _keep_syncing(self) -> None:
         while not self._closing.wait(_SYNC_PAUSE):
             if self._dirty:
                 self._dirty = False
                 with contextlib.suppress(OSError):  # the next write meets the same error, and says so
                     os.fsync(self._descriptor)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _claim(descriptor: int) -> None:
@@ -228,16 +220,33 @@ def read(path: Path) -> Iterator[Event]:
     return JournalReader(path).new_events()
 
 
-@dataclass(frozen=True, slots=True)
-class _EarlierPart:
-    """A part of a run that was resumed after it.
+class _Parts:
+    """The parts of a run that was resumed, counted from 0, and what a later one made void in those before it."""
 
-    ``finished`` holds the tests that were finished by its end, ``void`` the suites and tests that a later part took out
-    of the run.
-    """
+    def __init__(self) -> None:
+        self.results = RunResult()
+        self.last = 0
+        self._again: dict[str, int] = {}  # tests that were not finished when this part began, and run again
+        self._replaced: dict[str, int] = {}  # suites and tests that this part took out of the run, or changed
 
-    finished: frozenset[str]
-    void: set[str] = field(default_factory=set)
+    def begin(self) -> None:
+        """Begin a part."""
+        self.last += 1
+        self._again |= dict.fromkeys(self.results.tests.keys() - self.results.finished(), self.last)
+
+    def take_out(self, ids: Iterable[str]) -> None:
+        """Make void what the parts before tell of suites and tests."""
+        self._replaced |= dict.fromkeys(self.results.with_cases(ids), self.last)
+
+    def is_void(self, event: Event, part: int) -> bool:
+        """Whether a later part has made an event of this one void."""
+        if isinstance(event, RunEnded | SuiteEnded | Interrupted):
+            return part < self.last
+        test = getattr(event, "test", "")
+        if any(part < self._replaced.get(gone, 0) for gone in (test, getattr(event, "suite", ""))):
+            return True
+        planned = isinstance(event, TestPlanned) and not event.parent
+        return not planned and part < self._again.get(test, 0)
 
 
 def as_one_run(path: Path, *, resuming: bool = False, void: Collection[str] = ()) -> Iterator[Event]:
@@ -248,7 +257,16 @@ def as_one_run(path: Path, *, resuming: bool = False, void: Collection[str] = ()
     At the end of a journal that just stops, unless it is resumed, follow the ends that a killed runner left out. Reads
     the file twice, and keeps the results in memory meanwhile. Raises as :class:`JournalReader` does.
     """
-    parts = _earlier_parts(path, resuming=resuming, void=void)
+    parts = _Parts()
+    for event in read(path):
+        if isinstance(event, RunStarted) and event.resumed:
+            parts.begin()
+        elif isinstance(event, PlanChanged):
+            parts.take_out((*event.removed, *event.changed))
+        parts.results.apply(event)
+    if resuming:
+        parts.begin()
+        parts.take_out(void)
     events = _one_part(read(path), parts)
     return events if resuming else _with_ends(events)
 
@@ -282,24 +300,7 @@ def cases_told(runs: Path, programs: Collection[str]) -> dict[str, dict[str, str
     return told
 
 
-def _earlier_parts(path: Path, *, resuming: bool, void: Collection[str]) -> list[_EarlierPart]:
-    results = RunResult()
-    parts: list[_EarlierPart] = []
-    for event in read(path):
-        if isinstance(event, RunStarted) and event.resumed:
-            parts.append(_EarlierPart(results.finished()))
-        elif isinstance(event, PlanChanged):
-            for part in parts:
-                part.void.update(results.with_cases((*event.removed, *event.changed)))
-        results.apply(event)
-    if resuming:
-        parts.append(_EarlierPart(results.finished()))
-        for part in parts:
-            part.void.update(results.with_cases(void))
-    return parts
-
-
-def _one_part(events: Iterable[Event], parts: list[_EarlierPart]) -> Iterator[Event]:
+def _one_part(events: Iterable[Event], parts: _Parts) -> Iterator[Event]:
     number = 0
     planned: set[tuple[str, str]] = set()  # and suites that were started: a later part tells them again
     for event in events:
@@ -308,7 +309,7 @@ def _one_part(events: Iterable[Event], parts: list[_EarlierPart]) -> Iterator[Ev
         if isinstance(event, RunStarted) and event.resumed:
             number += 1
             continue
-        if number < len(parts) and _is_void(event, parts[number]):
+        if parts.is_void(event, number):
             continue
         if isinstance(event, SuitePlanned | TestPlanned | SuiteStarted):
             key = event.kind, event.test if isinstance(event, TestPlanned) else event.suite
@@ -316,17 +317,6 @@ def _one_part(events: Iterable[Event], parts: list[_EarlierPart]) -> Iterator[Ev
                 continue
             planned.add(key)
         yield event
-
-
-def _is_void(event: Event, part: _EarlierPart) -> bool:
-    """Whether a later part has made an event of this one void."""
-    if isinstance(event, RunEnded | SuiteEnded | Interrupted):
-        return True
-    test = getattr(event, "test", "")
-    if test in part.void or getattr(event, "suite", "") in part.void:
-        return True
-    planned = isinstance(event, TestPlanned) and not event.parent
-    return bool(test) and not planned and test not in part.finished
 
 
 def _with_ends(events: Iterable[Event]) -> Iterator[Event]:

@@ -23,9 +23,9 @@ from rtf.errors import nearest
 from rtf.resources import DiagnosticKind, find_parameters
 from rtf.resources.arguments import loose_words, parse_arguments
 from rtf.testing.measurement import limits_text, number, require_limits, unit
-from rtf.testing.outcome import TestingError
 from rtf.testing.plugins import shipped_folder
 from rtf.testing.secret_values import MASK, is_secret, masked_text
+from rtf.testing.verdict import TestingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence

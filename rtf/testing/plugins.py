@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import rtf
 from rtf.testing import plugin_source
-from rtf.testing.outcome import TestingError
 from rtf.testing.plugin_source import declared_names
 from rtf.testing.source_location import PLUGINS
+from rtf.testing.verdict import TestingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

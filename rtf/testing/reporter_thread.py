@@ -3,7 +3,8 @@
 Events and calls that somebody waits for stand in a queue, so the run does not wait for a reporter unless a thousand
 events are waiting. A call that takes longer than its limit is left behind, together with its thread: its reporter is
 called no more, and a new thread goes on with the others. Reports that are files are brought up to date while the run
-goes on, at most once a second, and less often when that would use more processor time than :data:`SHARE`.
+goes on: when the first suite starts, when the first test ends, then at most once a second, and less often when that
+would take more of the time than :data:`SHARE`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from rtf import clock
-from rtf.testing.events import Event, SuiteStarted
+from rtf.testing.events import Event, SuiteStarted, TestEnded
 from rtf.testing.results import RunResult
 
 if TYPE_CHECKING:
@@ -28,9 +29,12 @@ if TYPE_CHECKING:
 #: Seconds that a call may take, and ``close``, which may have to write the whole report; that any call may take when
 #: the run was asked to stop; and when it is asked while it waits for its reports.
 CALL_LIMIT, CLOSE_LIMIT, STOPPING_LIMIT, HURRIED_LIMIT = 10.0, 30.0, 3.0, 1.0
-#: Seconds between two updates of a report, and the part of the time that those of one report may use a processor. The
-#: first of all, which may have to import what it needs, is not counted.
+#: Seconds between two updates of a report, and the part of the time that those of one report may take. The first of
+#: all, which may have to import what it needs, is not counted.
 PAUSE, SHARE = 1.0, 0.003
+#: On a busy machine an update takes longer, like the run, but not so many times longer than it uses a processor: then
+#: it was merely interrupted.
+_BUSIEST = 10
 
 _BACKLOG = 1000
 #: Seconds in which events gather before the thread wakes up again: to wake it for each one would take the run the
@@ -79,6 +83,7 @@ class ReporterThread:
         self._calls: deque[Call] = deque()  # for what was taken from the queue last
         self._heard = 0
         self._updating = False
+        self._none_ended = True
         self._call: Call | None = None  # in progress
         self._most = clock.FOREVER  # no call may take longer, whatever its own limit
         self._lock = threading.Lock()  # who ends a call: the thread that made it, or one that leaves it behind
@@ -206,6 +211,10 @@ class ReporterThread:
             self._results.apply(item)
             self._heard += 1
             self._updating |= self.live and isinstance(item, SuiteStarted)
+            if self._none_ended and isinstance(item, TestEnded):
+                self._none_ended = False
+                for member in self._members:
+                    member.due = 0.0
             for member in self._members:
                 if not member.left_out:
                     function = partial(member.reporter.handle, item, self._results)
@@ -224,10 +233,10 @@ class ReporterThread:
 
     def _update(self, member: _Member) -> None:
         first, member.shown = member.shown < 0, self._heard
-        began = _cpu_time()
+        began, used_before = clock.monotonic(), _cpu_time()
         member.reporter.update(self._results)
-        pause = PAUSE if first else max(PAUSE, (_cpu_time() - began) / SHARE)
-        member.due = clock.monotonic() + pause
+        now, used = clock.monotonic(), _cpu_time() - used_before
+        member.due = now + (PAUSE if first else max(PAUSE, min(now - began, _BUSIEST * used) / SHARE))
 
 
 def _cpu_time() -> float:

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, ClassVar
 from rtf.testing import journal
 from rtf.testing.events import Event, InternalError
 from rtf.testing.journal import Journal, JournalError
-from rtf.testing.outcome import TestingError
 from rtf.testing.reporter_thread import CALL_LIMIT, CLOSE_LIMIT, ReporterThread
 from rtf.testing.results import RunResult
+from rtf.testing.verdict import TestingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping

@@ -22,7 +22,6 @@ from rtf.testing.events import (
     RunEnded,
     RunStarted,
     SeriesSampled,
-    SubResultEnded,
     SuiteEnded,
     SuitePlanned,
     SuiteStarted,
@@ -41,9 +40,9 @@ _KEPT_MESSAGES = 50
 #: A test that ended like this has said nothing yet, and runs again when the run is resumed.
 _OPEN = frozenset({None, Verdict.NOT_RUN, Verdict.INTERRUPTED, Verdict.BLOCKED})
 _PROBLEMS = (Severity.FAILURE, Severity.ERROR)
-_OF_TESTS = frozenset({Message, Measured, TestStarted, TestEnded, SubResultEnded, TestRenamed})
+_OF_TESTS = frozenset({Message, TestStarted, TestEnded, TestRenamed})
 #: What comes often and changes no result.
-_PASSED_OVER = frozenset({PhaseStarted, OutputCaptured, Progressed, SeriesSampled})
+_PASSED_OVER = frozenset({Measured, PhaseStarted, OutputCaptured, Progressed, SeriesSampled})
 
 
 @dataclass(slots=True)
@@ -59,8 +58,6 @@ class TestResult:
     attempts: list[TestEnded] = field(default_factory=list)
     problems: list[Message] = field(default_factory=list)  # failures and errors of the last attempt
     problem_count: int = 0
-    parts: dict[str, Verdict] = field(default_factory=dict)  # sub-results of the last attempt
-    measured: int = 0
     started: float | None = None
     running: bool = False
     cases: list[TestResult] = field(default_factory=list)  # of a program; each is a test of the run, too
@@ -98,18 +95,14 @@ class TestResult:
                     self.problem_count += 1
                     if len(self.problems) < _KEPT_MESSAGES:
                         self.problems.append(event)
-            case Measured():
-                self.measured += 1
             case TestStarted():
                 self.running, self.verdict = True, None
                 self.started = event.time if self.started is None else self.started
-                self.problems, self.problem_count, self.parts = [], 0, {}
+                self.problems, self.problem_count = [], 0
             case TestEnded():
                 self.running = False
                 self.attempts.append(event)
                 self.verdict = event.verdict if event.final else self.verdict
-            case SubResultEnded() if len(self.parts) < 10 * _KEPT_MESSAGES:
-                self.parts[event.subject] = event.verdict
             case TestRenamed():
                 self.name = event.name
                 self.description = event.description or self.description

@@ -18,7 +18,7 @@ from rtf import clock
 from rtf.testing.events import Answered, Event, Interrupted, RunEnded, TestEnded
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.messages import STOP_LIMIT
-from rtf.testing.outcome import TestingError
+from rtf.testing.verdict import TestingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -15,9 +15,18 @@ from typing import TYPE_CHECKING, Generic, NoReturn, TypeVar
 from rtf import clock
 from rtf.testing.events import Answered, Asked, Event, Message, PhaseStarted, SubResultEnded
 from rtf.testing.isolation.messages import Case
-from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem, TestStopped
 from rtf.testing.source_location import OWN_FOLDER, raised_place
-from rtf.testing.verdict import UNDOING_PHASES, Phase, Severity, Verdict
+from rtf.testing.verdict import (
+    UNDOING_PHASES,
+    Inconclusive,
+    Phase,
+    Severity,
+    SkipTest,
+    TestFailure,
+    TestProblem,
+    TestStopped,
+    Verdict,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

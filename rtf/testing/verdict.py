@@ -1,29 +1,36 @@
-"""What can be said of a test, a suite or a run when it is over, and what that means for the exit code."""
+"""What can be said of a test, a suite or a run when it is over, and the exceptions with which a test ends itself."""
 
 from __future__ import annotations
 
 from enum import IntEnum, StrEnum
+from typing import TYPE_CHECKING
+
+from rtf.errors import RtfError
+
+if TYPE_CHECKING:
+    from rtf.testing.measurement import Measurement
 
 
 class Verdict(StrEnum):
     """What is said of one test in the end.
 
     ``failed`` means the thing under test is wrong; ``error`` means it could not be tested. The two are never mixed.
+    The order is that of reports: what needs attention comes first.
     """
 
-    PASSED = "passed"
-    MEASURED = "measured"  # data were recorded, nothing was judged
-    SKIPPED = "skipped"
-    EXPECTED_FAILURE = "expected failure"
-    FLAKY = "flaky"  # failed first, passed in a later attempt
-    INCONCLUSIVE = "inconclusive"
-    UNEXPECTED_PASS = "unexpected pass"  # noqa: S105 - a verdict, not a secret
     FAILED = "failed"
     ERROR = "error"
     FIXTURE_LOST = "fixture lost"  # what the test stood on collapsed under it
-    BLOCKED = "blocked"  # a fixture or another test it needs is not usable
+    UNEXPECTED_PASS = "unexpected pass"  # noqa: S105 - a verdict, not a secret
+    INCONCLUSIVE = "inconclusive"
     INTERRUPTED = "interrupted"
+    BLOCKED = "blocked"  # a fixture or another test it needs is not usable
     NOT_RUN = "not run"
+    FLAKY = "flaky"  # failed first, passed in a later attempt
+    EXPECTED_FAILURE = "expected failure"
+    SKIPPED = "skipped"
+    MEASURED = "measured"  # data were recorded, nothing was judged
+    PASSED = "passed"
 
     @property
     def good(self) -> bool:
@@ -98,3 +105,59 @@ class MeasurementVerdict(StrEnum):
     MARGINAL = "marginal"
     FAILED = "failed"
     RECORDED = "recorded"  # there were no limits
+
+
+# Exceptions, each also a fitting built-in ----------------------------------------------------------------------------
+
+
+class TestingError(RtfError):
+    """Base of the errors of the testing layer."""
+
+    __test__ = False
+
+
+class TestFailure(TestingError, AssertionError):
+    """The thing under test is wrong; the test, or the sub-result it is raised in, ends as failed."""
+
+    __test__ = False
+
+    def __init__(
+        self,
+        detail: str,
+        *,
+        title: str = "asserts failure with exception",
+        measurement: Measurement | None = None,
+    ) -> None:
+        super().__init__(detail)
+        self.title = title
+        self.detail = detail
+        self.measurement = measurement
+
+
+class TestProblem(TestingError, RuntimeError):
+    """The test could not be carried out; it ends as an error."""
+
+    __test__ = False
+
+    def __init__(self, detail: str, *, title: str = "asserts error with exception") -> None:
+        super().__init__(detail)
+        self.title = title
+        self.detail = detail
+
+
+class SkipTest(TestingError, Exception):
+    """There is nothing to test here, for a reason that is no defect."""
+
+
+class Inconclusive(TestingError, Exception):
+    """The test ran, and nothing can be said: not enough samples, disturbed conditions."""
+
+
+class TestStopped(BaseException):
+    """The runner asks the test to end now: time-out, lost fixture or interrupt. Not for authors to catch."""
+
+    __test__ = False
+
+
+class FixtureCollapsed(TestingError, RuntimeError):
+    """A fixture says from its own ``check`` why it can no longer be stood on."""

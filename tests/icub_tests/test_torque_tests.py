@@ -7,9 +7,8 @@ import pytest
 
 from rtf.robot_testing import GuardError
 from rtf.testing.events import Message
-from rtf.testing.outcome import Inconclusive
 from rtf.testing.plugins import find, load_test
-from rtf.testing.verdict import Severity, Verdict
+from rtf.testing.verdict import Inconclusive, Severity, Verdict
 
 
 def entry(name, test, inject="", **parameters):

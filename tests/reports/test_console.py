@@ -10,6 +10,7 @@ import struct
 import subprocess
 import sys
 import termios
+from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -349,7 +350,7 @@ print("rich" in sys.modules, [str(error) for error in broadcast.results.internal
 def journal_path(rich_story: Story, tmp_path: Path) -> Path:
     """The story on disk."""
     path = tmp_path / FILE_NAME
-    with Journal(path) as journal:
+    with closing(Journal(path)) as journal:
         for event in rich_story.events:
             journal.append(event)
     return path

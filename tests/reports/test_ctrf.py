@@ -156,6 +156,19 @@ def test_what_the_format_has_words_for_is_said_in_them(
     assert test["suite"] == ["arm"]
 
 
+def test_a_case_of_a_program_names_its_program(story: Story, reports: Reports):
+    """The suites of a case are its suite and its program, whether it has run or not."""
+    story.begin(("arm", 1)).add(story.planned("arm", "t1::a", parent="arm/t1", case="a"))
+    story.add(story.planned("arm", "t1::b", parent="arm/t1", case="b"))
+    story.start("arm").test("arm/t1").test("arm/t1::a", Verdict.FAILED)
+    results = read(reports("ctrf", story.end("arm").finish()))
+    assert {test["name"]: test["suite"] for test in results["tests"]} == {
+        "t1": ["arm"],
+        "t1::a": ["arm", "t1"],
+        "t1::b": ["arm", "t1"],
+    }
+
+
 def test_a_fixture_that_was_given_up_is_a_failed_test(story: Story, reports: Reports):
     """The tests it blocked are skipped, so something else must say that the run did not pass."""
     story.begin(("arm", 1)).start("arm").incident("arm", "sim").fixture("arm", "sim", FixtureState.FAILED)

@@ -8,7 +8,7 @@ import pytest
 from lxml import etree
 
 from rtf.testing.events import OutputCaptured
-from rtf.testing.languages.junit_file import read_junit
+from rtf.testing.languages.case_report import read_junit
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:

@@ -14,10 +14,9 @@ from rtf.robot_testing import GuardError
 from rtf.robot_testing.joints_test import command_at
 from rtf.robot_testing.real_time_checks import RecentCpuPressure
 from rtf.testing.events import Event, Message, SubResultEnded
-from rtf.testing.outcome import TestFailure, TestProblem
 from rtf.testing.plugins import find, load_test
 from rtf.testing.session import Session
-from rtf.testing.verdict import Severity, Verdict
+from rtf.testing.verdict import Severity, TestFailure, TestProblem, Verdict
 
 from .part_bench import Joints, PartBench
 

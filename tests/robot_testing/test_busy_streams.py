@@ -11,9 +11,8 @@ from rtf.robot.errors import RefusedError, StaleStateError
 from rtf.robot_testing import RobotTest, real_time_checks
 from rtf.robot_testing.port_recorder import Message
 from rtf.robot_testing.stream_test import RateTest
-from rtf.testing.outcome import Inconclusive
 from rtf.testing.session import Session
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.verdict import Inconclusive, MeasurementVerdict, Verdict
 
 
 class Listening(RateTest):

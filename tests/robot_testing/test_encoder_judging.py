@@ -11,7 +11,7 @@ from rtf.robot_testing.duty_ramp import End, Ramp
 from rtf.robot_testing.duty_test import BothWays, Steps
 from rtf.robot_testing.joint_swings import Outcome
 from rtf.robot_testing.transmission import Transmission
-from rtf.testing.outcome import TestProblem
+from rtf.testing.verdict import TestProblem
 
 from .kept_test import kept_test
 

@@ -17,7 +17,7 @@ from rtf.robot_testing.port_recorder import Message
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.robot_testing.routines import run_to_end
 from rtf.robot_testing.transmission import Transmission
-from rtf.testing.outcome import Inconclusive, TestFailure, TestProblem
+from rtf.testing.verdict import Inconclusive, TestFailure, TestProblem
 
 from .kept_test import kept_test
 from .part_bench import PartBench

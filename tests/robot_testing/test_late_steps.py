@@ -8,8 +8,7 @@ import pytest
 from rtf.robot_testing import step_test
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.robot_testing.step_test import Cycle, StepTest
-from rtf.testing.outcome import Inconclusive, TestProblem
-from rtf.testing.verdict import MeasurementVerdict
+from rtf.testing.verdict import Inconclusive, MeasurementVerdict, TestProblem
 
 from .kept_test import kept_test
 

@@ -10,7 +10,7 @@ import pytest
 
 from rtf.robot_testing.routines import run_to_end
 from rtf.robot_testing.torque_control import holding_torques
-from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
+from rtf.testing.verdict import Inconclusive, SkipTest, TestFailure, TestProblem
 
 from .kept_test import kept_test
 from .part_bench import PartBench

@@ -9,7 +9,7 @@ import pytest
 
 from rtf.robot_testing.kinematics import rotation_of
 from rtf.robot_testing.orientations import sure_turn
-from rtf.testing.outcome import TestFailure
+from rtf.testing.verdict import TestFailure
 
 from .kept_test import kept_test
 

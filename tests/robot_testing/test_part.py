@@ -13,7 +13,7 @@ from rtf.robot.errors import RefusedError
 from rtf.robot_testing.part import Part
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.robot_testing.start_position import hold, late_joints
-from rtf.testing.outcome import TestProblem
+from rtf.testing.verdict import TestProblem
 
 from .part_bench import Joints, PartBench
 

@@ -18,9 +18,8 @@ from rtf.testing.events import (
     SeriesSampled,
     TestRenamed,
 )
-from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
 from rtf.testing.session import Session
-from rtf.testing.verdict import Severity, Verdict
+from rtf.testing.verdict import Inconclusive, Severity, SkipTest, TestFailure, TestProblem, Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path

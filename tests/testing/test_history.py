@@ -21,8 +21,7 @@ from hypothesis import strategies as st
 from recorded import BEGAN, put, stored
 from rtf.testing.events import Event, Measured, RunEnded, RunStarted, TestEnded, TestPlanned, TestStarted, to_line
 from rtf.testing.history import History, HistoryError, database
-from rtf.testing.history.database import STEPS, migrate
-from rtf.testing.history.recording import import_run, record_run
+from rtf.testing.history.database import STEPS, import_run, migrate, record_run
 from rtf.testing.journal import FILE_NAME
 from rtf.testing.results import RunResult
 from rtf.testing.verdict import MeasurementVerdict, Verdict

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import textwrap
 import threading
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import psutil
@@ -36,7 +37,7 @@ def path(tmp_path: Path):
 
 def written(path: Path, *events: Event) -> Path:
     """Write a journal of these events."""
-    with Journal(path) as book:
+    with closing(Journal(path)) as book:
         for event in events:
             book.append(event)
     return path
@@ -66,7 +67,7 @@ def test_torn_end_is_cut_off_when_the_run_is_resumed_at_every_byte(path: Path):
     first = data.index(b"\n") + 1
     for cut in range(first, len(data) + 1):
         path.write_bytes(data[:cut])
-        with Journal(path, resume=True) as book:
+        with closing(Journal(path, resume=True)) as book:
             book.append(message(3))
         whole = 1 + (cut == len(data))
         assert [event.seq for event in journal.read(path)] == [*range(1, whole + 1), 3]
@@ -97,11 +98,11 @@ def test_journal_that_is_there_is_not_overwritten(path: Path):
 
 def test_journal_has_one_writer(path: Path):
     """While one runner writes, another one is refused; when it is gone, not."""
-    with Journal(path) as book:
+    with closing(Journal(path)) as book:
         book.append(message(1))
         with pytest.raises(JournalError, match="another runner is writing it"):
             Journal(path, resume=True)
-    with Journal(path, resume=True) as book:
+    with closing(Journal(path, resume=True)) as book:
         book.append(message(2))
     assert [event.seq for event in journal.read(path)] == [1, 2]
 
@@ -124,7 +125,7 @@ def test_a_run_that_is_not_there_is_named(tmp_path: Path):
 
 def test_lines_of_several_threads_are_whole(path: Path):
     """Writers in several threads never mix their lines."""
-    with Journal(path) as book:
+    with closing(Journal(path)) as book:
 
         def write(base: int) -> None:
             for number in range(500):
@@ -160,7 +161,7 @@ def test_every_event_is_with_the_kernel_when_append_returns(path: Path):
 def test_memory_stays_flat(path: Path):
     """A hundred thousand events are written and read without being kept."""
     event = message(1, "x" * 200)
-    with Journal(path) as book:
+    with closing(Journal(path)) as book:
         for _ in range(1000):
             book.append(event)
         before = psutil.Process().memory_info().rss

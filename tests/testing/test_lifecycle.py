@@ -33,7 +33,7 @@ HEAD = """
 import ctypes, os, time
 from pathlib import Path
 from rtf.testing import FixtureManager, TestCase
-from rtf.testing.outcome import TestFailure, TestProblem
+from rtf.testing.verdict import TestFailure, TestProblem
 
 LOG = Path(__file__).with_name("log")
 

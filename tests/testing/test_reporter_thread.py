@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 from rtf.testing import reporter_thread
-from rtf.testing.events import Event, SuiteStarted
+from rtf.testing.events import Event, SuiteStarted, TestEnded
 from rtf.testing.reporter_thread import ReporterThread, bounded, let_linger
 from rtf.testing.reporting import Reporter, ReportOptions
 from rtf.testing.results import RunResult
+from rtf.testing.verdict import Verdict
 from tests.waiting import eventually
 
 
@@ -96,6 +97,23 @@ def test_an_expensive_report_is_brought_up_to_date_less_often(broken: list[tuple
     assert expensive.updates == 2
     thread.close(lambda: 0)
     assert broken == []
+
+
+def test_the_first_test_is_in_the_reports_as_soon_as_it_has_ended(
+    broken: list[tuple[Reporter, BaseException]], monkeypatch: pytest.MonkeyPatch
+):
+    """A runner that is killed in its first second has told of it; later ends wait for their turn."""
+    monkeypatch.setattr(reporter_thread, "PAUSE", 1000.0)
+    reporter = Hearing()
+    thread = thread_of(broken, reporter)
+    thread.put(SuiteStarted(suite="s"))
+    eventually(lambda: reporter.updates == 1, "the report is not written")
+    thread.put(TestEnded(test="s/a", verdict=Verdict.PASSED, outcome=Verdict.PASSED))
+    eventually(lambda: reporter.updates == 2, "the end of the first test is not in the report")
+    thread.put(TestEnded(test="s/b", verdict=Verdict.PASSED, outcome=Verdict.PASSED))
+    thread.flush(lambda: 0)
+    assert reporter.updates == 2
+    thread.close(lambda: 0)
 
 
 def test_a_report_that_is_up_to_date_is_not_written_again(broken: list[tuple[Reporter, BaseException]]):

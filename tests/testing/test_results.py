@@ -12,7 +12,6 @@ from rtf.testing.events import (
     Interrupted,
     Message,
     RunStarted,
-    SubResultEnded,
     SuitePlanned,
     TestEnded,
     TestPlanned,
@@ -101,7 +100,7 @@ def test_fixture_that_came_back_is_usable():
 
 
 def test_only_the_final_attempt_gives_the_verdict():
-    """Attempts before it are kept, their messages and parts are not."""
+    """Attempts before it are kept, their messages are not."""
     test = "s/0"
     results = results_of(Verdict.PASSED)
     bad = Message(severity=Severity.FAILURE, title="x", test=test)
@@ -109,11 +108,10 @@ def test_only_the_final_attempt_gives_the_verdict():
     last = TestEnded(test=test, verdict=Verdict.FLAKY, outcome=Verdict.PASSED, attempt=2)
     results.apply(TestStarted(test=test))
     results.apply(bad)
-    results.apply(SubResultEnded(test=test, subject="p", verdict=Verdict.FAILED))
     results.apply(again)
     assert results.tests[test].verdict is None
     results.apply(TestStarted(test=test, attempt=2))
-    assert (results.tests[test].problems, results.tests[test].parts) == ([], {})
+    assert results.tests[test].problems == []
     results.apply(last)
     assert results.tests[test].verdict is Verdict.FLAKY
     assert len(results.tests[test].attempts) == 3
@@ -137,14 +135,13 @@ def test_events_of_what_was_never_planned_are_passed_over():
 
 
 def test_memory_of_a_test_that_fails_for_ever_is_bounded():
-    """Fifty problems are kept and all are counted, of a test and of a fixture; five hundred parts."""
+    """Fifty problems are kept and all are counted, of a test and of a fixture."""
     results = results_of(Verdict.FAILED)
-    for index in range(10_000):
+    for _ in range(10_000):
         results.apply(Message(severity=Severity.FAILURE, title="x", test="s/0"))
         results.apply(Message(severity=Severity.ERROR, title="x", suite="s", fixture="rig"))
-        results.apply(SubResultEnded(test="s/0", subject=str(index), verdict=Verdict.PASSED))
     test = results.tests["s/0"]
-    assert (len(test.problems), test.problem_count, len(test.parts)) == (50, 10_000, 500)
+    assert (len(test.problems), test.problem_count) == (50, 10_000)
     assert len(results.suites["s"].problems) == 50
 
 

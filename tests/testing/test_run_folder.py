@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+
 import pytest
 
 from rtf.testing.events import FixtureChanged, RunStarted, TestStarted
@@ -25,7 +27,7 @@ def test_latest_moves_when_something_is_done(tmp_path):
     before, refused, elsewhere = (make_run_folder(tmp_path) for _ in range(3))
     runs = ((before, [STARTED, SERVER, TEST], True), (refused, [STARTED], True), (elsewhere, [STARTED, TEST], False))
     for folder, events, latest in runs:
-        with Journal(folder / FILE_NAME, latest=latest) as journal:
+        with closing(Journal(folder / FILE_NAME, latest=latest)) as journal:
             for event in events:
                 journal.append(event)
     assert (tmp_path / LATEST).resolve() == before

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.testing.events import Answered, Asked, Event, Message, SubResultEnded
-from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem, TestStopped
 from rtf.testing.session import TEXT_LIMIT, Session, bounded, text_of
-from rtf.testing.verdict import Phase, Severity, Verdict
+from rtf.testing.verdict import Inconclusive, Phase, Severity, SkipTest, TestFailure, TestProblem, TestStopped, Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path

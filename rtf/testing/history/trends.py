@@ -11,7 +11,6 @@ import fnmatch
 import itertools
 import math
 from collections import Counter
-from dataclasses import dataclass, field
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
@@ -40,18 +39,6 @@ _UNJUDGED = frozenset(verdict.value for verdict in Verdict if not verdict.ran) |
 Point = tuple[int, float | None, float | None, float | None, str]
 
 
-@dataclass(slots=True)
-class _Measured:
-    """All values of one measurement."""
-
-    unit: str = ""
-    values: dict[int, list[Point]] = field(default_factory=dict)
-
-    def add(self, run: int, row: MeasurementRow) -> None:
-        self.unit = row[6]
-        self.values.setdefault(run, []).append((run, row[4], row[7], row[8], row[10]))
-
-
 def trends(
     history: History,
     *,
@@ -70,7 +57,8 @@ def trends(
     Robot and station are those of the newest run unless they are given; ``*`` mixes all. Raises HistoryError.
     """
     tests: dict[str, dict[int, str]] = {}
-    measured: dict[tuple[str, str, str], _Measured] = {}
+    points: dict[tuple[str, str, str], list[Point]] = {}
+    units: dict[tuple[str, str, str], str] = {}
     with history.snapshot():
         robot, station = _of_the_newest(history, robot, station)
         found = [*itertools.islice(_selected(history, history.runs(robot, station), names, suites), last)]
@@ -78,11 +66,12 @@ def trends(
     for index, (_, of_tests, of_measurements) in enumerate(found):
         for row in of_tests:
             tests.setdefault(row[0], {})[index] = row[3]
-        for measurement in of_measurements:
-            measured.setdefault(measurement[:3], _Measured()).add(index, measurement)
+        for test, subject, name, _, value, _, unit, low, high, _, verdict in of_measurements:
+            points.setdefault((test, subject, name), []).append((index, value, low, high, verdict))
+            units[test, subject, name] = unit
     return {
         "runs": [_run(run) for run, _, _ in found],
-        "measurements": _measurements(measured),
+        "measurements": _measurements(points, units),
         "tests": {
             test: _test([verdicts.get(index) for index in range(len(found))]) for test, verdicts in tests.items()
         },
@@ -159,21 +148,33 @@ def _rate(judged: list[bool]) -> list[float]:
 # Measurements --------------------------------------------------------------------------------------------------------
 
 
-def _measurements(measured: dict[tuple[str, str, str], _Measured]) -> dict[str, Any]:
-    told = {key: _measurement(item) for key, item in measured.items()}
+def middles(points: Iterable[Point]) -> dict[int, float]:
+    """Return the middle value of each run that has one. Each point begins with its run and its value."""
+    values: dict[int, list[float]] = {}
+    for run, value, *_ in points:
+        if value is not None:
+            values.setdefault(run, []).append(value)
+    return {run: median(of_a_run) for run, of_a_run in values.items()}
+
+
+def _measurements(
+    points: dict[tuple[str, str, str], list[Point]], units: dict[tuple[str, str, str], str]
+) -> dict[str, Any]:
+    told = {"\n".join(key): _measurement(of_one, units[key]) for key, of_one in points.items()}
     drifts = [item["drift"] for item in told.values() if item["drift"] is not None]
     believed = discovery_limit((drift["p"] for drift in drifts), _BELIEVED)
     for drift in drifts:
         drift["believed"] = drift["p"] <= believed and drift["slope"] != 0
-    return {"\n".join(key): item for key, item in told.items()}
+    return told
 
 
-def _measurement(measured: _Measured) -> dict[str, Any]:
-    verdicts = [{point[4] for point in points} - {MeasurementVerdict.RECORDED} for points in measured.values.values()]
+def _measurement(points: list[Point], unit: str) -> dict[str, Any]:
+    runs = [[*of_a_run] for _, of_a_run in itertools.groupby(points, key=lambda point: point[0])]
+    verdicts = [{point[4] for point in of_a_run} - {MeasurementVerdict.RECORDED} for of_a_run in runs]
     return {
-        "unit": measured.unit,
-        "points": [point for points in measured.values.values() for point in _thinned(points)],
-        "drift": _drift(measured),
+        "unit": unit,
+        "points": [point for of_a_run in runs for point in _thinned(of_a_run)],
+        "drift": _drift(points, unit),
         "pass_rate": _rate([MeasurementVerdict.FAILED not in of_a_run for of_a_run in verdicts if of_a_run]),
     }
 
@@ -185,32 +186,28 @@ def _thinned(points: list[Point]) -> list[Point]:
     return [ordered[0], ordered[len(ordered) // 2], ordered[-1]] if ordered else points[:1]
 
 
-def _drift(measured: _Measured) -> dict[str, Any] | None:
+def _drift(points: list[Point], unit: str) -> dict[str, Any] | None:
     """How the middle value of a run changes from run to run; none where too few runs have one."""
-    middles: list[float] = []
-    for points in measured.values.values():
-        values = [point[1] for point in points if point[1] is not None]
-        if values and math.isfinite(middle := median(values)):
-            middles.append(middle)
-    if len(middles) < _FEWEST:
+    values = [middle for middle in middles(points).values() if math.isfinite(middle)]
+    if len(values) < _FEWEST:
         return None
-    slope, p = theil_sen(middles), mann_kendall(middles)
+    slope, p = theil_sen(values), mann_kendall(values)
     if not math.isfinite(slope):
         return None
-    drift = {"slope": slope, "unit": f"{measured.unit or '1'}/run", "p": p, "limit": None, "after": None}
+    drift = {"slope": slope, "unit": f"{unit or '1'}/run", "p": p, "limit": None, "after": None}
     if slope and p < _BELIEVED:
-        newest = [*measured.values.values()][-1][-1]
-        drift.update(_reaches(middles, slope, low=newest[2], high=newest[3]))
+        _, _, low, high, _ = points[-1]
+        drift.update(_reaches(values, slope, low=low, high=high))
     return drift
 
 
-def _reaches(middles: list[float], slope: float, *, low: float | None, high: float | None) -> dict[str, Any]:
+def _reaches(values: list[float], slope: float, *, low: float | None, high: float | None) -> dict[str, Any]:
     """The limit that the line goes to, and the runs until it is there; nothing where that is too far to tell."""
     limit = high if slope > 0 else low
     if limit is None:
         return {}
-    count = len(middles)
-    now = median([middle + slope * (count - 1 - index) for index, middle in enumerate(middles)])
+    count = len(values)
+    now = median([value + slope * (count - 1 - index) for index, value in enumerate(values)])
     ahead = (limit - now) / slope
     near = math.isfinite(ahead) and ahead <= _AHEAD * count
     return {"limit": limit, "after": max(0, math.ceil(ahead)) if near else None}

@@ -8,8 +8,8 @@ import sys
 from bdb import BdbQuit
 from types import TracebackType
 
-from rtf.testing.outcome import Inconclusive, SkipTest
 from rtf.testing.source_location import OWN_FOLDER
+from rtf.testing.verdict import Inconclusive, SkipTest
 
 
 def take_terminal(path: str) -> None:

@@ -15,9 +15,8 @@ import msgspec
 from rtf import clock
 from rtf.testing.events import KINDS, Count, FixtureIncident, Moment, OutputCaptured
 from rtf.testing.events import Message as TestMessage
-from rtf.testing.outcome import TestingError
 from rtf.testing.plugins import PluginRef
-from rtf.testing.verdict import Verdict
+from rtf.testing.verdict import TestingError, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

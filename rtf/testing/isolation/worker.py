@@ -34,10 +34,9 @@ from rtf.testing.isolation.messages import (
     Job,
 )
 from rtf.testing.measurement import require_limits, wilson_interval
-from rtf.testing.outcome import TestProblem, TestStopped
 from rtf.testing.plugin_spec import may_move
 from rtf.testing.session import Session, text_of
-from rtf.testing.verdict import Phase, Severity
+from rtf.testing.verdict import Phase, Severity, TestProblem, TestStopped
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -16,7 +16,7 @@ from rtf.testing.isolation import messages, processes
 from rtf.testing.isolation.child import Child, End
 from rtf.testing.isolation.launch import Launched, launch
 from rtf.testing.isolation.messages import Exited, Forked, Frames, Job, Loaded, Preload
-from rtf.testing.outcome import TestingError
+from rtf.testing.verdict import TestingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

@@ -31,11 +31,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.testing import recording
-from rtf.testing.languages.case_report import CaseReport, TapReport, tell_junit, wanted_cases
+from rtf.testing.languages.case_report import CaseReport, read_junit, wanted_cases
 from rtf.testing.languages.program import LineCutter, run_program
 from rtf.testing.languages.scripts import RawParameters
-from rtf.testing.languages.tap import looks_like_tap
-from rtf.testing.outcome import SkipTest, TestFailure, TestProblem, TestStopped
+from rtf.testing.languages.tap import TapParser, looks_like_tap
+from rtf.testing.verdict import SkipTest, TestFailure, TestProblem, TestStopped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -113,15 +113,15 @@ class ExecutableTest(RawParameters):
         return environ
 
     def _judge(self, output: _Output, cases: CaseReport, junit: Path | None, ended: Ended) -> None:
-        tap = output.finish(cut_off=bool(ended.signal))
+        spoke_tap = output.finish(cut_off=bool(ended.signal))
         how = f"{self._path.name}: {ended}"
-        if tap is not None and tap.bailed_out is not None:
-            raise TestProblem(tap.bailed_out or "the program gave no reason", title="Bail out!")
+        if cases.bailed_out is not None:
+            raise TestProblem(cases.bailed_out or "the program gave no reason", title="Bail out!")
         if ended.signal:
             raise TestProblem(how, title="the program crashed")
-        if tap is None and junit is not None and (junit.exists() or self._mode == "junit"):
+        if not spoke_tap and junit is not None and (junit.exists() or self._mode == "junit"):
             self._tell_junit(cases, junit, ended)
-        elif tap is None:
+        elif not spoke_tap:
             self._judge_status(ended.status, how)
             return
         if ended.status and not cases.failed:
@@ -130,8 +130,6 @@ class ExecutableTest(RawParameters):
             raise SkipTest(cases.all_skipped)
 
     def _tell_junit(self, cases: CaseReport, junit: Path, ended: Ended) -> None:
-        from rtf.testing.languages.junit_file import read_junit
-
         if not junit.exists():
             raise TestProblem(
                 f"{self._path.name} ended with {ended} and did not write {junit} (RTF_JUNIT, GTEST_OUTPUT)",
@@ -141,7 +139,7 @@ class ExecutableTest(RawParameters):
         if not (told or self._session.cases):
             raise TestProblem("the program wrote a JUnit file without a test case", title="no results")
         for case in told:
-            tell_junit(cases, case)
+            cases.tell_junit(case)
 
     def _judge_status(self, status: int | None, text: str) -> None:
         self._session.judged()
@@ -159,7 +157,7 @@ class _Output:
     def __init__(self, cases: CaseReport, mode: str) -> None:
         self._cases = cases
         self._lines = LineCutter()
-        self._tap = TapReport(cases) if mode == "tap" else None
+        self._tap = TapParser() if mode == "tap" else None
         self._undecided = mode == ""
         sys.stdout.flush()  # what the worker wrote before comes before
 
@@ -172,24 +170,24 @@ class _Output:
             for line in self._lines.feed(data):
                 self._take_line(line)
 
-    def finish(self, *, cut_off: bool) -> TapReport | None:
-        """Read the last line. Returns the report of the TAP stream, None when it was none.
+    def finish(self, *, cut_off: bool) -> bool:
+        """Read the last line. Returns whether it was a TAP stream.
 
         The program may have been ``cut_off`` from outside; then it is no fault that it did not say everything.
         """
         for line in self._lines.finish():
             self._take_line(line)
         if self._tap is not None:
-            self._tap.finish(cut_off=cut_off)
-        return self._tap
+            self._cases.tell_tap(self._tap.finish(cut_off=cut_off))
+        return self._tap is not None
 
     def _take_line(self, line: str) -> None:
         if self._undecided and line.strip():
             self._undecided = False
             if looks_like_tap(line):
-                self._tap = TapReport(self._cases)
+                self._tap = TapParser()
         if self._tap is not None:
-            self._tap.feed(line)
+            self._cases.tell_tap(self._tap.feed(line))
 
 
 def _files_below(folder: Path) -> Iterator[Path]:

@@ -18,8 +18,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
 
 from rtf.testing.languages.scripts import ScriptTest
-from rtf.testing.outcome import TestFailure, TestProblem
 from rtf.testing.plugins import PluginError, PluginRef
+from rtf.testing.verdict import TestFailure, TestProblem
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

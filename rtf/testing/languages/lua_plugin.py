@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from rtf.testing.languages.scripts import ScriptTest
-from rtf.testing.outcome import SkipTest, TestFailure, TestingError, TestProblem, TestStopped
 from rtf.testing.plugins import PluginError, PluginRef
+from rtf.testing.verdict import SkipTest, TestFailure, TestingError, TestProblem, TestStopped
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.testing.isolation import processes
-from rtf.testing.outcome import TestProblem
+from rtf.testing.verdict import TestProblem
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

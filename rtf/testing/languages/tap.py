@@ -12,14 +12,15 @@ stream of version 14 may begin one with any indented line, an older one only aft
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
+from collections import Counter
+from dataclasses import dataclass, replace
 
 #: More points than this are counted and not told one by one.
 MAX_POINTS = 100_000
 #: Levels of subtests that are told apart.
 MAX_DEPTH = 16
-#: Characters that are kept of one YAML block, of all that wait at a time, and of one description; and faults that are
-#: told. The parser's memory is bounded by these.
+#: Characters that are kept of one YAML block, of all blocks together, and of one description; and faults that are told.
+#: The parser's memory is bounded by these.
 MAX_BLOCK = 64 * 1024
 MAX_BLOCKS = 16 << 20
 MAX_TEXT = 500
@@ -27,21 +28,17 @@ MAX_FAULTS = 1000
 
 _VERSIONS = range(12, 15)
 _WITH_SUBTESTS = 14
-_INDENT = 4
-_BLOCK_INDENT = 2
+_INDENT = "    "
+_BLOCK_INDENT = "  "
 _LISTED = 10
 
 _VERSION = re.compile(r"TAP version ([0-9]{1,9})\s*$", re.IGNORECASE)
-_PLAN = re.compile(r"1\.\.([0-9]{1,9})\s*(?:#\s*(.*))?$")
-_POINT = re.compile(r"(not )?ok(?=\s|#|$)(?:\s+([0-9]{1,9})(?=\s|#|$))?")
+_PLAN = re.compile(r"1\.\.([0-9]{1,9})\s*(?:#\s*(?:skip\w*[\s:]*)?(.*))?$", re.IGNORECASE)
+_POINT = re.compile(r"(not )?ok(?=\s|#|$)(?:\s+([0-9]{1,9})(?=\s|#|$))?(\s+-(?=\s|$))?")
 _BAIL_OUT = re.compile(r"Bail out!\s*(.*)$", re.IGNORECASE)
-_DIRECTIVE = re.compile(r"(?<!\\)#\s*(skip|todo)(\w*)[\s:]*", re.IGNORECASE)
-_SKIP_WORD = re.compile(r"skip\w*[\s:]*", re.IGNORECASE)
+_DIRECTIVE = re.compile(r"(?<!\\)#\s*(?:(skip)\w*|(todo)\b)[\s:]*(.*)$", re.IGNORECASE)
 _SUBTEST = re.compile(r"#\s*Subtest(?::\s*(.*))?$", re.IGNORECASE)
 _ESCAPED = re.compile(r"\\([\\#])")
-
-
-# What is found in a stream -------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,15 +73,10 @@ class Comment:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """The stream contradicts itself: a plan that is not kept, a number that comes twice."""
+    """The stream contradicts itself, so the test fails: a plan that is not kept, a number that comes twice."""
 
     text: str
     path: tuple[str, ...] = ()
-
-    @property
-    def failed(self) -> bool:
-        """Always: a broken stream cannot be a passed test."""
-        return True
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,62 +96,17 @@ class BailOut:
 Item = Point | Comment | Fault | SkippedAll | BailOut
 
 
-# Lines that are no items: the parser keeps what they say.
-
-
-@dataclass(frozen=True, slots=True)
-class _Version:
-    number: int
-
-
-@dataclass(frozen=True, slots=True)
-class _Plan:
-    count: int
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class _Subtest:
-    name: str
-
-
-_Line = Point | Comment | BailOut | _Version | _Plan | _Subtest
-
-
-def _read_line(text: str) -> _Line | None:
-    """Read one line without its indentation and line end; None for a line that is not of the protocol."""
-    first = text[:1]
-    if first == "#":
-        match = _SUBTEST.match(text)
-        return _Subtest((match[1] or "").strip()) if match else Comment(text[1:].strip())
-    if first in "on":
-        return _read_point(text)
-    if first == "1":
-        match = _PLAN.match(text)
-        return _Plan(int(match[1]), _SKIP_WORD.sub("", match[2] or "", count=1).strip()) if match else None
-    if first in "Tt":
-        match = _VERSION.match(text)
-        return _Version(int(match[1])) if match else None
-    match = _BAIL_OUT.match(text)
-    return BailOut(match[1].strip()) if match else None
-
-
 def _read_point(text: str) -> Point | None:
     match = _POINT.match(text)
     if match is None:
         return None
     rest = text[match.end() :]
     directive, reason = "", ""
-    found = next((d for d in _DIRECTIVE.finditer(rest) if d[1].lower() == "skip" or not d[2]), None)
-    if found is not None:
-        directive, reason = found[1].lower(), rest[found.end() :].strip()
+    if found := _DIRECTIVE.search(rest):
+        directive, reason = (found[1] or found[2]).lower(), found[3]
         rest = rest[: found.start()]
-    description = _ESCAPED.sub(r"\1", rest.strip().removeprefix("- ").strip())
-    if description == "-":
-        description = ""
-    reason = _ESCAPED.sub(r"\1", reason)
-    number = int(match[2]) if match[2] else None
-    return Point(not match[1], number, description[:MAX_TEXT], directive, reason[:MAX_TEXT])
+    description, reason = (_ESCAPED.sub(r"\1", part.strip())[:MAX_TEXT] for part in (rest, reason))
+    return Point(not match[1], int(match[2]) if match[2] else None, description, directive, reason)
 
 
 def looks_like_tap(text: str) -> bool:
@@ -167,247 +114,211 @@ def looks_like_tap(text: str) -> bool:
 
     A version, a plan, or a test point that has more to it than the bare word ``ok``, which any program may print.
     """
-    line = _read_line(text.rstrip())
-    if isinstance(line, Point):
-        return line.number is not None or text.split("ok", 1)[1].lstrip().startswith(("- ", "#"))
-    return isinstance(line, _Version | _Plan)
-
-
-# What lines mean together --------------------------------------------------------------------------------------------
-
-
-@dataclass(slots=True)
-class _Level:
-    """One document: the stream itself, or a subtest."""
-
-    path: tuple[str, ...] = ()
-    announced: str | None = None  # name of the subtest that a comment said would follow
-    plan: int | None = None
-    plan_after: int = 0  # points that came before the plan
-    points: int = 0
-    last: int = 0
-    seen: set[int] = field(default_factory=set)
-    misplaced: bool = False
-    held: list[Point | Fault] = field(default_factory=list)
+    text = text.rstrip()
+    point = _POINT.match(text)
+    if point is None:
+        return bool(_VERSION.match(text) or _PLAN.match(text))
+    return bool(point[2] or point[3]) or text[point.end() :].lstrip().startswith("#")
 
 
 class TapParser:
-    """Reads one stream. ``feed`` takes a line, ``finish`` says that there are no more; both give what is known now.
+    """Reads a stream, or one subtest of it. ``feed`` takes a line, ``finish`` says that there are no more.
 
-    A point is given when the line after it is read, because its YAML block may follow it.
+    Both give what is known now. A point is given when the line after it is read, because its YAML block may follow it.
     """
 
-    def __init__(self) -> None:
-        self.version = 12
-        self.bailed_out = False
+    def __init__(self, path: tuple[str, ...] = (), version: int = 12, spent: Counter[str] | None = None) -> None:
+        self._path = path
+        self._version = version
+        self._spent: Counter[str] = Counter() if spent is None else spent  # of the limits, by the whole stream
         self._found: list[Item] = []  # since the last time
-        self._levels = [_Level()]
+        self._over = False  # the program has bailed out
+        self._begun = False
         self._point: Point | None = None  # waits for its YAML block
         self._block: list[str] | None = None
-        self._block_indent = ""
-        self._block_size = 0
-        self._all_blocks = 0
-        self._faults = 0
-        self._told = 0
-        self._untold_failures = 0
-        self._begun = False
+        self._block_room = 0
+        self._subtest: TapParser | None = None
+        self._announced: str | None = None  # name of the subtest that a comment said would follow
+        self._held: list[Point | Fault] = []  # failures of the subtest
+        self._plan: int | None = None
+        self._plan_within: int | None = None  # points that came before the plan, until one comes after it
+        self._points = 0
+        self._last = 0
+        self._numbers: set[int] = set()
 
     def feed(self, text: str) -> list[Item]:
         """Take one line, with or without its line end."""
         text = text.rstrip()
-        if not self.bailed_out and not self._in_block(text):
+        if not self._over and not self._in_block(text):
             self._release()
             body = text.lstrip(" ")
-            line = _read_line(body)
-            if line is not None:
-                self._take(line, len(text) - len(body))
+            indent = len(text) - len(body)
+            if self._subtest is None and self._begins_subtest(body, indent):
+                name = self._announced or f"subtest {self._last + 1}"
+                self._subtest = TapParser((*self._path, name[:MAX_TEXT]), self._version, self._spent)
+                self._announced = None
+            if self._subtest is not None and (not text or text.startswith(_INDENT)):
+                self._relay(self._subtest.feed(text.removeprefix(_INDENT)))
+            else:
+                self._take(body, indented=indent > 0)
         return self._give()
 
     def finish(self, *, cut_off: bool = False) -> list[Item]:
         """Say what is missing. When the program was ``cut_off``, a plan that is not kept is a mere consequence."""
         self._release()
-        if self.bailed_out:
-            return self._give()
-        if cut_off:
-            self._give_held()
-        else:
-            self._close_to(0)
-            self._found += self._missing(self._levels[0])
-        if self._untold_failures:
-            self._found.append(Fault(f"{self._untold_failures} more test points failed"))
+        if not self._over:
+            self._end_subtest(cut_off=cut_off)
+            if not cut_off:
+                self._check_plan()
+            if self._spent["failures"] and not self._path:
+                self._found.append(Fault(f"{self._spent['failures']} more test points failed"))
         return self._give()
 
     def _give(self) -> list[Item]:
         found, self._found = self._found, []
         return found
 
-    def _give_held(self) -> None:
-        for level in self._levels:
-            self._found += level.held
-
-    # YAML blocks ---------------------------------------------------------------------------------------------------
+    # YAML blocks -----------------------------------------------------------------------------------------------------
 
     def _in_block(self, text: str) -> bool:
         """Whether a line belongs to the YAML block of the point that waits; such a block begins right behind it."""
         if self._point is None:
             return False
-        indent = self._block_indent
         if self._block is None:
-            if text != f"{indent}---":
+            if text != f"{_BLOCK_INDENT}---":
                 return False
-            self._block = []
-            self._block_size = 0
-        elif text and not text.startswith(indent):
+            self._block, self._block_room = [], min(MAX_BLOCK, MAX_BLOCKS - self._spent["blocks"])
+        elif text and not text.startswith(_BLOCK_INDENT):
             return False  # the block was never ended
-        elif text == f"{indent}...":
+        elif text == f"{_BLOCK_INDENT}...":
             self._release()
-        elif self._block_size < MAX_BLOCK and self._all_blocks < MAX_BLOCKS:
-            self._block.append(text[len(indent) :][: MAX_BLOCK - self._block_size])
-            self._block_size += len(self._block[-1]) + 1
+        elif self._block_room > 0:
+            self._block.append(text.removeprefix(_BLOCK_INDENT)[: self._block_room])
+            size = len(self._block[-1]) + 1
+            self._block_room -= size
+            self._spent["blocks"] += size
         return True
 
     def _release(self) -> None:
-        """Give the waiting point with its block, or hold it back when it failed inside a subtest."""
-        point, block = self._point, self._block
-        self._point = self._block = None
-        if point is None:
-            return
-        if block is not None:
-            point = replace(point, block="\n".join(block))
-            self._all_blocks += self._block_size
-        if point.failed and point.path:
-            self._levels[-1].held.append(point)
-        else:
-            self._found.append(point)
+        """Give the waiting point with its block."""
+        if self._point is not None:
+            self._found.append(replace(self._point, block="\n".join(self._block or ())))
+            self._point = self._block = None
+
+    # Subtests --------------------------------------------------------------------------------------------------------
+
+    def _begins_subtest(self, body: str, indent: int) -> bool:
+        if indent == 0 or indent % len(_INDENT) or len(self._path) == MAX_DEPTH:
+            return False
+        if self._version < _WITH_SUBTESTS and (self._announced is None or indent > len(_INDENT)):
+            return False
+        return any(line.match(body) for line in (_POINT, _PLAN, _VERSION))
+
+    def _relay(self, items: list[Item]) -> None:
+        """Pass on what a subtest gives; its failures when it has ended."""
+        for item in items:
+            if isinstance(item, BailOut):
+                self._over = True
+                self._found += self._held
+            if isinstance(item, Fault) or (isinstance(item, Point) and item.failed):
+                self._held.append(item)
+            else:
+                self._found.append(item)
+
+    def _end_subtest(self, directive: str = "", *, cut_off: bool = False) -> None:
+        """End the subtest. Its failures count unless the point that ends it has a directive."""
+        if self._subtest is not None:
+            self._relay(self._subtest.finish(cut_off=cut_off))
+            self._found += [_excused(item, directive) for item in self._held] if directive else self._held
+            self._subtest, self._held = None, []
 
     # Lines -----------------------------------------------------------------------------------------------------------
 
-    def _take(self, line: _Line, indent: int) -> None:
-        if isinstance(line, BailOut):
-            self.bailed_out = True
-            self._give_held()
-            self._found.append(line)
+    def _take(self, body: str, *, indented: bool) -> None:
+        if match := _BAIL_OUT.match(body):
+            self._end_subtest(cut_off=True)
+            self._over = True
+            self._found.append(BailOut(match[1].strip()))
+        elif match := _SUBTEST.match(body):
+            if not indented:  # older producers indent the comment, too
+                self._end_subtest()
+            self._announced = (match[1] or "").strip()
+        elif body.startswith("#"):
+            self._found.append(Comment(body[1:].strip(), self._path))
+        elif indented:
             return
-        depth, rest = divmod(indent, _INDENT)
-        if rest or not self._reach(depth, line):
-            if isinstance(line, Comment):
-                self._found.append(replace(line, path=self._levels[-1].path))
+        elif match := _PLAN.match(body):
+            self._end_subtest()
+            self._take_plan(int(match[1]), (match[2] or "").strip())
+        elif match := _VERSION.match(body):
+            self._take_version(int(match[1]))
+        elif point := _read_point(body):
+            self._end_subtest(point.directive)
+            self._take_point(point)
+        else:
             return
-        level = self._levels[depth]
-        match line:
-            case Point():
-                self._take_point(line, level)
-                self._block_indent = " " * (indent + _BLOCK_INDENT)
-            case _Plan():
-                self._take_plan(line, level)
-            case _Subtest():
-                level.announced = line.name
-            case Comment():
-                self._found.append(replace(line, path=level.path))
-            case _Version():
-                self._take_version(line, level)
         self._begun = True
 
-    def _reach(self, depth: int, line: _Line) -> bool:
-        """Open or close subtests until the line's level is the current one. False when there is no such level."""
-        current = len(self._levels) - 1
-        if depth > current:
-            if isinstance(line, Comment) or depth > MAX_DEPTH:
-                return False
-            if isinstance(line, _Subtest):  # older producers indent the comment too
-                self._levels[-1].announced = line.name
-                return False
-            if self.version < _WITH_SUBTESTS and (self._levels[-1].announced is None or depth > current + 1):
-                return False
-            while len(self._levels) <= depth:
-                self._open()
-        elif depth < current and isinstance(line, Point):
-            self._close_to(depth, line.directive)
-        elif depth < current and isinstance(line, _Plan | _Subtest):
-            self._close_to(depth)
-        return True
-
-    def _open(self) -> None:
-        parent = self._levels[-1]
-        name = (parent.announced or f"subtest {parent.last + 1}")[:MAX_TEXT]
-        parent.announced = None
-        self._levels.append(_Level((*parent.path, name)))
-
-    def _close_to(self, depth: int, directive: str = "") -> None:
-        """End the subtests below ``depth``; their failures count unless the parent's point has a directive."""
-        while len(self._levels) - 1 > depth:
-            level = self._levels.pop()
-            held = [*level.held, *self._missing(level)]
-            parent = self._levels[-1]
-            if directive and len(self._levels) - 1 == depth:
-                self._found += [_excuse(item, directive) for item in held]
-            elif parent.path:
-                parent.held += held
-            else:
-                self._found += held
-
-    def _take_version(self, line: _Version, level: _Level) -> None:
-        if level.path:
+    def _take_version(self, version: int) -> None:
+        if self._path:
             return
         if self._begun:
-            self._fault(f"TAP version {line.number} stands in the middle of the stream", level)
-        elif line.number not in _VERSIONS:
-            self._fault(f"TAP version {line.number} is not known; known are 12, 13 and 14", level)
+            self._fault(f"TAP version {version} stands in the middle of the stream")
+        elif version not in _VERSIONS:
+            self._fault(f"TAP version {version} is not known; known are 12, 13 and 14")
         else:
-            self.version = line.number
+            self._version = version
 
-    def _take_plan(self, line: _Plan, level: _Level) -> None:
-        if level.plan is not None:
-            self._fault(f"a second plan 1..{line.count} after 1..{level.plan}", level)
+    def _take_plan(self, count: int, reason: str) -> None:
+        if self._plan is not None:
+            self._fault(f"a second plan 1..{count} after 1..{self._plan}")
             return
-        level.plan = line.count
-        level.plan_after = level.points
-        if line.count == 0 and not level.path:
-            self._found.append(SkippedAll(line.reason))
+        self._plan = count
+        self._plan_within = self._points
+        if count == 0 and not self._path:
+            self._found.append(SkippedAll(reason))
 
-    def _take_point(self, line: Point, level: _Level) -> None:
-        number = level.last + 1 if line.number is None else line.number
-        level.announced = None
-        level.last = number
-        level.points += 1
-        self._told += 1
-        if self._told > MAX_POINTS:
-            if self._told == MAX_POINTS + 1:
-                self._found.append(
-                    Comment(f"more than {MAX_POINTS} test points; of the rest only failures are counted")
-                )
-            self._untold_failures += line.failed
+    def _take_point(self, point: Point) -> None:
+        number = self._last + 1 if point.number is None else point.number
+        self._announced = None
+        self._last = number
+        self._points += 1
+        self._spent["points"] += 1
+        if self._spent["points"] > MAX_POINTS:
+            if self._spent["points"] == MAX_POINTS + 1:
+                text = f"more than {MAX_POINTS} test points; of the rest only failures are counted"
+                self._found.append(Comment(text))
+            self._spent["failures"] += point.failed
             return
-        if level.plan is not None and level.plan_after and not level.misplaced:
-            level.misplaced = True
-            self._fault("the plan stands neither before nor after all test points", level)
-        if number in level.seen:
-            self._fault(f"test point {number} comes twice", level)
-        elif number == 0 or (level.plan is not None and number > level.plan):
-            plan = "" if level.plan is None else f" 1..{level.plan}"
-            self._fault(f"test point {number} is outside the plan{plan}", level)
-        level.seen.add(number)
-        self._point = replace(line, number=number, path=level.path)
+        if self._plan_within:
+            self._plan_within = None
+            self._fault("the plan stands neither before nor after all test points")
+        if number in self._numbers:
+            self._fault(f"test point {number} comes twice")
+        elif number == 0 or (self._plan is not None and number > self._plan):
+            plan = "" if self._plan is None else f" 1..{self._plan}"
+            self._fault(f"test point {number} is outside the plan{plan}")
+        self._numbers.add(number)
+        self._point = replace(point, number=number, path=self._path)
 
-    def _fault(self, text: str, level: _Level) -> None:
-        self._faults += 1
-        if self._faults <= MAX_FAULTS:
-            (level.held if level.path else self._found).append(Fault(text, level.path))
+    def _fault(self, text: str) -> None:
+        self._spent["faults"] += 1
+        if self._spent["faults"] <= MAX_FAULTS:
+            self._found.append(Fault(text, self._path))
 
-    def _missing(self, level: _Level) -> list[Fault]:
-        if level.plan is None:
-            return [Fault("there is no plan (1..N), so nobody knows whether all test points came", level.path)]
-        if level.points == level.plan:
-            return []
-        text = f"{level.plan} test points planned, {level.points} came"
-        absent = [n for n in range(1, min(level.plan, MAX_POINTS) + 1) if n not in level.seen][: _LISTED + 1]
-        if absent and self._told <= MAX_POINTS:
-            more = " …" if len(absent) > _LISTED else ""
-            text += f"; missing: {', '.join(map(str, absent[:_LISTED]))}{more}"
-        return [Fault(text, level.path)]
+    def _check_plan(self) -> None:
+        if self._plan is None:
+            text = "there is no plan (1..N), so nobody knows whether all test points came"
+            self._found.append(Fault(text, self._path))
+        elif self._points != self._plan:
+            text = f"{self._plan} test points planned, {self._points} came"
+            missing = [n for n in range(1, min(self._plan, MAX_POINTS) + 1) if n not in self._numbers][: _LISTED + 1]
+            if missing and self._spent["points"] <= MAX_POINTS:
+                more = " …" if len(missing) > _LISTED else ""
+                text += f"; missing: {', '.join(map(str, missing[:_LISTED]))}{more}"
+            self._found.append(Fault(text, self._path))
 
 
-def _excuse(item: Point | Fault, directive: str) -> Item:
-    if isinstance(item, Point):
-        return replace(item, directive=directive)
-    return Comment(item.text, item.path)
+def _excused(item: Point | Fault, directive: str) -> Item:
+    """Return what is said of a failure in a subtest that is a TODO or skipped itself."""
+    return replace(item, directive=directive) if isinstance(item, Point) else Comment(item.text, item.path)

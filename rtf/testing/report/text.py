@@ -23,22 +23,6 @@ if TYPE_CHECKING:
 #: Control characters but tab and line feed, characters that turn the direction of writing, and lone surrogates.
 _UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
-#: The order in which counts are told: what needs attention first.
-_ORDER = (
-    Verdict.FAILED,
-    Verdict.ERROR,
-    Verdict.FIXTURE_LOST,
-    Verdict.UNEXPECTED_PASS,
-    Verdict.INCONCLUSIVE,
-    Verdict.INTERRUPTED,
-    Verdict.BLOCKED,
-    Verdict.NOT_RUN,
-    Verdict.FLAKY,
-    Verdict.EXPECTED_FAILURE,
-    Verdict.SKIPPED,
-    Verdict.MEASURED,
-    Verdict.PASSED,
-)
 _PLURALS = {
     Verdict.ERROR: "errors",
     Verdict.UNEXPECTED_PASS: "unexpected passes",
@@ -135,7 +119,7 @@ def duration(seconds: float) -> str:
 def counts(numbers: Mapping[Verdict, int]) -> str:
     """Write how many tests ended how, such as ``2 failed, 1 error, 4 passed``."""
     parts = []
-    for verdict in _ORDER:
+    for verdict in Verdict:
         number = numbers.get(verdict, 0)
         if number:
             parts.append(f"{number} {_PLURALS.get(verdict, verdict) if number > 1 else verdict}")

@@ -22,9 +22,8 @@ from rtf.testing.events import FixtureIncident, Message, OutputCaptured
 from rtf.testing.fixture import FixtureManager, FixtureUnusable
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.messages import SAFE_STATE_NAME, Alive, Command, Doing, Lost, Provided, Ready
-from rtf.testing.outcome import FixtureCollapsed, TestStopped
 from rtf.testing.session import Stoppable, author_traceback, bounded, named_text_of, text_of
-from rtf.testing.verdict import Phase, Severity
+from rtf.testing.verdict import FixtureCollapsed, Phase, Severity, TestStopped
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -26,7 +26,7 @@ from rtf.testing.isolation import processes
 from rtf.testing.isolation.capture import Tail
 from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.languages.program import LineCutter, why_not_started
-from rtf.testing.outcome import FixtureCollapsed
+from rtf.testing.verdict import FixtureCollapsed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

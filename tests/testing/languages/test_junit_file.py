@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf import clock
-from rtf.testing.languages import junit_file
-from rtf.testing.languages.junit_file import JunitCase, JunitFileError, JunitProblem, read_junit
+from rtf.testing.languages import case_report
+from rtf.testing.languages.case_report import JunitCase, JunitFileError, JunitProblem, read_junit
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -120,10 +120,10 @@ def test_size_and_number_of_cases_are_bounded(
     read: Callable[[str | bytes], list[JunitCase]], monkeypatch: pytest.MonkeyPatch
 ):
     """A program cannot fill the worker's memory."""
-    monkeypatch.setattr(junit_file, "MAX_CASES", 2)
+    monkeypatch.setattr(case_report, "MAX_CASES", 2)
     with pytest.raises(JunitFileError, match="more than 2 test cases"):
         read(f"<testsuite>{'<testcase/>' * 3}</testsuite>")
-    monkeypatch.setattr(junit_file, "MAX_SIZE", 1 << 20)
+    monkeypatch.setattr(case_report, "MAX_SIZE", 1 << 20)
     with pytest.raises(JunitFileError, match="larger than 1 MiB"):
         read(b"<testsuite>" + b" " * (1 << 20))
 
