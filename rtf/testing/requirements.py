@@ -13,8 +13,8 @@ from rtf.testing.suite.model import TEST_REQUIREMENT
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
-    from rtf.testing.plan import PlannedTest
     from rtf.testing.results import RunResult, TestResult
+    from rtf.testing.suite.model import TestEntry
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,14 +25,14 @@ class Unmet:
     text: str
 
 
-def unmet(test: PlannedTest, results: RunResult, features: frozenset[str]) -> Unmet | None:
+def unmet(test: TestEntry, results: RunResult, features: frozenset[str]) -> Unmet | None:
     """The first requirement of a test that does not hold.
 
     A test that stands on another one (``test:``) is blocked when that did not pass; all else is a reason to skip:
     ``program:NAME`` on the PATH, ``module:NAME`` to import, ``env:NAME`` set, ``file:PATH`` there, or a bare word that
     the command line grants with ``--feature``.
     """
-    for token in test.entry.requires:
+    for token in test.requires:
         kind, separator, name = token.partition(":")
         if token.startswith(TEST_REQUIREMENT):
             other = results.tests.get(name)
@@ -57,7 +57,7 @@ def _state(other: TestResult | None) -> str:
 _WORDS = {"program": "program", "module": "Python module", "env": "environment variable", "file": "file"}
 
 
-def _there(kind: str, name: str, test: PlannedTest) -> bool:
+def _there(kind: str, name: str, test: TestEntry) -> bool:
     if kind == "program":
         return shutil.which(name) is not None
     if kind == "module":
@@ -68,6 +68,6 @@ def _there(kind: str, name: str, test: PlannedTest) -> bool:
     if kind == "env":
         return name in os.environ
     if kind == "file":
-        beside = Path(test.entry.location.file).parent if test.entry.location.file else Path()
+        beside = Path(test.location.file).parent if test.location.file else Path()
         return (beside / Path(name).expanduser()).exists()
     return False

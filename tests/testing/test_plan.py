@@ -54,9 +54,9 @@ def planned(folder: Path, body: str, **overrides: str) -> list[TestEntry]:
     loaded = load_files([(folder / "s.xml", True)], {})
     assert not loaded.diagnostics
     planner = Planner([*overrides.items()])
-    (suite,) = planner.plan(planner.complete(loaded.suites))
-    assert [test.problem for test in suite.tests if test.plugin is None] == []
-    return [test.entry for test in suite.tests]
+    (suite,) = planner.plan(loaded.suites)
+    assert [test.problem for test in suite.tests if test.found is None] == []
+    return [*suite.tests]
 
 
 def test_a_matrix_makes_a_test_of_each_combination(folder: Path):

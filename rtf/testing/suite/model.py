@@ -11,10 +11,13 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from rtf.errors import Location, RtfError
+from rtf.testing.plugin_spec import UNKNOWN, PluginSpec
 from rtf.testing.suite.ids import NameBook, slug, suite_id
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from rtf.testing.plugins import PluginRef
 
 _NOWHERE = Location()
 TEST_REQUIREMENT = "test:"
@@ -80,6 +83,7 @@ class FixtureEntry:
 
     ``name`` is unique in the suite. ``backoff`` is the wait in seconds before the first restart and doubles with each
     further one; ``check_period`` is in seconds too. ``on_lost`` None leaves the decision to the test that was lost.
+    In a plan it has the plug-in that was ``found``, or the ``problem``, which is why there is none.
     """
 
     name: str
@@ -96,6 +100,8 @@ class FixtureEntry:
     timeouts: Timeouts = field(default_factory=Timeouts)
     on_lost: LostPolicy | None = None
     location: Location = _NOWHERE
+    found: PluginRef | None = field(default=None, repr=False)  # a fingerprint is of what the suite says
+    problem: str = field(default="", repr=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,8 +112,9 @@ class TestEntry:
     body, ``retries`` the additional attempts after a failure. ``parameters`` holds the suite's values first, so that
     the last of a name wins. ``requires`` entries that begin with ``test:`` name an earlier test by its id.
     Tests that ``occupies`` the same thing never run at the same time.
-    ``fixtures`` None means all fixtures of the suite. With a ``problem`` it is an error that is not started.
+    ``fixtures`` None means all fixtures of the suite.
     ``cases`` are the only ones that are wanted of a program, each with its id and name; empty means all.
+    In a plan it has the plug-in that was ``found`` with its description, or a ``problem`` and is not started.
     """
 
     __test__ = False  # keeps pytest from collecting a class by the look of its name
@@ -131,9 +138,11 @@ class TestEntry:
     fixtures: tuple[str, ...] | None = None
     on_lost: LostPolicy = LostPolicy.RERUN
     description: str = ""
-    problem: str = ""
     cases: tuple[tuple[str, str], ...] = ()
     location: Location = _NOWHERE
+    found: PluginRef | None = None
+    spec: PluginSpec = UNKNOWN
+    problem: str = ""
 
     @property
     def required_tests(self) -> tuple[str, ...]:
@@ -148,7 +157,8 @@ class TestSuite:
     ``fixtures`` are in starting order: each stands behind those it depends on. ``timeouts`` are the defaults of the
     tests, ``timeout`` (seconds) bounds the whole suite. ``environment`` is the last one of the file; each test carries
     the one that applies to it. With ``copies`` so many suite workers may run its tests at the same time, each with
-    fixtures of its own, whose ``param`` contains ``${copy}``. Building an inconsistent suite raises SuiteError, so that
+    fixtures of its own, whose ``param`` contains ``${copy}``: in a plan ``fixtures`` are those of the ``copy`` of this
+    number, and ``written`` are as the suite has them. Building an inconsistent suite raises SuiteError, so that
     a runner need not check.
     """
 
@@ -167,6 +177,8 @@ class TestSuite:
     fixtures: tuple[FixtureEntry, ...] = ()
     tests: tuple[TestEntry, ...] = ()
     location: Location = _NOWHERE
+    copy: int = 1
+    written: tuple[FixtureEntry, ...] = ()
 
     def __post_init__(self) -> None:
         started: set[str] = set()
