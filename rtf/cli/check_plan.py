@@ -6,11 +6,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.arguments import add_lenient_option
-from rtf.cli.parser import Parser, key_value
+from rtf.cli.arguments import add_reading_options
+from rtf.cli.parser import Parser
 from rtf.testing.events import Diagnosed
 from rtf.testing.inspection import Use, try_uses
-from rtf.testing.plan import Plan, Planner, load_files, suite_files
+from rtf.testing.plan import Plan, Planner, load_files, suite_files, unused_variables
 from rtf.testing.plugins import shipped_folder
 from rtf.testing.suite.diagnostics import diagnosed
 from rtf.testing.suite.model import TestEntry, number_suites
@@ -86,32 +86,19 @@ def validate(words: Sequence[str]) -> ExitCode:
     parser.add_argument(
         "suites", nargs="*", metavar="SUITE", help="suite files, or folders of them (default: those of rtf.toml)"
     )
-    parser.add_argument(
-        "--define", metavar="NAME=VALUE", type=key_value, action="append", default=[], help="replace ${NAME}"
-    )
-    parser.add_argument(
-        "--set",
-        metavar="KEY=VALUE",
-        type=key_value,
-        action="append",
-        default=[],
-        dest="overrides",
-        help="as for running",
-    )
     parser.add_argument("--strict", action="store_true", help="warnings count as errors")
-    add_lenient_option(parser)
+    add_reading_options(parser)
     options = parser.parse_args(words)
-    suites: list[TestSuite] = []
-    found: list[Diagnosed] = []
     names = options.suites or project_value("suites")
     if not names:
         parser.error("which suites? Name files or folders, here or in rtf.toml")
-    for name in names:
-        loaded = _loaded(Path(name), dict(options.define), lenient=options.lenient)
-        suites += loaded.suites
-        found += loaded.diagnostics
-    plan = Plan(Planner(options.overrides).plan(number_suites(suites)))
-    found += problems_of(plan, options.overrides)
+    variables = dict(options.define)
+    parts = [_loaded(Path(name), variables, lenient=options.lenient) for name in names]
+    suites = number_suites([suite for part in parts for suite in part.suites])
+    asked = frozenset[str]().union(*(part.variables for part in parts))
+    plan = Plan(Planner(options.overrides).plan(suites), variables=asked)
+    found = [one for part in parts for one in part.diagnostics]
+    found += [*unused_variables(variables, plan), *problems_of(plan, options.overrides)]
     show_diagnostics(found)
     errors = _errors(found)
     warnings = len(found) - errors

@@ -11,7 +11,16 @@ from rtf.cli.parser import UsageError
 from rtf.errors import did_you_mean
 from rtf.testing import journal
 from rtf.testing.events import Diagnosed
-from rtf.testing.plan import Plan, Planner, fingerprint, load_files, plugin_files, suite_files, suite_of_plugins
+from rtf.testing.plan import (
+    Plan,
+    Planner,
+    fingerprint,
+    load_files,
+    plugin_files,
+    suite_files,
+    suite_of_plugins,
+    unused_variables,
+)
 from rtf.testing.suite.ids import program_of
 from rtf.testing.suite.model import SuiteError, TestSuite, number_suites
 from rtf.testing.verdict import Severity
@@ -54,7 +63,9 @@ def _load(options: argparse.Namespace) -> Plan:
     for name, given in (("param", options.param), ("environment", options.environment), ("type", options.type)):
         if given and not (tests if name == "type" else of_command_line):
             raise UsageError(f"--{name} is for tests that the command line names, and there is none; edit the suite")
-    return Plan(suites, tuple(said for part in parts for said in part.diagnostics))
+    said = [one for part in parts for one in part.diagnostics]
+    loaded = Plan(suites, variables=frozenset[str]().union(*(part.variables for part in parts)))
+    return replace(loaded, diagnostics=(*said, *unused_variables(dict(options.define), loaded)))
 
 
 def _is_test(word: str) -> bool:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.errors import Location
+from rtf.errors import Location, nearest
 from rtf.testing.dispatch import numbered_copy
 from rtf.testing.events import Diagnosed
 from rtf.testing.plugin_spec import PluginSpec, combinations
@@ -30,7 +30,7 @@ from rtf.testing.suite.model import (
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from rtf.testing.inspection import Trial
 
@@ -40,10 +40,11 @@ _KEY = re.compile(r"(?<!\S)--(\S+)")
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Suites, and everything that is to be said about the files they came from."""
+    """Suites, everything that is to be said about their files, and the ``variables`` that those ask for."""
 
     suites: tuple[TestSuite, ...] = ()
     diagnostics: tuple[Diagnosed, ...] = ()
+    variables: frozenset[str] = frozenset()
 
     @property
     def has_errors(self) -> bool:
@@ -60,14 +61,26 @@ def load_files(files: Iterable[tuple[Path, bool]], variables: Mapping[str, str],
 
     suites = []
     diagnostics: list[Diagnosed] = []
+    asked: set[str] = set()
     for path, required in files:
         loaded = load_suite(path, variables=variables, lenient=lenient)
         if loaded.foreign and not required:
             continue
+        asked |= loaded.variables
         diagnostics += loaded.diagnostics
         if loaded.suite is not None:
             suites.append(loaded.suite)
-    return Plan(number_suites(suites), tuple(diagnostics))
+    return Plan(number_suites(suites), tuple(diagnostics), frozenset(asked))
+
+
+def unused_variables(variables: Mapping[str, str], plan: Plan) -> Iterator[Diagnosed]:
+    """Say which of the variables that were given no suite asks for: a misspelt one would be silent otherwise."""
+    for name in variables:
+        if name not in plan.variables:
+            near = nearest(name, plan.variables)
+            hint = f"did you mean {near!r}?" if near else f"write ${{{name}}} where its value is to stand"
+            text = f"--define {name}: no suite has ${{{name}}} in it"
+            yield Diagnosed(severity=Severity.WARNING, text=text, hint=hint)
 
 
 def suite_files(folder: Path, *, recursive: bool) -> list[Path]:

@@ -6,7 +6,7 @@ that fills them is read in :mod:`rtf.testing.suite.xml`, and choosing among test
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -69,12 +69,7 @@ class Timeouts:
 
     def inherit(self, defaults: Timeouts) -> Timeouts:
         """Fill what is not set here from ``defaults``."""
-        return Timeouts(
-            setup=defaults.setup if self.setup is None else self.setup,
-            run=defaults.run if self.run is None else self.run,
-            teardown=defaults.teardown if self.teardown is None else self.teardown,
-            total=defaults.total if self.total is None else self.total,
-        )
+        return replace(defaults, **{name: limit for name, limit in asdict(self).items() if limit is not None})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,13 +189,6 @@ class TestSuite:
             ids.add(test.id)
             _require_known(f"test {test.id!r}", test.fixtures or (), started, self.name)
 
-    def test(self, test_id: str) -> TestEntry:
-        """Find a test by its id; KeyError when there is none."""
-        for test in self.tests:
-            if test.id == test_id:
-                return test
-        raise KeyError(test_id)
-
     def timeouts_of(self, test: TestEntry) -> Timeouts:
         """The limits of a test after the suite's defaults were filled in."""
         return test.timeouts.inherit(self.timeouts)
@@ -238,7 +226,7 @@ def suite_id_of(name: str) -> str:
 
 def number_suites(suites: Iterable[TestSuite], names: NameBook | None = None) -> tuple[TestSuite, ...]:
     """Make the ids of the suites of one run unique; ``names`` holds those of its suites so far."""
-    names = NameBook("+") if names is None else names
+    names = names or NameBook("+")
     return tuple(suite.with_id(suite_id(suite.name, suite.file, names)) for suite in suites)
 
 
