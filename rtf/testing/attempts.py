@@ -6,6 +6,9 @@ its verdict is decided here. One attempt is ``isolation.attempt``.
 
 from __future__ import annotations
 
+import importlib.util
+import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,11 +19,11 @@ from rtf.testing.events import TestEnded
 from rtf.testing.isolation.attempt import Attempt, run_in_process
 from rtf.testing.isolation.judge import Outcome, Stop
 from rtf.testing.isolation.messages import Job
-from rtf.testing.requirements import unmet
-from rtf.testing.suite.model import Expected, Isolation, LostPolicy
+from rtf.testing.suite.model import TEST_REQUIREMENT, Expected, Isolation, LostPolicy
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
+    from rtf.testing.results import RunResult, TestResult
     from rtf.testing.suite.model import TestEntry
     from rtf.testing.suite_worker import SuiteWorker
 
@@ -72,8 +75,8 @@ class Attempts:
             return Verdict.NOT_RUN, "not run", reason
         if self._test.found is None:
             return Verdict.ERROR, "load", self._test.problem
-        missing = unmet(self._test, self._run.results, self._run.options.features)
-        return None if missing is None else (missing.verdict, "requirement", missing.text)
+        unmet = _unmet(self._test, self._run.results, self._run.options.features)
+        return None if unmet is None else (unmet[0], "requirement", unmet[1])
 
     def _never_started(self, verdict: Verdict, reason: str, detail: str) -> None:
         self._cases.give_up(verdict, reason, detail)
@@ -264,3 +267,54 @@ class Attempts:
 def _worst(verdicts: list[Verdict]) -> Verdict:
     """What several attempts say together when none of them settled it: that something failed is never hidden."""
     return Verdict.FAILED if Verdict.FAILED in verdicts else Verdict.ERROR
+
+
+# Requirements --------------------------------------------------------------------------------------------------------
+
+
+def _unmet(test: TestEntry, results: RunResult, features: frozenset[str]) -> tuple[Verdict, str] | None:
+    """What becomes of a test of which a requirement does not hold, and the sentence for people.
+
+    A test that stands on another one (``test:``) is blocked when that did not pass; all else is a reason to skip:
+    ``program:NAME`` on the PATH, ``module:NAME`` to import, ``env:NAME`` set, ``file:PATH`` there, or a bare word that
+    the command line grants with ``--feature``.
+    """
+    for token in test.requires:
+        kind, separator, name = token.partition(":")
+        if token.startswith(TEST_REQUIREMENT):
+            other = results.tests.get(name)
+            if other is None or not other.good or other.verdict is Verdict.SKIPPED:
+                return (Verdict.BLOCKED, f"needs test {name}, which {_state(other)}")
+        elif separator and not _there(kind, name, test):
+            return (Verdict.SKIPPED, f"requires {_WORDS.get(kind, kind)} {name!r}, which is not there")
+        elif not separator and token not in features:
+            return (Verdict.SKIPPED, f"requires {token!r}; grant it with --feature {token}")
+    return None
+
+
+def _state(other: TestResult | None) -> str:
+    if other is None:
+        return "is not in this run"
+    bad = next((case for case in other.cases if not case.good), None)
+    if bad is not None and other.verdict is not None and other.verdict.good:
+        return f"has a case that came to: {bad.verdict} ({bad.name})"
+    return f"came to: {other.verdict or 'nothing yet'}"
+
+
+_WORDS = {"program": "program", "module": "Python module", "env": "environment variable", "file": "file"}
+
+
+def _there(kind: str, name: str, test: TestEntry) -> bool:
+    if kind == "program":
+        return shutil.which(name) is not None
+    if kind == "module":
+        try:
+            return importlib.util.find_spec(name) is not None
+        except (ImportError, ValueError):
+            return False
+    if kind == "env":
+        return name in os.environ
+    if kind == "file":
+        beside = Path(test.location.file).parent if test.location.file else Path()
+        return (beside / Path(name).expanduser()).exists()
+    return False

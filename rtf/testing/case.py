@@ -22,7 +22,7 @@ from rtf.testing.measurement import Measurement, Unit, margin_of, quantity, requ
 from rtf.testing.outcome import Inconclusive, SkipTest, TestFailure, TestProblem
 from rtf.testing.parameters import Declared, Parameter
 from rtf.testing.recording import Series
-from rtf.testing.source_location import calling_place
+from rtf.testing.session import calling_place
 from rtf.testing.verdict import MeasurementVerdict, Severity
 
 if TYPE_CHECKING:

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 from rtf.errors import Location, nearest
 from rtf.testing.dispatch import numbered_copy
 from rtf.testing.events import Diagnosed
+from rtf.testing.plugin_source import spec_of
 from rtf.testing.plugin_spec import PluginSpec, combinations
-from rtf.testing.plugins import PluginError, PluginRef, find, shipped_folder, spec_of
+from rtf.testing.plugins import PluginError, PluginRef, find, shipped_folder
 from rtf.testing.suite.ids import TestIds, digest, label_of_plugin, name_of_plugin, varied
 from rtf.testing.suite.model import (
     TEST_REQUIREMENT,
@@ -228,7 +229,7 @@ class Planner:
                 name=f"{entry.name}[{label}]" if label else entry.name,
                 parameters=(*entry.parameters, *parameters),
             )
-            for label, parameters in combinations(spec.matrix, given)
+            for label, parameters in combinations(spec, given)
         ]
 
     def _find(self, kind: str, entry: TestEntry | FixtureEntry) -> PluginRef | str:

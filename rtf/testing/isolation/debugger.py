@@ -9,7 +9,7 @@ from bdb import BdbQuit
 from types import TracebackType
 
 from rtf.testing.outcome import Inconclusive, SkipTest
-from rtf.testing.source_location import OWN_FOLDER
+from rtf.testing.session import OWN_FOLDER
 
 
 def take_terminal(path: str) -> None:
