@@ -178,11 +178,10 @@ def _look(kind: str, name: str, language: str | None, beside: Path | None) -> It
             declared = bare_name(name)
             if language == "lua" and not declared.endswith(".lua"):
                 declared = f"{declared}.lua"
-            files = {path: declared_names(path).get(declared) for path in sorted(folder.glob("*.py"))}
-            found = [
-                PluginRef(kind, declared, str(path.resolve()), "python", cls) for path, cls in files.items() if cls
-            ]
-            yield f"{folder}/*.py: none declares the name {declared!r}", found[0] if found else None
+            found = next((path for path in sorted(folder.glob("*.py")) if declared in declared_names(path)), None)
+            class_name = declared_names(found)[declared] if found is not None else ""
+            ref = None if found is None else PluginRef(kind, declared, str(found.resolve()), "python", class_name)
+            yield f"{folder}/*.py: none declares the name {declared!r}", ref
         if os.path.isabs(name):  # noqa: PTH117
             break
     if language is not None and language.startswith("executable") and "/" not in name:
