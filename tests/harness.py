@@ -97,8 +97,7 @@ def run_suite(
     suite.write_text(text, encoding="utf-8")
     loaded = load_files([(suite, True)], {})
     assert not loaded.has_errors, loaded.diagnostics
-    planner = Planner()
-    suites = planner.plan(planner.complete(loaded.suites))
+    suites = Planner().plan(loaded.suites)
     run_folder = tmp_path / "run"
     run_folder.mkdir()
     broadcast = Broadcast(journal.Journal(run_folder / journal.FILE_NAME), [])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import rtf
@@ -84,29 +85,15 @@ def _what(group: argparse._ArgumentGroup) -> None:
     group.add_argument("-p", "--param", metavar="STRING", default="", help="parameter string for --test")
     group.add_argument("-e", "--environment", metavar="STRING", default="", help="environment string for --test")
     group.add_argument("--repetition", metavar="N", type=count, help="run the body of each test N more times")
-    group.add_argument(
-        "--define",
-        metavar="NAME=VALUE",
-        type=key_value,
-        action="append",
-        default=[],
-        help="replace ${NAME} in suite files",
-    )
-    add_lenient_option(group)
-    group.add_argument(
-        "--set",
-        metavar="KEY=VALUE",
-        type=key_value,
-        action="append",
-        default=[],
-        dest="overrides",
-        help="set a parameter of every test; beats all other sources",
-    )
+    add_reading_options(group)
     group.add_argument("--resume", metavar="RUN", help="go on with an interrupted run: only what it still owes")
 
 
-def add_lenient_option(group: argparse._ActionsContainer) -> None:
-    """Add the option that both running and validating have."""
+def add_reading_options(group: argparse._ActionsContainer) -> None:
+    """Add the options of how suites are read and what their tests are given, which running and validating share."""
+    add_pair = partial(group.add_argument, metavar="NAME=VALUE", type=key_value, action="append", default=[])
+    add_pair("--define", help="replace ${NAME} in suite files")
+    add_pair("--set", dest="overrides", help="set a parameter of every test; beats all other sources")
     group.add_argument(
         "--lenient", action="store_true", help="an unknown element or attribute of a suite is a warning, not an error"
     )

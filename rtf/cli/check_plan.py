@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from rtf.cli.arguments import add_lenient_option
-from rtf.cli.parser import Parser, key_value
-from rtf.cli.planning import Plan
+from rtf.cli.arguments import add_reading_options
+from rtf.cli.parser import Parser
 from rtf.testing.events import Diagnosed
 from rtf.testing.inspection import Use, try_uses
-from rtf.testing.plan import Loaded, Planner, load_files, suite_files
+from rtf.testing.plan import Plan, Planner, load_files, suite_files, unused_variables
 from rtf.testing.plugins import shipped_folder
 from rtf.testing.suite.diagnostics import diagnosed
 from rtf.testing.suite.model import TestEntry, number_suites
@@ -21,8 +20,10 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Collection, Iterable, Iterator, Sequence
 
-    from rtf.testing.plugins import PluginRef
     from rtf.testing.suite.model import FixtureEntry, TestSuite
+
+
+_NOT_FOUND = "  NOT FOUND"
 
 
 def list_plan(plan: Plan) -> ExitCode:
@@ -30,26 +31,24 @@ def list_plan(plan: Plan) -> ExitCode:
     show_plan(plan)
     missing = tuple(missing_of(plan))
     show_diagnostics(missing)
-    return ExitCode.USAGE if plan.refused or missing else ExitCode.PASSED
+    return ExitCode.USAGE if plan.has_errors or missing else ExitCode.PASSED
 
 
 def show_plan(plan: Plan) -> None:
     """Print the tests of a plan, a line each: id, plug-in, tags, what it does to the robot, whether it is missing."""
     show_diagnostics(plan.diagnostics)
-    for planned in plan.suites:
-        print(f"{planned.suite.name}  ({planned.suite.file or 'command line'})")
-        for entry, found in planned.fixtures:
-            missing = "  NOT FOUND" if isinstance(found, str) else ""
-            needs = f"  needs {', '.join(entry.depends)}" if entry.depends else ""
-            print(f"  fixture {entry.name}{needs}{missing}")
-        for test in planned.tests:
-            tags = f"  [{' '.join(test.entry.tags)}]" if test.entry.tags else ""
-            missing = "  NOT FOUND" if test.plugin is None else ""
+    for suite in plan.suites:
+        print(f"{suite.name}  ({suite.file or 'command line'})")
+        for fixture in suite.fixtures:
+            needs = f"  needs {', '.join(fixture.depends)}" if fixture.depends else ""
+            print(f"  fixture {fixture.name}{needs}{_NOT_FOUND if fixture.problem else ''}")
+        for test in suite.tests:
+            tags = f"  [{' '.join(test.tags)}]" if test.tags else ""
             safety = f"  safety: {test.spec.safety}" if test.spec.safety else ""
-            print(f"  {test.entry.id}  {test.entry.name}{tags}{safety}{missing}")
-            for case, _ in test.entry.cases:
+            print(f"  {test.id}  {test.name}{tags}{safety}{_NOT_FOUND if test.problem else ''}")
+            for case, _ in test.cases:
                 print(f"    {case}")
-    print(_counted(sum(len(planned.tests) for planned in plan.suites), "test"))
+    print(_counted(sum(len(suite.tests) for suite in plan.suites), "test"))
 
 
 def refuse(plan: Plan) -> ExitCode:
@@ -87,43 +86,29 @@ def validate(words: Sequence[str]) -> ExitCode:
     parser.add_argument(
         "suites", nargs="*", metavar="SUITE", help="suite files, or folders of them (default: those of rtf.toml)"
     )
-    parser.add_argument(
-        "--define", metavar="NAME=VALUE", type=key_value, action="append", default=[], help="replace ${NAME}"
-    )
-    parser.add_argument(
-        "--set",
-        metavar="KEY=VALUE",
-        type=key_value,
-        action="append",
-        default=[],
-        dest="overrides",
-        help="as for running",
-    )
     parser.add_argument("--strict", action="store_true", help="warnings count as errors")
-    add_lenient_option(parser)
+    add_reading_options(parser)
     options = parser.parse_args(words)
-    suites: list[TestSuite] = []
-    found: list[Diagnosed] = []
     names = options.suites or project_value("suites")
     if not names:
         parser.error("which suites? Name files or folders, here or in rtf.toml")
-    for name in names:
-        loaded = _loaded(Path(name), dict(options.define), lenient=options.lenient)
-        suites += loaded.suites
-        found += loaded.diagnostics
-    planner = Planner(options.overrides)
-    plan = Plan(planner.plan(planner.complete(number_suites(suites))), ())
-    found += problems_of(plan, options.overrides)
+    variables = dict(options.define)
+    parts = [_loaded(Path(name), variables, lenient=options.lenient) for name in names]
+    suites = number_suites([suite for part in parts for suite in part.suites])
+    asked = frozenset[str]().union(*(part.variables for part in parts))
+    plan = Plan(Planner(options.overrides).plan(suites), variables=asked)
+    found = [one for part in parts for one in part.diagnostics]
+    found += [*unused_variables(variables, plan), *problems_of(plan, options.overrides)]
     show_diagnostics(found)
     errors = _errors(found)
     warnings = len(found) - errors
-    tests = sum(len(planned.tests) for planned in plan.suites)
+    tests = sum(len(suite.tests) for suite in plan.suites)
     size = f"{_counted(len(plan.suites), 'suite')}, {_counted(tests, 'test')}"
     print(f"{size}: {_counted(errors, 'error')}, {_counted(warnings, 'warning')}")
     return ExitCode.USAGE if errors or (options.strict and warnings) else ExitCode.PASSED
 
 
-def _loaded(path: Path, variables: dict[str, str], *, lenient: bool) -> Loaded:
+def _loaded(path: Path, variables: dict[str, str], *, lenient: bool) -> Plan:
     """The suite of a file, or all suites of a folder, where there has to be one."""
     if not path.is_dir():
         return load_files([(path, True)], variables, lenient=lenient)
@@ -131,7 +116,7 @@ def _loaded(path: Path, variables: dict[str, str], *, lenient: bool) -> Loaded:
     if loaded.suites or loaded.diagnostics:
         return loaded
     text = "there is no suite in this folder"
-    return Loaded((), (Diagnosed(severity=Severity.ERROR, text=text, file=str(path)),))
+    return Plan((), (Diagnosed(severity=Severity.ERROR, text=text, file=str(path)),))
 
 
 def _errors(diagnostics: Iterable[Diagnosed]) -> int:
@@ -142,44 +127,50 @@ def _counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' if number != 1 else ''}"
 
 
-class _Planned(NamedTuple):
-    """An entry of a suite, its plug-in or why there is none, and what that would be given."""
-
-    suite: TestSuite
-    what: str
-    entry: TestEntry | FixtureEntry
-    plugin: PluginRef | str
-    use: Use
-
-    def diagnosed(self, severity: Severity, text: str) -> Diagnosed:
-        """What is wrong with it, at its place."""
-        return diagnosed(severity, text, self.entry.location, suite=self.suite.id)
-
-
 def problems_of(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[Diagnosed]:
     """What is wrong with the plug-ins of a plan and with the values they would be given, in order."""
-    planned = [*_uses(plan, overrides)]
-    trials = try_uses((one.plugin, one.use) for one in planned if not isinstance(one.plugin, str))
+    entries = [*_entries(plan)]
+    given = {  # --set is for tests
+        id(entry): (entry.found, Use.of(entry, overrides if isinstance(entry, TestEntry) else ()))
+        for _, entry in entries
+        if entry.found is not None
+    }
+    trials = try_uses(given.values())
     simulated: dict[tuple[str, str], dict[str, str]] = {}  # by suite and name of the fixture, which come before tests
-    for one in planned:
-        if isinstance(one.plugin, str):
-            yield one.diagnosed(Severity.ERROR, one.plugin)
+    for suite, entry in entries:
+        if entry.found is None:
+            yield _diagnosed(suite, entry, entry.problem)
             continue
-        trial = trials[one.plugin, one.use]
+        what = f"{'test' if isinstance(entry, TestEntry) else 'fixture'} {entry.name}"
+        trial = trials[given[id(entry)]]
         values = {row["name"]: row["value"].strip('"') for row in trial.values}
-        yield from (one.diagnosed(Severity.ERROR, f"{one.what}: {problem}") for problem in trial.problems)
-        yield from (one.diagnosed(Severity.WARNING, f"{one.what}: {warning}") for warning in trial.warnings)
-        if values and Path(one.plugin.path) == shipped_folder("fixture") / "simulator.py":
-            simulated[one.suite.id, one.entry.name] = values
-        if absent := _absent_part(one.suite, one.entry, values, simulated):
-            yield one.diagnosed(Severity.WARNING, f"{one.what}: {absent}")
+        yield from (_diagnosed(suite, entry, f"{what}: {problem}") for problem in trial.problems)
+        warnings = [*trial.warnings]
+        if values and Path(entry.found.path) == shipped_folder("fixture") / "simulator.py":
+            simulated[suite.id, entry.name] = values
+        if absent := _absent_part(suite, entry, values, simulated):
+            warnings.append(absent)
+        yield from (_diagnosed(suite, entry, f"{what}: {warning}", Severity.WARNING) for warning in warnings)
 
 
 def missing_of(plan: Plan) -> Iterator[Diagnosed]:
     """Why plug-ins of a plan are not found, a sentence each, without the places that were tried."""
-    for one in _uses(plan, ()):
-        if isinstance(one.plugin, str):
-            yield one.diagnosed(Severity.ERROR, one.plugin.partition("\n")[0])
+    for suite, entry in _entries(plan):
+        if entry.found is None:
+            yield _diagnosed(suite, entry, entry.problem.partition("\n")[0])
+
+
+def _entries(plan: Plan) -> Iterator[tuple[TestSuite, TestEntry | FixtureEntry]]:
+    for suite in plan.suites:
+        yield from ((suite, fixture) for fixture in suite.fixtures)
+        yield from ((suite, test) for test in suite.tests)
+
+
+def _diagnosed(
+    suite: TestSuite, entry: TestEntry | FixtureEntry, text: str, severity: Severity = Severity.ERROR
+) -> Diagnosed:
+    """What is wrong with an entry of a suite, at its place."""
+    return diagnosed(severity, text, entry.location, suite=suite.id)
 
 
 def _absent_part(
@@ -206,13 +197,3 @@ def _parts_of(robot: dict[str, str]) -> Collection[str]:
     from rtf.simulator.axes import PARTS
 
     return PARTS
-
-
-def _uses(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[_Planned]:
-    for planned in plan.suites:
-        for fixture, plugin in planned.fixtures:
-            yield _Planned(planned.suite, f"fixture {fixture.name}", fixture, plugin, Use.of(fixture))
-        for test in planned.tests:
-            found = test.plugin if test.plugin is not None else test.problem
-            use = Use.of(test.entry, overrides)
-            yield _Planned(planned.suite, f"test {test.entry.name}", test.entry, found, use)

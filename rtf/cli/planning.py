@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,14 +12,14 @@ from rtf.errors import did_you_mean
 from rtf.testing import journal
 from rtf.testing.events import Diagnosed
 from rtf.testing.plan import (
-    Loaded,
-    PlannedSuite,
+    Plan,
     Planner,
     fingerprint,
     load_files,
     plugin_files,
     suite_files,
     suite_of_plugins,
+    unused_variables,
 )
 from rtf.testing.suite.ids import program_of
 from rtf.testing.suite.model import SuiteError, TestSuite, number_suites
@@ -33,38 +33,24 @@ if TYPE_CHECKING:
     from rtf.testing.suite.model import TestEntry
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """What will run, and what is to be said about the files it came from."""
-
-    suites: tuple[PlannedSuite, ...]
-    diagnostics: tuple[Diagnosed, ...]
-
-    @property
-    def refused(self) -> bool:
-        """Whether something that was asked for is not in the plan, so that nothing of it is run."""
-        return any(diagnosed.severity is Severity.ERROR for diagnosed in self.diagnostics)
-
-
 def make_plan(options: argparse.Namespace) -> Plan:
     """Load, complete, select and order. Raises SuiteError for what the command line gets wrong."""
     loaded = _load(options)
     planner = Planner(options.overrides)
-    suites = planner.plan(_select(planner.complete(loaded.suites), planner, options))
+    suites = _select(planner.plan(loaded.suites), options)
     if options.list or options.dry_run:
         return Plan(suites, loaded.diagnostics)
-    completed = [planner.with_implied_fixtures(planned) for planned in suites]
-    said = [diagnosed for one in completed for diagnosed in one.diagnostics]
-    return Plan(tuple(one.suite for one in completed), (*loaded.diagnostics, *said))
+    completed = planner.with_implied_fixtures(suites)
+    return Plan(completed.suites, (*loaded.diagnostics, *completed.diagnostics))
 
 
-def _load(options: argparse.Namespace) -> Loaded:
+def _load(options: argparse.Namespace) -> Plan:
     """All suites that the command line names: single tests as one suite, then what its words name, then options."""
     if "" in (options.test, options.tests, options.suites, *options.targets):
         raise UsageError("an empty word names no test, suite or folder; is a variable of the shell not set?")
     tests = [(options.test, options.type)] if options.test else []
     tests += [(word, options.type) for word in options.targets if _is_test(word)]
-    parts = [Loaded((_suite_for(options, "test", tests),), ())] if tests else []
+    parts = [Plan((_suite_for(options, "test", tests),))] if tests else []
     if options.tests:
         parts.append(_tests_of(Path(options.tests), options))
     parts += [_load_target(Path(word), options) for word in options.targets if not _is_test(word)]
@@ -77,7 +63,9 @@ def _load(options: argparse.Namespace) -> Loaded:
     for name, given in (("param", options.param), ("environment", options.environment), ("type", options.type)):
         if given and not (tests if name == "type" else of_command_line):
             raise UsageError(f"--{name} is for tests that the command line names, and there is none; edit the suite")
-    return Loaded(suites, tuple(said for part in parts for said in part.diagnostics))
+    said = [one for part in parts for one in part.diagnostics]
+    loaded = Plan(suites, variables=frozenset[str]().union(*(part.variables for part in parts)))
+    return replace(loaded, diagnostics=(*said, *unused_variables(dict(options.define), loaded)))
 
 
 def _is_test(word: str) -> bool:
@@ -86,7 +74,7 @@ def _is_test(word: str) -> bool:
     return file.is_file() and file.suffix != ".xml"
 
 
-def _load_target(path: Path, options: argparse.Namespace) -> Loaded:
+def _load_target(path: Path, options: argparse.Namespace) -> Plan:
     """The suite of a file; all suites of a folder, or else all its tests. Raises UsageError when nothing is there."""
     if path.is_file():
         return _load_suites([(path, True)], options)
@@ -111,21 +99,21 @@ def _nothing_like(path: Path) -> str:
     return f"there is no file or folder {str(path)!r}{hint or '; a test is named by --test, or by its file'}"
 
 
-def _load_suites(wanted: Sequence[tuple[Path, bool]], options: argparse.Namespace) -> Loaded:
-    return load_files(wanted, dict(options.define), lenient=options.lenient) if wanted else Loaded((), ())
+def _load_suites(wanted: Sequence[tuple[Path, bool]], options: argparse.Namespace) -> Plan:
+    return load_files(wanted, dict(options.define), lenient=options.lenient) if wanted else Plan()
 
 
-def _tests_of(folder: Path, options: argparse.Namespace) -> Loaded:
+def _tests_of(folder: Path, options: argparse.Namespace) -> Plan:
     files = plugin_files(folder, recursive=options.recursive)
     plugins: list[tuple[str, str | None]] = [(str(path.resolve()), None) for path in files]
-    return Loaded((_suite_for(options, folder.resolve().name or "tests", plugins),), ())
+    return Plan((_suite_for(options, folder.resolve().name or "tests", plugins),))
 
 
 def _suite_for(options: argparse.Namespace, name: str, plugins: list[tuple[str, str | None]]) -> TestSuite:
     return suite_of_plugins(name, plugins, param=options.param, environment=options.environment)
 
 
-def _select(suites: tuple[TestSuite, ...], planner: Planner, options: argparse.Namespace) -> tuple[TestSuite, ...]:
+def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple[TestSuite, ...]:
     from rtf.testing import selection
 
     filters = {}
@@ -145,7 +133,7 @@ def _select(suites: tuple[TestSuite, ...], planner: Planner, options: argparse.N
             filters["--stepwise"] = selection.id_filter(_from_first(suites, _failed_in(last, "--stepwise")))
     limited = getattr(options, "limited", {})  # of a run that is resumed: the only cases that it wants
     if filters:
-        cases = journal.cases_told(Path(options.runs), planner.programs(suites)) if planned is None else {}
+        cases = journal.cases_told(Path(options.runs), _programs(suites)) if planned is None else {}
         conditions = [lambda test, passes=passes: test.id in limited or passes(test) for passes in filters.values()]
         selected = selection.select(suites, conditions, with_required=True, cases=cases)
         if not selected:
@@ -158,6 +146,12 @@ def _select(suites: tuple[TestSuite, ...], planner: Planner, options: argparse.N
     if options.shuffle is not None:
         suites = selection.shuffle(suites, options.shuffle)
     return suites
+
+
+def _programs(suites: Sequence[TestSuite]) -> set[str]:
+    """The ids of the tests that are programs."""
+    tests = [test for suite in suites for test in suite.tests]
+    return {test.id for test in tests if test.found is not None and test.found.language.startswith("executable")}
 
 
 def _limited(test: TestEntry, limited: Mapping[str, Mapping[str, str]]) -> TestEntry:
@@ -182,7 +176,7 @@ def _failed_in(folder: Path, option: str) -> frozenset[str]:
 
 def fingerprints(plan: Plan) -> dict[str, str]:
     """Return what each test of a plan is, by its id."""
-    return {test.entry.id: fingerprint(planned.suite, test.entry) for planned in plan.suites for test in planned.tests}
+    return {test.id: fingerprint(suite, test) for suite in plan.suites for test in suite.tests}
 
 
 def said_of_changes(changes: PlanChanged) -> Diagnosed:

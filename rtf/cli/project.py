@@ -87,7 +87,10 @@ def find_project(folder: Path) -> Project | None:
                 for part in table:
                     values = values.get(part, None) if isinstance(values, dict) else None
                 if values is not None:
-                    return Project(path, tuple(_settings(path, text, table, values)))
+                    settings = [*_settings(path, text, table, values)]
+                    if place != Path.cwd() and all(one.key != "runs" for one in settings):
+                        settings.append(Setting("runs", (f"--runs={place / 'rtf-runs'}",), os.path.relpath(path)))
+                    return Project(path, tuple(settings))
     return None
 
 

@@ -57,12 +57,12 @@ def _execute(options: argparse.Namespace, words: Sequence[str]) -> int:
     from rtf.cli.planning import make_plan
 
     planned = make_plan(options)
-    if options.list or options.dry_run or planned.refused:
+    if options.list or options.dry_run or planned.has_errors:
         from rtf.cli import check_plan
 
         if options.list:
             return int(check_plan.list_plan(planned))
-        return int(check_plan.refuse(planned) if planned.refused else check_plan.dry_run(planned, options))
+        return int(check_plan.refuse(planned) if planned.has_errors else check_plan.dry_run(planned, options))
     folder = running.make_run_folder(options, planned)
     return int(running.execute(planned, running.run_options(options, folder, words), options, launched))
 
@@ -124,13 +124,13 @@ def _resume(options: argparse.Namespace, words: Sequence[str]) -> int:
     _absolute_targets(original, here, given=options)
     os.chdir(started.environment.get("folder", here))
     planned = make_plan(original)
-    if planned.refused:
+    if planned.has_errors:
         from rtf.cli.check_plan import refuse
 
         return int(refuse(planned))
     MotionLedger(folder).record_resume()
     run: RunOptions = running.run_options(original, folder, list(started.command))
-    changes = before.plan_changes([one.suite.id for one in planned.suites], fingerprints(planned))
+    changes = before.plan_changes([suite.id for suite in planned.suites], fingerprints(planned))
     done = before.finished()
     if changes is not None:
         planned = replace(planned, diagnostics=(*planned.diagnostics, said_of_changes(changes)))

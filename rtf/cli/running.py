@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator, Sequence
 
-    from rtf.cli.planning import Plan
     from rtf.testing.isolation.launch import Launched
+    from rtf.testing.plan import Plan
     from rtf.testing.reporting import Reporter
     from rtf.testing.run_control import Control
     from rtf.testing.runner import RunOptions
@@ -40,7 +40,7 @@ def make_run_folder(options: argparse.Namespace, plan: Plan) -> Path:
             raise SuiteError(f"--run-folder {folder}: {error.strerror}") from None
         return folder
     runs = Path(options.runs).absolute()
-    name = plan.suites[0].suite.id if len(plan.suites) == 1 else f"{len(plan.suites)}-suites" if plan.suites else ""
+    name = plan.suites[0].id if len(plan.suites) == 1 else f"{len(plan.suites)}-suites" if plan.suites else ""
     try:
         return journal.make_run_folder(runs, options.robot, name[:60])
     except OSError as error:

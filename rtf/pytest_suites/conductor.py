@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.testing.events import Diagnosed
-    from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.reporting import Broadcast
     from rtf.testing.runner import RunOptions
+    from rtf.testing.suite.model import TestEntry, TestSuite
     from rtf.testing.suite_worker import SuiteWorker
 
 _T = TypeVar("_T")
@@ -54,7 +54,7 @@ class Conductor:
 
     def __init__(
         self,
-        suites: Sequence[PlannedSuite],
+        suites: Sequence[TestSuite],
         options: RunOptions,
         broadcast: Broadcast,
         diagnostics: Sequence[Diagnosed],
@@ -73,12 +73,12 @@ class Conductor:
         """Begin the run."""
         self._thread.start()
 
-    def begin_suite(self, planned: PlannedSuite) -> None:
+    def begin_suite(self, suite: TestSuite) -> None:
         """Make ready for tests of a suite."""
 
         def work(worker: SuiteWorker) -> None:
-            self._run.plan(replace(planned, tests=()))
-            self._suite.enter_context(worker.suite(planned))
+            self._run.plan(replace(suite, tests=()))
+            self._suite.enter_context(worker.suite(suite))
 
         self._have_done(work)
 
@@ -86,16 +86,16 @@ class Conductor:
         """Take down the fixtures of the suite that was begun."""
         self._have_done(lambda _worker: self._suite.close())
 
-    def bring_up(self, planned: PlannedSuite, test: PlannedTest) -> bool:
+    def bring_up(self, suite: TestSuite, test: TestEntry) -> bool:
         """Bring up what a test stands on. When it is false, :meth:`run` says at once why the test cannot be started."""
 
         def work(worker: SuiteWorker) -> bool:
-            self._run.plan(replace(planned, tests=(test,)))
+            self._run.plan(replace(suite, tests=(test,)))
             return worker.bring_up(test)
 
         return self._have_done(work)
 
-    def run(self, test: PlannedTest) -> None:
+    def run(self, test: TestEntry) -> None:
         """Run a test up to its final end."""
         self._have_done(lambda worker: worker.run_test(test))
 

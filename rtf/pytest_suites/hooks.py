@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Generator
 
     from rtf.pytest_suites.session import SuiteSession
-    from rtf.testing.plan import PlannedSuite
+    from rtf.testing.suite.model import TestSuite
 
 
 class SuiteHooks:
@@ -32,10 +32,10 @@ class SuiteHooks:
             return
         groups: dict[str, str] = {}
         for group in groups_sharing_fixtures(planned_suites(items)):
-            if any(_needs_one_worker(planned) for planned in group):
-                groups |= dict.fromkeys((planned.suite.id for planned in group), group[0].suite.id)
+            if any(_needs_one_worker(suite) for suite in group):
+                groups |= dict.fromkeys((suite.id for suite in group), group[0].id)
         for item in suite_items(items):
-            group_name = groups.get(item.suite_file.planned.suite.id)
+            group_name = groups.get(item.suite_file.suite.id)
             if group_name is not None:
                 item.add_marker(pytest.mark.xdist_group(group_name))
 
@@ -71,5 +71,5 @@ class SuiteHooks:
             terminalreporter.write_line(line)
 
 
-def _needs_one_worker(planned: PlannedSuite) -> bool:
-    return bool(planned.suite.fixtures) or any(test.entry.required_tests for test in planned.tests)
+def _needs_one_worker(suite: TestSuite) -> bool:
+    return bool(suite.fixtures) or any(test.required_tests for test in suite.tests)

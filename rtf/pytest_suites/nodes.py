@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rtf.pytest_suites.conductor import Conductor
     from rtf.pytest_suites.listener import Told
     from rtf.testing.events import Diagnosed
-    from rtf.testing.plan import PlannedSuite, PlannedTest
+    from rtf.testing.suite.model import TestEntry, TestSuite
 
 _NOT_IN_A_MARKER = re.compile(r"[^\w.+-]")
 #: Markers that pytest and common plug-ins act upon: a tag of that name is a word, and no order.
@@ -37,21 +37,19 @@ _ACTED_UPON = frozenset(
 class SuiteFile(pytest.File):
     """A suite file. Its fixtures are up while its tests run, and down before another suite's tests do."""
 
-    _planned: PlannedSuite | None = None
+    _suite: TestSuite | None = None
     _begun = False
 
     def collect(self) -> Iterable[pytest.Item]:
         """Load the suite. A file with errors is not collected at all: it is not the suite that was meant."""
-        planned, loaded = self.shared.load(self.path)
-        if planned is None:
+        suite, loaded = self.shared.load(self.path)
+        if suite is None:
             raise self.CollectError("\n".join(_said(diagnosed) for diagnosed in loaded.diagnostics) or "not a suite")
         for diagnosed in loaded.diagnostics:
             self.warn(SuiteFileWarning(_said(diagnosed)))
-        self._planned = planned
-        prefix = f"{planned.suite.id}/"
-        return [
-            SuiteItem.from_parent(self, name=test.entry.id.removeprefix(prefix), test=test) for test in planned.tests
-        ]
+        self._suite = suite
+        prefix = f"{suite.id}/"
+        return [SuiteItem.from_parent(self, name=test.id.removeprefix(prefix), test=test) for test in suite.tests]
 
     @property
     def shared(self) -> SuiteSession:
@@ -59,10 +57,10 @@ class SuiteFile(pytest.File):
         return SuiteSession.of(self.config)
 
     @property
-    def planned(self) -> PlannedSuite:
+    def suite(self) -> TestSuite:
         """The suite with all its tests."""
-        assert self._planned is not None, "the file has not been collected"
-        return self._planned
+        assert self._suite is not None, "the file has not been collected"
+        return self._suite
 
     @property
     def conductor(self) -> Conductor:
@@ -75,9 +73,9 @@ class SuiteFile(pytest.File):
             return
         conductor = self.conductor
         if self.shared.locks is not None:
-            self.shared.locks.acquire(uses(self.planned))
+            self.shared.locks.acquire(uses(self.suite))
         self._begun = True
-        conductor.begin_suite(self.planned)
+        conductor.begin_suite(self.suite)
 
     def teardown(self) -> None:
         """Take the fixtures down, and tell what went wrong with them and no test has told."""
@@ -97,13 +95,13 @@ class SuiteFile(pytest.File):
 class SuiteItem(pytest.Item):
     """A test of a suite."""
 
-    def __init__(self, *, test: PlannedTest, **others: Any) -> None:  # what pytest hands through
+    def __init__(self, *, test: TestEntry, **others: Any) -> None:  # what pytest hands through
         super().__init__(**others)
         self.test = test
         self.raised: BaseException | None = None
         self.told: Told | None = None
-        self.extra_keyword_matches.add(test.entry.id)
-        for tag in dict.fromkeys((*self.suite_file.planned.suite.tags, *test.entry.tags)):
+        self.extra_keyword_matches.add(test.id)
+        for tag in dict.fromkeys((*self.suite_file.suite.tags, *test.tags)):
             self._mark(tag)
 
     @property
@@ -122,8 +120,8 @@ class SuiteItem(pytest.Item):
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Where the test stands in its suite, or in the file that is included there; and the heading of its failure."""
-        at = self.test.entry.location
-        heading = f"{self.suite_file.planned.suite.name}: {self.name}"  # a mere name would be shown with dots as colons
+        at = self.test.location
+        heading = f"{self.suite_file.suite.name}: {self.name}"  # a mere name would be shown with dots as colons
         return Path(at.file) if at.file else self.path, max(0, at.line - 1), shown(heading)
 
     def setup(self) -> None:
@@ -131,7 +129,7 @@ class SuiteItem(pytest.Item):
         self.told = self.raised = None
         if self.config.getoption("setupplan", False):
             return
-        if not self.suite_file.conductor.bring_up(self.suite_file.planned, self.test):
+        if not self.suite_file.conductor.bring_up(self.suite_file.suite, self.test):
             self._run()
 
     def runtest(self) -> None:
@@ -144,12 +142,12 @@ class SuiteItem(pytest.Item):
         try:
             conductor.run(self.test)
         finally:
-            self.told = shared.listener.take_test(self.test.entry.id)
+            self.told = shared.listener.take_test(self.test.id)
         if conductor.interrupted:
             self.session.shouldstop = "the run of the robot tests was stopped"
         told = self.told
         if told is None:
-            raise RuntimeError(f"the runner said nothing of {self.test.entry.id}")
+            raise RuntimeError(f"the runner said nothing of {self.test.id}")
         self._conclude(told, shared)
 
     def _conclude(self, told: Told, shared: SuiteSession) -> None:
@@ -180,12 +178,12 @@ def _said(diagnosed: Diagnosed) -> str:
     return f"{place(diagnosed.file, diagnosed.line, diagnosed.column)}: {diagnosed.severity}: {diagnosed.text}{hint}"
 
 
-def planned_suites(items: Iterable[pytest.Item]) -> list[PlannedSuite]:
+def planned_suites(items: Iterable[pytest.Item]) -> list[TestSuite]:
     """The suites of a session with those of their tests that were selected, in the order of the first of each."""
-    selected: dict[SuiteFile, list[PlannedTest]] = {}
+    selected: dict[SuiteFile, list[TestEntry]] = {}
     for item in suite_items(items):
         selected.setdefault(item.suite_file, []).append(item.test)
-    return [replace(file.planned, tests=tuple(tests)) for file, tests in selected.items()]
+    return [replace(file.suite, tests=tuple(tests)) for file, tests in selected.items()]
 
 
 def suite_items(items: Iterable[pytest.Item]) -> Iterator[SuiteItem]:

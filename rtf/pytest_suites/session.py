@@ -16,7 +16,7 @@ from rtf.pytest_suites.listener import Listener
 from rtf.pytest_suites.locks import FixtureLocks
 from rtf.pytest_suites.settings import LIVE_PAGE, Settings
 from rtf.testing.journal import FILE_NAME, Journal, make_run_folder
-from rtf.testing.plan import Loaded, PlannedSuite, Planner, load_files
+from rtf.testing.plan import Plan, Planner, load_files
 from rtf.testing.report.text import near_path
 from rtf.testing.reporter_thread import bounded, let_linger
 from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, load_reporter
@@ -27,6 +27,7 @@ from rtf.testing.suite.model import Timeouts, number_suites
 
 if TYPE_CHECKING:
     from rtf.testing.events import Diagnosed
+    from rtf.testing.suite.model import TestSuite
 
 _KEY = pytest.StashKey["SuiteSession"]()
 
@@ -66,14 +67,14 @@ class SuiteSession:
 
     # Collecting --------------------------------------------------------------------------------------------------
 
-    def load(self, path: Path) -> tuple[PlannedSuite | None, Loaded]:
+    def load(self, path: Path) -> tuple[TestSuite | None, Plan]:
         """Read a suite file. There is no suite when something is wrong with it."""
         loaded = load_files([(path, True)], self._settings.variables, lenient=self._settings.lenient)
         if loaded.has_errors or not loaded.suites:
             return None, loaded
         self._diagnostics += loaded.diagnostics
-        (planned,) = self._planner.plan(self._planner.complete(number_suites(loaded.suites, self._suite_ids)))
-        return planned, loaded
+        (suite,) = self._planner.plan(number_suites(loaded.suites, self._suite_ids))
+        return suite, loaded
 
     # Running -----------------------------------------------------------------------------------------------------
 

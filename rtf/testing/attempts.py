@@ -6,6 +6,9 @@ its verdict is decided here. One attempt is ``isolation.attempt``.
 
 from __future__ import annotations
 
+import importlib.util
+import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,12 +19,12 @@ from rtf.testing.events import TestEnded
 from rtf.testing.isolation.attempt import Attempt, run_in_process
 from rtf.testing.isolation.judge import Outcome, Stop
 from rtf.testing.isolation.messages import Job
-from rtf.testing.requirements import unmet
-from rtf.testing.suite.model import Expected, Isolation, LostPolicy
+from rtf.testing.suite.model import TEST_REQUIREMENT, Expected, Isolation, LostPolicy
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
-    from rtf.testing.plan import PlannedTest
+    from rtf.testing.results import RunResult, TestResult
+    from rtf.testing.suite.model import TestEntry
     from rtf.testing.suite_worker import SuiteWorker
 
 _RETRIED = frozenset({Verdict.FAILED, Verdict.ERROR})
@@ -32,21 +35,20 @@ _SETTLING = 0.1
 class Attempts:
     """All attempts at a test of the suite that a suite worker is at. One thread's."""
 
-    def __init__(self, worker: SuiteWorker, test: PlannedTest) -> None:
+    def __init__(self, worker: SuiteWorker, test: TestEntry) -> None:
         self._worker = worker
         self._run = worker.whole_run
         self._supervisor = worker.supervisor
         self._emit = worker.emit
         self._test = test
-        self._entry = test.entry
-        self._names = [fixture.name for fixture in worker.planned.suite.fixtures_of(test.entry)]
+        self._names = [fixture.name for fixture in worker.current.fixtures_of(test)]
         self._failed: list[Verdict] = []  # what earlier attempts came to, which nothing hides
         self._cases = CaseTests(
-            test.entry,
-            self._run.results.tests[test.entry.id].planned,
+            test,
+            self._run.results.tests[test.id].planned,
             self._emit,
             self._verdict_of_case,
-            live=not (self._names or self._run.retries_of(test.entry) or self._run.repetition_of(test.entry)),
+            live=not (self._names or self._run.retries_of(test) or self._run.repetition_of(test)),
         )
 
     def run(self) -> int:
@@ -56,7 +58,7 @@ class Attempts:
             self._never_started(*obstacle)
         else:
             self._run_attempts()
-        verdict = self._run.results.tests[self._entry.id].verdict
+        verdict = self._run.results.tests[self._test.id].verdict
         return self._cases.failures + (verdict is not None and not verdict.good)
 
     def bring_up(self) -> bool:
@@ -71,18 +73,18 @@ class Attempts:
         reason = self._worker.stop_reason()
         if reason:
             return Verdict.NOT_RUN, "not run", reason
-        if self._test.plugin is None:
+        if self._test.found is None:
             return Verdict.ERROR, "load", self._test.problem
-        missing = unmet(self._test, self._run.results, self._run.options.features)
-        return None if missing is None else (missing.verdict, "requirement", missing.text)
+        unmet = _unmet(self._test, self._run.results, self._run.options.features)
+        return None if unmet is None else (unmet[0], "requirement", unmet[1])
 
     def _never_started(self, verdict: Verdict, reason: str, detail: str) -> None:
         self._cases.give_up(verdict, reason, detail)
-        test = self._entry.id
+        test = self._test.id
         self._emit(TestEnded(test=test, verdict=verdict, outcome=verdict, attempt=0, reason=reason, detail=detail))
 
     def _run_attempts(self) -> None:
-        retries = self._run.retries_of(self._entry) if self._entry.expected is Expected.PASS else 0
+        retries = self._run.retries_of(self._test) if self._test.expected is Expected.PASS else 0
         reruns = 1
         attempt = 0
         retried = 0
@@ -121,24 +123,24 @@ class Attempts:
             self._never_started(Verdict.FIXTURE_LOST if attempt else Verdict.BLOCKED, "fixture", problem)
 
     def _lost_policy(self) -> LostPolicy:
-        for entry in self._worker.planned.suite.fixtures:
+        for entry in self._worker.current.fixtures:
             if entry.name in self._names and entry.on_lost is not None and self._supervisor.lost([entry.name]):
                 return entry.on_lost
-        return self._entry.on_lost
+        return self._test.on_lost
 
     # One attempt -------------------------------------------------------------------------------------------------
 
     def _attempt(self, count: int) -> Outcome:
         worker = self._worker
-        worker.running = self._entry.id
-        isolation = self._run.options.isolation or self._entry.isolation
+        worker.running = self._test.id
+        isolation = self._run.options.isolation or self._test.isolation
         job = self._job(count, last=isolation is not Isolation.SUITE)
         if isolation is Isolation.NONE:
             outcome = run_in_process(job, self._emit, self._cases.take)
         else:
             attempt = Attempt(
                 job,
-                self._run.limits_of(worker.planned, self._test),
+                self._run.limits_of(worker.current, self._test),
                 worker.fork_server,
                 self._emit,
                 tick=self._tick,
@@ -185,25 +187,25 @@ class Attempts:
             self._worker.reactor.run_once(deadline)
 
     def _job(self, attempt: int, *, last: bool) -> Job:
-        entry, options = self._entry, self._run.options
-        if self._test.plugin is None:
-            raise RuntimeError(f"test {entry.id} has no plug-in and cannot be run")
-        folder = f"{options.run_folder}/files/{entry.id}"
-        file = self._worker.planned.suite.file
+        test, options = self._test, self._run.options
+        if test.found is None:
+            raise RuntimeError(f"test {test.id} has no plug-in and cannot be run")
+        folder = f"{options.run_folder}/files/{test.id}"
+        file = self._worker.current.file
         return Job(
             kind="test",
-            id=entry.id,
-            name=entry.name,
-            plugin=self._test.plugin,
+            id=test.id,
+            name=test.name,
+            plugin=test.found,
             folder=folder if attempt == 1 else f"{folder}.attempt{attempt}",
             run_folder=str(options.run_folder),
-            param=entry.param,
-            parameters=entry.parameters,
+            param=test.param,
+            parameters=test.parameters,
             overrides=options.overrides,
-            suite_place=str(entry.location) if entry.location.file else "",
+            suite_place=str(test.location) if test.location.file else "",
             suite_folder=str(Path(file).parent) if file else "",
-            environment=entry.environment,
-            repetition=self._run.repetition_of(entry),
+            environment=test.environment,
+            repetition=self._run.repetition_of(test),
             attempt=attempt,
             memory=options.memory,
             can_ask=self._run.control.attended,
@@ -220,16 +222,16 @@ class Attempts:
     def _ended(self, attempt: int, outcome: Outcome, *, final: bool) -> None:
         verdict = outcome.verdict
         if final:
-            as_expected = self._entry.expected is Expected.FAIL and verdict.good and self._cases.any_bad
+            as_expected = self._test.expected is Expected.FAIL and verdict.good and self._cases.any_bad
             verdict = self._final_verdict(Verdict.FAILED if as_expected else verdict, self._failed)
-        detail, why = outcome.detail, self._entry.expected_reason
+        detail, why = outcome.detail, self._test.expected_reason
         if verdict is Verdict.EXPECTED_FAILURE and why:
             detail = f"{why}: {detail}"
         elif verdict is Verdict.UNEXPECTED_PASS:
             detail = f"expected to fail{': ' + why if why else ''}"
         self._emit(
             TestEnded(
-                test=self._entry.id,
+                test=self._test.id,
                 verdict=verdict,
                 outcome=outcome.verdict,
                 attempt=attempt,
@@ -251,7 +253,7 @@ class Attempts:
     def _final_verdict(self, verdict: Verdict, failed: list[Verdict]) -> Verdict:
         """What is said in the end of what came to ``verdict``, after attempts that came to ``failed``."""
         passed = verdict in (Verdict.PASSED, Verdict.MEASURED)
-        if self._entry.expected is Expected.FAIL:
+        if self._test.expected is Expected.FAIL:
             if verdict is Verdict.FAILED:
                 return Verdict.EXPECTED_FAILURE
             return Verdict.UNEXPECTED_PASS if passed else verdict
@@ -265,3 +267,54 @@ class Attempts:
 def _worst(verdicts: list[Verdict]) -> Verdict:
     """What several attempts say together when none of them settled it: that something failed is never hidden."""
     return Verdict.FAILED if Verdict.FAILED in verdicts else Verdict.ERROR
+
+
+# Requirements --------------------------------------------------------------------------------------------------------
+
+
+def _unmet(test: TestEntry, results: RunResult, features: frozenset[str]) -> tuple[Verdict, str] | None:
+    """What becomes of a test of which a requirement does not hold, and the sentence for people.
+
+    A test that stands on another one (``test:``) is blocked when that did not pass; all else is a reason to skip:
+    ``program:NAME`` on the PATH, ``module:NAME`` to import, ``env:NAME`` set, ``file:PATH`` there, or a bare word that
+    the command line grants with ``--feature``.
+    """
+    for token in test.requires:
+        kind, separator, name = token.partition(":")
+        if token.startswith(TEST_REQUIREMENT):
+            other = results.tests.get(name)
+            if other is None or not other.good or other.verdict is Verdict.SKIPPED:
+                return (Verdict.BLOCKED, f"needs test {name}, which {_state(other)}")
+        elif separator and not _there(kind, name, test):
+            return (Verdict.SKIPPED, f"requires {_WORDS.get(kind, kind)} {name!r}, which is not there")
+        elif not separator and token not in features:
+            return (Verdict.SKIPPED, f"requires {token!r}; grant it with --feature {token}")
+    return None
+
+
+def _state(other: TestResult | None) -> str:
+    if other is None:
+        return "is not in this run"
+    bad = next((case for case in other.cases if not case.good), None)
+    if bad is not None and other.verdict is not None and other.verdict.good:
+        return f"has a case that came to: {bad.verdict} ({bad.name})"
+    return f"came to: {other.verdict or 'nothing yet'}"
+
+
+_WORDS = {"program": "program", "module": "Python module", "env": "environment variable", "file": "file"}
+
+
+def _there(kind: str, name: str, test: TestEntry) -> bool:
+    if kind == "program":
+        return shutil.which(name) is not None
+    if kind == "module":
+        try:
+            return importlib.util.find_spec(name) is not None
+        except (ImportError, ValueError):
+            return False
+    if kind == "env":
+        return name in os.environ
+    if kind == "file":
+        beside = Path(test.location.file).parent if test.location.file else Path()
+        return (beside / Path(name).expanduser()).exists()
+    return False

@@ -21,7 +21,7 @@ from rtf.testing.fixture import UsesFixtures
 from rtf.testing.measurement import Measurement, Unit, margin_of, quantity, require_limits, unit
 from rtf.testing.parameters import Declared, Parameter
 from rtf.testing.recording import Series
-from rtf.testing.source_location import calling_place
+from rtf.testing.session import calling_place
 from rtf.testing.verdict import Inconclusive, MeasurementVerdict, Severity, SkipTest, TestFailure, TestProblem
 
 if TYPE_CHECKING:

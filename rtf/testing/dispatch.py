@@ -13,14 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rtf import clock
-from rtf.testing.plugin_source import declared_names
-from rtf.testing.plugins import spec_of
+from rtf.testing.plugin_source import declared_names, spec_of
 from rtf.testing.suite.values import substitute
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
 
-    from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.plugins import PluginRef
     from rtf.testing.suite.model import FixtureEntry, TestEntry, TestSuite
 
@@ -36,7 +34,7 @@ _SIMULATOR = "simulator"
 class _Queue:
     """The tests of one suite; ``unfinished`` are the ids of those that wait or run."""
 
-    waiting: list[PlannedTest]
+    waiting: list[TestEntry]
     unfinished: set[str]
     running: dict[str, TestEntry] = field(default_factory=dict)
     workers: int = 0
@@ -47,12 +45,12 @@ class _Queue:
 class Dispatcher:
     """Hands out tests, in the order of the plan as far as nothing is to be waited for. Any thread may ask."""
 
-    def __init__(self, suites: Sequence[PlannedSuite], done: Collection[str]) -> None:
+    def __init__(self, suites: Sequence[TestSuite], done: Collection[str]) -> None:
         self._lock = threading.Lock()
         self._queues = {}
-        for planned in suites:
-            tests = [test for test in planned.tests if test.entry.id not in done]
-            self._queues[planned.suite.id] = _Queue(tests, {test.entry.id for test in tests})
+        for suite in suites:
+            tests = [test for test in suite.tests if test.id not in done]
+            self._queues[suite.id] = _Queue(tests, {test.id for test in tests})
         self._occupied: set[str] = set()
         self._wakers: list[Callable[[], None]] = []
 
@@ -95,14 +93,13 @@ class Dispatcher:
                 chosen = 0  # it requires one behind it, and is told so
             if chosen is None:
                 return ""
-            entry = queue.waiting.pop(chosen).entry
-            queue.running[entry.id] = entry
-            self._occupied.update(entry.occupies)
-            return entry.id
+            test = queue.waiting.pop(chosen)
+            queue.running[test.id] = test
+            self._occupied.update(test.occupies)
+            return test.id
 
-    def _may_begin(self, test: PlannedTest, queue: _Queue) -> bool:
-        entry = test.entry
-        return queue.unfinished.isdisjoint(entry.required_tests) and self._occupied.isdisjoint(entry.occupies)
+    def _may_begin(self, test: TestEntry, queue: _Queue) -> bool:
+        return queue.unfinished.isdisjoint(test.required_tests) and self._occupied.isdisjoint(test.occupies)
 
     def ended(self, suite: str, test: str) -> None:
         """Note the end of a test, and wake those who may have waited for it."""
@@ -129,36 +126,37 @@ class Use(NamedTuple):
     param: str
 
 
-def uses(planned: PlannedSuite) -> list[Use]:
+def uses(suite: TestSuite) -> list[Use]:
     """Return what the fixtures of a suite provide. What a plug-in occupies is there once.
 
     A test that may move something and has no simulator among its fixtures moves a robot that was there before the run.
     """
-    found = [_use(entry, plugin) for entry, plugin in planned.fixtures]
-    if Use(ROBOT, "") not in found and _moves_real_robot(planned):
+    found = [_use(entry) for entry in suite.fixtures]
+    if Use(ROBOT, "") not in found and _moves_real_robot(suite):
         found.append(Use(ROBOT, ""))
     return found
 
 
-def _moves_real_robot(planned: PlannedSuite) -> bool:
-    simulators = {entry.name for entry, plugin in planned.fixtures if _is_simulator(plugin)}
+def _moves_real_robot(suite: TestSuite) -> bool:
+    simulators = {entry.name for entry in suite.fixtures if _is_simulator(entry.found)}
     return any(
-        test.plugin is not None
+        test.found is not None
         and test.spec.may_move
-        and simulators.isdisjoint(fixture.name for fixture in planned.suite.fixtures_of(test.entry))
-        for test in planned.tests
+        and simulators.isdisjoint(fixture.name for fixture in suite.fixtures_of(test))
+        for test in suite.tests
     )
 
 
-def _is_simulator(plugin: PluginRef | str) -> bool:
-    if isinstance(plugin, str) or plugin.language != "python":
+def _is_simulator(plugin: PluginRef | None) -> bool:
+    if plugin is None or plugin.language != "python":
         return False
     class_name = spec_of(plugin).class_name
     return bool(class_name) and declared_names(Path(plugin.path)).get(_SIMULATOR) == class_name
 
 
-def _use(entry: FixtureEntry, plugin: PluginRef | str) -> Use:
-    if isinstance(plugin, str):  # there is none of that name
+def _use(entry: FixtureEntry) -> Use:
+    plugin = entry.found
+    if plugin is None:
         return Use(entry.plugin, entry.param)
     spec = spec_of(plugin)
     if spec.occupies is None:  # a class from another file, which may be that of a robot
@@ -166,51 +164,46 @@ def _use(entry: FixtureEntry, plugin: PluginRef | str) -> Use:
     return Use(spec.occupies, "") if spec.occupies else Use(f"{plugin.path}:{spec.class_name}", entry.param)
 
 
-def groups_sharing_fixtures(suites: Sequence[PlannedSuite]) -> list[list[PlannedSuite]]:
+def groups_sharing_fixtures(suites: Sequence[TestSuite]) -> list[list[TestSuite]]:
     """Suites that use a fixture in common must not run at the same time; the groups keep the order of the plan."""
-    used = [uses(planned) for planned in suites]
+    used = [uses(suite) for suite in suites]
     there_once = {use.thing for of_suite in used for use in of_suite if not use.param}
-    groups: list[tuple[set[Use], list[PlannedSuite]]] = []
-    for planned, of_suite in zip(suites, used, strict=True):
+    groups: list[tuple[set[Use], list[TestSuite]]] = []
+    for suite, of_suite in zip(suites, used, strict=True):
         keys = {Use(use.thing, "") if use.thing in there_once else use for use in of_suite}
         joined = [group for group in groups if group[0] & keys]
         members = [member for group in joined for member in group[1]]
-        merged = (keys.union(*(group[0] for group in joined)), [*members, planned])
+        merged = (keys.union(*(group[0] for group in joined)), [*members, suite])
         groups = [group for group in groups if not group[0] & keys]
         groups.append(merged)
-    order = {id(planned): index for index, planned in enumerate(suites)}
-    return [sorted(members, key=lambda planned: order[id(planned)]) for _, members in groups]
+    order = {id(suite): index for index, suite in enumerate(suites)}
+    return [sorted(members, key=lambda suite: order[id(suite)]) for _, members in groups]
 
 
 # Copies of a suite ---------------------------------------------------------------------------------------------------
 
 
-def copies_of(planned: PlannedSuite, most: int) -> list[PlannedSuite]:
+def copies_of(suite: TestSuite, most: int) -> list[TestSuite]:
     """The suite as it is run by each of at most ``most`` suite workers at the same time.
 
     It is one alone if its fixtures are there once: those that say so, such as a robot, and those whose ``param`` is the
     same in every copy.
     """
-    count = min(planned.suite.copies, most, len(planned.tests))
-    copies = [planned, *(numbered_copy(planned, number) for number in range(2, count + 1))]
-    return copies if len(groups_sharing_fixtures(copies)) == len(copies) else [planned]
+    count = min(suite.copies, most, len(suite.tests))
+    copies = [suite, *(numbered_copy(suite, number) for number in range(2, count + 1))]
+    return copies if len(groups_sharing_fixtures(copies)) == len(copies) else [suite]
 
 
-def numbered_copy(planned: PlannedSuite, number: int) -> PlannedSuite:
+def numbered_copy(suite: TestSuite, number: int) -> TestSuite:
     """A suite with a copy of its fixtures; from the second one on their names end with the number."""
-    plugins = {entry.name: plugin for entry, plugin in planned.fixtures}
-    entries = tuple(_copied(entry, number) for entry in planned.suite.fixtures)
-    fixtures = tuple((entry, plugins[old.name]) for entry, old in zip(entries, planned.suite.fixtures, strict=True))
-    if number == 1:  # the entries of the suite stay as they are written, for further copies
-        return replace(planned, fixtures=fixtures)
-    tests = tuple(
+    tests = (
         test
-        if test.entry.fixtures is None
-        else replace(test, entry=replace(test.entry, fixtures=tuple(_numbered(n, number) for n in test.entry.fixtures)))
-        for test in planned.tests
+        if number == 1 or test.fixtures is None
+        else replace(test, fixtures=tuple(_numbered(name, number) for name in test.fixtures))
+        for test in suite.tests
     )
-    suite = replace(planned.suite, fixtures=entries, tests=tuple(test.entry for test in tests))
-    return replace(planned, suite=suite, tests=tests, fixtures=fixtures, copy=number)
+    fixtures = tuple(_copied(entry, number) for entry in suite.written)
+    return replace(suite, fixtures=fixtures, tests=tuple(tests), copy=number)
 
 
 def _copied(entry: FixtureEntry, number: int) -> FixtureEntry:

@@ -42,7 +42,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, overload
 
 from rtf.testing.isolation.messages import STOP_LIMIT, Provided
 from rtf.testing.parameters import Declared
-from rtf.testing.source_location import calling_place
+from rtf.testing.session import calling_place
 from rtf.testing.verdict import FixtureCollapsed, Severity
 
 if TYPE_CHECKING:

@@ -10,13 +10,14 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from rtf.errors import Location
+from rtf.errors import Location, nearest
 from rtf.testing.dispatch import numbered_copy
 from rtf.testing.events import Diagnosed
-from rtf.testing.plugin_spec import UNKNOWN, PluginSpec, combinations
-from rtf.testing.plugins import PluginError, PluginRef, find, shipped_folder, spec_of
+from rtf.testing.plugin_source import spec_of
+from rtf.testing.plugin_spec import PluginSpec, combinations
+from rtf.testing.plugins import PluginError, PluginRef, find, shipped_folder
 from rtf.testing.suite.ids import TestIds, digest, label_of_plugin, name_of_plugin, varied
 from rtf.testing.suite.model import (
     TEST_REQUIREMENT,
@@ -30,53 +31,29 @@ from rtf.testing.suite.model import (
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from rtf.testing.inspection import Trial
 
-
-@dataclass(frozen=True, slots=True)
-class PlannedTest:
-    """A test of the plan: its entry, its plug-in or why there is none, and what that says of itself."""
-
-    entry: TestEntry
-    plugin: PluginRef | None
-    problem: str = ""
-    spec: PluginSpec = UNKNOWN
-
-    @property
-    def timeout(self) -> float | None:
-        """Its author's limit for one run of the body, in seconds."""
-        return self.spec.timeout
+#: A key of a parameter string.
+_KEY = re.compile(r"(?<!\S)--(\S+)")
 
 
 @dataclass(frozen=True, slots=True)
-class PlannedSuite:
-    """A suite of the plan; each fixture comes with its plug-in or the reason why there is none.
+class Plan:
+    """Suites, everything that is to be said about their files, and the ``variables`` that those ask for."""
 
-    ``copy`` says which of the suite workers that run it at the same time this one is for.
-    """
-
-    suite: TestSuite
-    tests: tuple[PlannedTest, ...]
-    fixtures: tuple[tuple[FixtureEntry, PluginRef | str], ...]
-    copy: int = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Loaded:
-    """What the files gave: suites, and everything that is to be said about the files."""
-
-    suites: tuple[TestSuite, ...]
-    diagnostics: tuple[Diagnosed, ...]
+    suites: tuple[TestSuite, ...] = ()
+    diagnostics: tuple[Diagnosed, ...] = ()
+    variables: frozenset[str] = frozenset()
 
     @property
     def has_errors(self) -> bool:
-        """Whether something that was asked for is not in the plan."""
+        """Whether something that was asked for is not in the plan, so that nothing of it is to be run."""
         return any(diagnosed.severity is Severity.ERROR for diagnosed in self.diagnostics)
 
 
-def load_files(files: Iterable[tuple[Path, bool]], variables: Mapping[str, str], *, lenient: bool = False) -> Loaded:
+def load_files(files: Iterable[tuple[Path, bool]], variables: Mapping[str, str], *, lenient: bool = False) -> Plan:
     """Load suite files; the flag of each says that it must be a suite (else a file that is none is passed over).
 
     With ``lenient`` an unknown element or attribute is a warning.
@@ -85,14 +62,26 @@ def load_files(files: Iterable[tuple[Path, bool]], variables: Mapping[str, str],
 
     suites = []
     diagnostics: list[Diagnosed] = []
+    asked: set[str] = set()
     for path, required in files:
         loaded = load_suite(path, variables=variables, lenient=lenient)
         if loaded.foreign and not required:
             continue
+        asked |= loaded.variables
         diagnostics += loaded.diagnostics
         if loaded.suite is not None:
             suites.append(loaded.suite)
-    return Loaded(number_suites(suites), tuple(diagnostics))
+    return Plan(number_suites(suites), tuple(diagnostics), frozenset(asked))
+
+
+def unused_variables(variables: Mapping[str, str], plan: Plan) -> Iterator[Diagnosed]:
+    """Say which of the variables that were given no suite asks for: a misspelt one would be silent otherwise."""
+    for name in variables:
+        if name not in plan.variables:
+            near = nearest(name, plan.variables)
+            hint = f"did you mean {near!r}?" if near else f"write ${{{name}}} where its value is to stand"
+            text = f"--define {name}: no suite has ${{{name}}} in it"
+            yield Diagnosed(severity=Severity.WARNING, text=text, hint=hint)
 
 
 def suite_files(folder: Path, *, recursive: bool) -> list[Path]:
@@ -133,19 +122,12 @@ def suite_of_plugins(
     return TestSuite(id=suite_id, name=name, environment=environment, tests=tests)
 
 
-def fingerprint(suite: TestSuite, entry: TestEntry) -> str:
+def fingerprint(suite: TestSuite, test: TestEntry) -> str:
     """Return a digest of what the suite says of a test and how it runs; its place in the file does not matter."""
-    fixtures = [replace(fixture, location=Location()) for fixture in suite.fixtures_of(entry)]
-    how = (entry.environment, entry.repetition, entry.retries, entry.requires, entry.isolation, entry.on_lost)
-    what = (entry.plugin, entry.type, entry.param, entry.parameters, entry.expected)
-    return digest(repr((what, how, suite.timeouts_of(entry), fixtures)), 12)
-
-
-class Completed(NamedTuple):
-    """A suite with the fixtures that its tests ask for, and the problems that were found."""
-
-    suite: PlannedSuite
-    diagnostics: tuple[Diagnosed, ...]
+    fixtures = [replace(fixture, location=Location()) for fixture in suite.fixtures_of(test)]
+    how = (test.environment, test.repetition, test.retries, test.requires, test.isolation, test.on_lost)
+    what = (test.plugin, test.type, test.param, test.parameters, test.expected)
+    return digest(repr((what, how, suite.timeouts_of(test), fixtures)), 12)
 
 
 class Planner:
@@ -159,44 +141,18 @@ class Planner:
         self._found: dict[tuple[str, str, str | None, str], PluginRef | str] = {}
         self._specs: dict[PluginRef, PluginSpec] = {}
 
-    def complete(self, suites: Iterable[TestSuite]) -> tuple[TestSuite, ...]:
-        """The suites with a test for each class and each combination of a matrix, to select from.
+    def plan(self, suites: Iterable[TestSuite]) -> tuple[TestSuite, ...]:
+        """The suites with the plug-in of each fixture and test, and a test for each class and combination of a matrix.
 
-        Each has the tags, requirements and description that its author gave.
+        Each test has the tags, requirements and description that its author gave. What is not found is in the plan
+        with all places that were tried.
         """
         suites = tuple(suites)
-        self._describe(entry for suite in suites for entry in suite.tests)
-        return tuple(self._completed_suite(suite) for suite in suites)
+        self._describe({self._find("test", test) for suite in suites for test in suite.tests})
+        return tuple(self._planned(suite) for suite in suites)
 
-    def plan(self, suites: Iterable[TestSuite]) -> tuple[PlannedSuite, ...]:
-        """Every test and fixture with its plug-in. What is not found is in it with all places that were tried."""
-        suites = tuple(suites)
-        self._describe(entry for suite in suites for entry in suite.tests)
-        return tuple(
-            numbered_copy(
-                PlannedSuite(
-                    suite,
-                    tuple(self._planned(entry) for entry in suite.tests),
-                    tuple((entry, self._find("fixture", entry)) for entry in suite.fixtures),
-                ),
-                1,
-            )
-            for suite in suites
-        )
-
-    def programs(self, suites: Iterable[TestSuite]) -> set[str]:
-        """The ids of the tests that are programs."""
-        entries = [entry for suite in suites for entry in suite.tests]
-        found = [self._find("test", entry) for entry in entries]
-        return {
-            entry.id
-            for entry, ref in zip(entries, found, strict=True)
-            if not isinstance(ref, str) and ref.language.startswith("executable")
-        }
-
-    def _describe(self, entries: Iterable[TestEntry]) -> None:
+    def _describe(self, found: Iterable[PluginRef | str]) -> None:
         """Have the description of each test's plug-in, and of each class where it is a file with several."""
-        found = {self._find("test", entry) for entry in entries}
         refs = {ref for ref in found if not isinstance(ref, str)}
         while refs := {ref for ref in refs if ref not in self._specs}:
             specs = {ref: spec_of(ref) for ref in sorted(refs)}
@@ -208,19 +164,31 @@ class Planner:
             self._specs |= specs
             refs = {ref._replace(class_name=name) for ref, spec in specs.items() for name in spec.classes}
 
-    def _completed_suite(self, suite: TestSuite) -> TestSuite:
+    def _planned(self, suite: TestSuite) -> TestSuite:
         tests: list[TestEntry] = []
         made: dict[str, list[str]] = {}
         ids = TestIds(suite.id)
         for entry in suite.tests:
-            completed = [one for member in self._of_classes(entry) for one in self._of_matrix(member)]
-            completed = [
+            planned = [
                 replace(one, id=ids.unique(one.id.removeprefix(f"{suite.id}/"), one.plugin, one.param, one.parameters))
-                for one in completed
+                for member in self._of_classes(entry)
+                for one in self._of_matrix(member)
             ]
-            made[entry.id] = [one.id for one in completed]
-            tests += completed
-        return suite.with_tests(_with_requirements(entry, made) for entry in tests)
+            made[entry.id] = [one.id for one in planned]
+            tests += planned
+        return replace(
+            numbered_copy(self._with_fixtures(suite, suite.fixtures), 1),
+            tests=tuple(_with_requirements(test, made) for test in tests),
+        )
+
+    def _with_fixtures(self, suite: TestSuite, entries: Iterable[FixtureEntry]) -> TestSuite:
+        """The suite with these fixtures, and the plug-in of each."""
+        fixtures = []
+        for entry in entries:
+            found = self._find("fixture", entry)
+            said = replace(entry, problem=found) if isinstance(found, str) else replace(entry, found=found)
+            fixtures.append(said)
+        return replace(suite, fixtures=tuple(fixtures), written=tuple(fixtures))
 
     def _of_classes(self, entry: TestEntry) -> list[TestEntry]:
         """The test, or one for each class where it names a file with several."""
@@ -240,10 +208,12 @@ class Planner:
         """The test as its author describes it, once for each combination of its matrix."""
         found = self._find("test", entry)
         if isinstance(found, str):
-            return [entry]
+            return [replace(entry, problem=found)]
         spec = self._specs[found]
         entry = replace(
             entry,
+            found=found,
+            spec=spec,
             tags=tuple(dict.fromkeys((*entry.tags, *spec.tags))),
             requires=tuple(dict.fromkeys((*entry.requires, *spec.requires))),
             occupies=tuple(dict.fromkeys((*entry.occupies, *(spec.occupies or "").split()))),
@@ -259,62 +229,11 @@ class Planner:
                 name=f"{entry.name}[{label}]" if label else entry.name,
                 parameters=(*entry.parameters, *parameters),
             )
-            for label, parameters in combinations(spec.matrix, given)
+            for label, parameters in combinations(spec, given)
         ]
 
-    def _planned(self, entry: TestEntry) -> PlannedTest:
-        found = self._find("test", entry)
-        if isinstance(found, str) or entry.problem:
-            return PlannedTest(entry, None, entry.problem or str(found))
-        return PlannedTest(entry, found, "", self._specs[found])
-
-    # Implied fixtures --------------------------------------------------------------------------------------------
-
-    def with_implied_fixtures(self, planned: PlannedSuite) -> Completed:
-        """The suite with the fixtures that its tests ask for, where it names none itself.
-
-        A test that may move a robot may leave it in a state that only a fixture, which outlives the test, can put
-        right. So each test whose description does not exclude that it moves is loaded in an isolated child and asked
-        for its :meth:`~rtf.testing.case.TestCase.implied_fixtures`. One that gives no answer is not run.
-        """
-        trials = {} if planned.suite.fixtures else self._ask(planned.tests)
-        if not trials:
-            return Completed(planned, ())
-        entries: dict[tuple[str, tuple[tuple[str, str], ...]], FixtureEntry] = {}
-        said: list[Diagnosed] = []
-        tests: list[TestEntry] = []
-        for test in planned.suite.tests:
-            trial = trials.get(test.id)
-            if trial is not None and trial.no_answer:
-                text = f"{test.name} was not asked what puts right what it may leave behind: {trial.no_answer}"
-                said.append(Diagnosed(severity=Severity.WARNING, text=text))
-                tests.append(replace(test, problem=text))
-                continue
-            asked = () if trial is None else trial.fixtures
-            for name, parameters in asked:
-                if (name, parameters) not in entries:  # equal requests share one
-                    others = sum(other == name for other, _ in entries)
-                    entries[name, parameters] = _implied(name, parameters, others)
-            tests.append(replace(test, fixtures=tuple(entries[wanted].name for wanted in asked)))
-        suite = replace(planned.suite, tests=tuple(tests), fixtures=tuple(entries.values()))
-        return Completed(self.plan([suite])[0], tuple(said))
-
-    def _ask(self, tests: Iterable[PlannedTest]) -> dict[str, Trial]:
-        """What each test asks for, by its id. One that cannot be loaded asks for nothing; its run says why."""
-        asking = [test for test in tests if test.plugin is not None and test.spec.may_move]
-        if not asking:
-            return {}
-        from rtf.testing.inspection import Use, try_uses  # with all about parameters, which few runs need here
-
-        uses = {
-            test.entry.id: (test.plugin, Use.of(test.entry, self._overrides))
-            for test in asking
-            if test.plugin is not None
-        }
-        found = try_uses(uses.values(), ask=True)
-        return {test: found[use] for test, use in uses.items()}
-
     def _find(self, kind: str, entry: TestEntry | FixtureEntry) -> PluginRef | str:
+        """The plug-in of an entry, or why there is none."""
         key = (kind, entry.plugin, entry.type, entry.location.file)
         found = self._found.get(key)
         if found is None:
@@ -326,6 +245,52 @@ class Planner:
             self._found[key] = found
         return found
 
+    # Implied fixtures --------------------------------------------------------------------------------------------
+
+    def with_implied_fixtures(self, suites: Iterable[TestSuite]) -> Plan:
+        """The suites with the fixtures that their tests ask for, where they name none themselves.
+
+        A test that may move a robot may leave it in a state that only a fixture, which outlives the test, can put
+        right. So each test whose description does not exclude that it moves is loaded in an isolated child and asked
+        for its :meth:`~rtf.testing.case.TestCase.implied_fixtures`. One that gives no answer is not run.
+        """
+        suites = tuple(suites)
+        asking = [
+            test
+            for suite in suites
+            for test in suite.tests
+            if not suite.fixtures and test.found is not None and test.spec.may_move
+        ]
+        if not asking:
+            return Plan(suites)
+        from rtf.testing.inspection import Use, try_uses  # with all about parameters, which few runs need here
+
+        uses = {test.id: (test.found, Use.of(test, self._overrides)) for test in asking if test.found is not None}
+        found = try_uses(uses.values(), ask=True)
+        trials = {test: found[use] for test, use in uses.items()}
+        said: list[Diagnosed] = []
+        return Plan(tuple(self._with_asked(suite, trials, said) for suite in suites), tuple(said))
+
+    def _with_asked(self, suite: TestSuite, trials: Mapping[str, Trial], said: list[Diagnosed]) -> TestSuite:
+        if suite.fixtures or not any(test.id in trials for test in suite.tests):
+            return suite
+        entries: dict[tuple[str, tuple[tuple[str, str], ...]], FixtureEntry] = {}
+        tests: list[TestEntry] = []
+        for test in suite.tests:
+            trial = trials.get(test.id)
+            if trial is not None and trial.no_answer:
+                text = f"{test.name} was not asked what puts right what it may leave behind: {trial.no_answer}"
+                said.append(Diagnosed(severity=Severity.WARNING, text=text))
+                tests.append(replace(test, problem=text, found=None))
+                continue
+            asked = () if trial is None else trial.fixtures
+            for name, parameters in asked:
+                if (name, parameters) not in entries:  # equal requests share one
+                    others = sum(other == name for other, _ in entries)
+                    entries[name, parameters] = _implied(name, parameters, others)
+            tests.append(replace(test, fixtures=tuple(entries[wanted].name for wanted in asked)))
+        return self._with_fixtures(suite, entries.values()).with_tests(tests)
+
 
 def _implied(name: str, parameters: tuple[tuple[str, str], ...], others: int) -> FixtureEntry:
     """The fixture of the suite for one request, where ``others`` are of the same plug-in."""
@@ -335,10 +300,6 @@ def _implied(name: str, parameters: tuple[tuple[str, str], ...], others: int) ->
         plugin=str(shipped) if shipped.is_file() else name,
         parameters=parameters,
     )
-
-
-#: A key of a parameter string.
-_KEY = re.compile(r"(?<!\S)--(\S+)")
 
 
 def _with_requirements(entry: TestEntry, made: Mapping[str, list[str]]) -> TestEntry:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import rtf
-from rtf.testing.plugin_spec import ABSENT, UNCERTAIN, Matrix, Names, PluginSpec, as_strings, make_spec, names_of
+from rtf.testing.plugin_spec import ABSENT, UNCERTAIN, Matrix, ParameterSpec, PluginSpec, as_strings, make_spec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -70,10 +70,10 @@ class ClassText:
         return make_spec(self.name, ast.get_docstring(self._node) or "", self.value, self.parameters)
 
     @cached_property
-    def parameters(self) -> tuple[Names, ...]:
-        """The names of the parameters that the class and those it derives from declare."""
-        own = [names for statement in self._node.body for names in _declared_by(statement)]
-        return (*(names for base in self._bases for names in base.parameters), *own)
+    def parameters(self) -> tuple[ParameterSpec, ...]:
+        """The parameters that the class and those it derives from declare, as far as the planner needs them."""
+        own = [parameter for statement in self._node.body for parameter in _declared_by(statement)]
+        return (*(parameter for base in self._bases for parameter in base.parameters), *own)
 
     @cached_property
     def _bases(self) -> list[ClassText]:
@@ -107,7 +107,7 @@ class _Elsewhere(ClassText):
 
     def __init__(self, *, is_plugin: bool | None, value: object) -> None:
         self.is_plugin = is_plugin
-        self.parameters: tuple[Names, ...] = ()
+        self.parameters: tuple[ParameterSpec, ...] = ()
         self._value = value
 
     def value(self, name: str) -> object:  # noqa: ARG002 - it is the same for all
@@ -188,15 +188,21 @@ def specs_in(path: Path) -> list[PluginSpec]:
     return [one.spec() for one in source_of(path).plugins]
 
 
-def spec_of(ref: PluginRef, bare_name: str = "") -> PluginSpec:
-    """The description of a plug-in as far as its file's text tells; ``bare_name`` may be that of a class."""
+def bare_name(name: str) -> str:
+    """The name without folder and without a shared library's ending."""
+    stem = Path(name).name
+    return stem[: -len(Path(stem).suffix)] if Path(stem).suffix.lower() in {".so", ".dll", ".py"} else stem
+
+
+def spec_of(ref: PluginRef) -> PluginSpec:
+    """The description of a plug-in as far as its file's text tells."""
     unknown = PluginSpec(safety=None, occupies=None, complete=False)
     if ref.language == "entry point":
         return unknown
     if ref.language != "python":
         return PluginSpec()  # scripts and programs have no way to declare anything
     source = source_of(Path(ref.path))
-    named = source.declared.get(ref.class_name) or source.declared.get(bare_name)
+    named = source.declared.get(ref.class_name) or source.declared.get(bare_name(ref.name))
     leaves = [named] if named is not None else source.leaves()
     if len(leaves) == 1:
         return leaves[0].spec()
@@ -233,15 +239,15 @@ def _literal(node: ast.expr) -> object:
         return node.attr if isinstance(node, ast.Attribute) and node.attr.isupper() else UNCERTAIN
 
 
-def _declared_by(statement: ast.stmt) -> Iterator[Names]:
-    """The names of the parameter that a statement declares, if it declares one."""
+def _declared_by(statement: ast.stmt) -> Iterator[ParameterSpec]:
+    """The parameter that a statement declares, if it declares one."""
     if isinstance(statement, ast.Assign | ast.AnnAssign) and isinstance(statement.value, ast.Call):
         words = {word.arg: _literal(word.value) for word in statement.value.keywords}
         target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
         if isinstance(target, ast.Name) and _dotted(statement.value.func).rpartition(".")[2] == "Parameter":
             (key,) = as_strings(words.get("key")) or ("",)
-            names = names_of(target.id, key, as_strings(words.get("aliases")))
-            yield Names(names, words.get("secret") not in (None, False))
+            secret = words.get("secret") not in (None, False)
+            yield ParameterSpec.declared(target.id, key, as_strings(words.get("aliases")), secret=secret)
 
 
 def _comes_with_python(name: str) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -23,15 +23,11 @@ _HARMLESS = ("", "still")
 
 
 class Axis(msgspec.Struct, frozen=True):
-    """A parameter that a matrix varies: of each value the label, which names and ids show, and the text.
-
-    ``names`` are all names of the parameter, where more than its key are known.
-    """
+    """A parameter that a matrix varies: of each value the label, which names and ids show, and the text."""
 
     name: str
     labels: tuple[str, ...]
     texts: tuple[str, ...]
-    names: tuple[str, ...] = ()
 
 
 class Matrix:
@@ -80,24 +76,22 @@ def _text(value: object) -> str:
     raise TypeError(f"a matrix holds truth values, numbers, texts and lists of these, not {value!r}")
 
 
-def combinations(axes: Iterable[Axis], given: Collection[str]) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
-    """Each combination of the values of the parameters that are not ``given``: its label and its parameters."""
-    varied = [axis for axis in axes if not {axis.name, *axis.names}.intersection(given)]
-    for chosen in product(*(zip(axis.labels, axis.texts, strict=True) for axis in varied)):
-        parameters = tuple((axis.name, text) for axis, (_, text) in zip(varied, chosen, strict=True))
-        yield "-".join(label for label, _ in chosen), parameters
-
-
-class ParameterSpec(msgspec.Struct, frozen=True):
-    """A declared parameter in words for people."""
+class ParameterSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """A declared parameter: its key, all its names, and, once the class is loaded, the rest in words for people."""
 
     name: str
-    aliases: str
-    type: str
-    unit: str
-    default: str
-    range: str
-    description: str
+    names: frozenset[str]
+    secret: bool = False
+    type: str = ""
+    unit: str = ""
+    default: str = ""
+    range: str = ""
+    description: str = ""
+
+    @classmethod
+    def declared(cls, attribute: str, key: str, aliases: Iterable[str], **words: Any) -> ParameterSpec:  # the rest
+        """The description of what an attribute of a class declares."""
+        return cls(name=key or attribute, names=frozenset({attribute, key or attribute, *aliases}), **words)
 
 
 class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
@@ -105,8 +99,7 @@ class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     ``safety`` is a word in small letters, empty where the plug-in declares none, and None where the text does not tell;
     ``occupies`` is None likewise. It is ``complete`` unless the text leaves open what the planner has to know. A file
-    with several test classes, of which none is named, has them in ``classes`` and nothing else. ``secrets`` are the
-    keys of parameters that are declared secret, ``parameters`` are known of a loaded plug-in.
+    with several test classes, of which none is named, has them in ``classes`` and nothing else.
     """
 
     class_name: str = ""
@@ -120,8 +113,12 @@ class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
     matrix: tuple[Axis, ...] = ()
     classes: tuple[str, ...] = ()
     complete: bool = True
-    secrets: tuple[str, ...] = ()
     parameters: tuple[ParameterSpec, ...] = ()
+
+    @property
+    def secrets(self) -> tuple[str, ...]:
+        """The names of parameters that are declared secret, sorted."""
+        return tuple(sorted({name for one in self.parameters if one.secret for name in one.names}))
 
     @property
     def summary(self) -> str:
@@ -138,21 +135,18 @@ class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
 UNKNOWN = PluginSpec(safety=None)
 
 
+def combinations(spec: PluginSpec, given: Collection[str]) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
+    """Each combination of a matrix in the parameters that are not ``given``: its label and its parameters."""
+    names = {name: one.names for one in spec.parameters for name in one.names}
+    varied = [axis for axis in spec.matrix if names.get(axis.name, frozenset({axis.name})).isdisjoint(given)]
+    for chosen in product(*(zip(axis.labels, axis.texts, strict=True) for axis in varied)):
+        parameters = tuple((axis.name, text) for axis, (_, text) in zip(varied, chosen, strict=True))
+        yield "-".join(label for label, _ in chosen), parameters
+
+
 def may_move(safety: object) -> bool:
     """Whether a test with this ``safety``, a word, a member of an enumeration or None, may move something."""
     return _word_of(safety) not in _HARMLESS
-
-
-class Names(NamedTuple):
-    """The names of a declared parameter, and whether it is declared secret."""
-
-    names: tuple[str, ...]
-    secret: bool
-
-
-def names_of(attribute: str, key: str, aliases: Iterable[str]) -> tuple[str, ...]:
-    """All names by which a parameter is set, sorted."""
-    return tuple(sorted({attribute, key or attribute, *aliases}))
 
 
 #: What nobody sets, and what has to be computed.
@@ -160,14 +154,9 @@ ABSENT, UNCERTAIN = object(), object()
 
 
 def make_spec(
-    class_name: str,
-    description: str,
-    get: Callable[[str], object],
-    declared: Collection[Names],
-    parameters: Iterable[ParameterSpec] = (),
+    class_name: str, description: str, get: Callable[[str], object], parameters: Iterable[ParameterSpec]
 ) -> PluginSpec:
     """The description of a class; ``get`` tells the value of an attribute, or ABSENT, or UNCERTAIN."""
-    names = {name: one.names for one in declared for name in one.names}
     safety, matrix, occupies, timeout = get("safety"), get("matrix"), get("occupies"), get("timeout")
     tags, requires = get("tags"), get("requires")
     return PluginSpec(
@@ -180,35 +169,31 @@ def make_spec(
         timeout=float(timeout) if isinstance(timeout, int | float) and not math.isnan(timeout) else None,
         occupies=None if occupies is UNCERTAIN else occupies if isinstance(occupies, str) else "",
         safety=None if safety is UNCERTAIN else "" if safety is ABSENT else _word_of(safety),
-        matrix=tuple(
-            msgspec.structs.replace(axis, names=names.get(axis.name, ()))
-            for axis in (matrix.axes if isinstance(matrix, Matrix) else ())
-        ),
+        matrix=matrix.axes if isinstance(matrix, Matrix) else (),
         complete=all(value is not UNCERTAIN for value in (tags, requires, timeout, occupies, matrix)),
-        secrets=tuple(sorted({name for one in declared if one.secret for name in one.names})),
         parameters=tuple(parameters),
     )
 
 
 def spec_of_class(cls: type[Declared]) -> PluginSpec:
     """The description of a class that was loaded."""
-    declared = cls.declarations()
     return make_spec(
         cls.__name__,
         (cls.__doc__ or "").strip(),
         lambda name: getattr(cls, name, ABSENT),
-        [Names(names_of(name, one.key, one.aliases), one.secret) for name, one in declared.items()],
         (
-            ParameterSpec(
-                name=parameter.key,
-                aliases=", ".join(parameter.aliases),
+            ParameterSpec.declared(
+                attribute,
+                parameter.key,
+                parameter.aliases,
+                secret=parameter.secret,
                 type=parameter.type_name,
                 unit=parameter.unit,
                 default=parameter.default_text(),
                 range=parameter.range_text(),
                 description=parameter.description,
             )
-            for parameter in declared.values()
+            for attribute, parameter in cls.declarations().items()
         ),
     )
 

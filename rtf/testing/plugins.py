@@ -23,12 +23,10 @@ import os
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import rtf
-from rtf.testing import plugin_source
-from rtf.testing.plugin_source import declared_names
-from rtf.testing.source_location import PLUGINS
+from rtf.testing.plugin_source import bare_name, declared_names
 from rtf.testing.verdict import TestingError
 
 if TYPE_CHECKING:
@@ -38,7 +36,6 @@ if TYPE_CHECKING:
 
     from rtf.testing.case import TestCase
     from rtf.testing.fixture import FixtureManager
-    from rtf.testing.plugin_spec import PluginSpec
 
 P = TypeVar("P", bound=object)
 
@@ -53,6 +50,8 @@ GROUPS = {
     "device": "rtf.devices",
 }
 
+#: The modules of all plug-ins begin with it.
+PLUGINS = "rtf_plugins."
 #: The variable that says in which folders plug-ins of which kind are, for ``rtf_plugins``; and the folder of that.
 IMPORTABLE = "RTF_PLUGIN_FOLDERS"
 _PACKAGES = str(Path(rtf.__file__).parent / "testing" / "packages")
@@ -138,19 +137,13 @@ def find(kind: str, name: str, type_: str | None = None, *, beside: Path | None 
     file, separator, class_name = name.partition("::")
     if separator:
         return _with_class(find(kind, file, type_, beside=beside), class_name)
-    language = _language(type_, name)
     tried: list[str] = []
-    for folder in dict.fromkeys(folder.absolute() for folder in search_path(kind, beside)):
-        found = _in_folder(kind, name, language, folder, tried)
+    for place, found in _look(kind, name, _language(type_, name), beside):
         if found is not None:
             return found
-        if os.path.isabs(name):  # noqa: PTH117
-            break
-    found = _on_path(kind, name, language, tried) or _entry_point(kind, name, language, tried)
-    if found is not None:
-        return found
-    hint = _near_names(kind, name, beside)
-    raise PluginNotFoundError(f"no {kind} plug-in {name!r}{_of_type(type_)}{hint}", tried)
+        tried.append(place)
+    of_type = f" of type {type_!r}" if type_ else ""
+    raise PluginNotFoundError(f"no {kind} plug-in {name!r}{of_type}{_near_names(kind, name, beside)}", tried)
 
 
 def _with_class(ref: PluginRef, class_name: str) -> PluginRef:
@@ -159,10 +152,6 @@ def _with_class(ref: PluginRef, class_name: str) -> PluginRef:
         known = f"; it has {', '.join(dict.fromkeys(declared.values()))}" if declared else ", for it is no Python file"
         raise PluginNotFoundError(f"{ref.path} has no class {class_name!r}{known}")
     return ref._replace(class_name=declared.get(class_name, class_name))
-
-
-def _of_type(type_: str | None) -> str:
-    return f" of type {type_!r}" if type_ else ""
 
 
 def _language(type_: str | None, name: str) -> str | None:
@@ -179,32 +168,41 @@ def _language(type_: str | None, name: str) -> str | None:
     return "python" if suffix in {".so", ".dll"} else _SUFFIXES.get(suffix)
 
 
-def _in_folder(kind: str, name: str, language: str | None, folder: Path, tried: list[str]) -> PluginRef | None:
-    for candidate in _candidates(folder, name, language):
-        if candidate.is_file():
-            found = language or _SUFFIXES.get(candidate.suffix.lower())
-            if found is None and os.access(candidate, os.X_OK):
-                found = "executable"
-            if found is not None:
-                return PluginRef(kind, name, str(candidate.resolve()), found)
-            tried.append(f"{candidate}: neither .py nor .lua nor executable (chmod +x fixes that)")
-        else:
-            tried.append(str(candidate))
-    if language in (None, "python", "lua"):
-        return _declaring_file(kind, _declared_name(name, language), folder, tried)
-    return None
+def _look(kind: str, name: str, language: str | None, beside: Path | None) -> Iterator[tuple[str, PluginRef | None]]:
+    """Each place in which a plug-in may be, in order, and what is found there."""
+    for folder in dict.fromkeys(folder.absolute() for folder in search_path(kind, beside)):
+        for candidate in _candidates(folder, name, language):
+            yield _file(kind, name, language, candidate)
+        if language in (None, "python", "lua") and folder.is_dir():
+            # A Python file may declare the bare name; that of what was a script in Lua with its ending.
+            declared = bare_name(name)
+            if language == "lua" and not declared.endswith(".lua"):
+                declared = f"{declared}.lua"
+            found = next((path for path in sorted(folder.glob("*.py")) if declared in declared_names(path)), None)
+            class_name = declared_names(found)[declared] if found is not None else ""
+            ref = None if found is None else PluginRef(kind, declared, str(found.resolve()), "python", class_name)
+            yield f"{folder}/*.py: none declares the name {declared!r}", ref
+        if os.path.isabs(name):  # noqa: PTH117
+            break
+    if language is not None and language.startswith("executable") and "/" not in name:
+        import shutil
+
+        program = shutil.which(name)
+        yield f"PATH: no program {name!r}", PluginRef(kind, name, program, language) if program else None
+    if language in (None, "python"):
+        point = installed(kind).get(bare_name(name))
+        place = f"entry points {GROUPS[kind]!r} of installed packages"
+        yield place, None if point is None else PluginRef(kind, name, point.value, "entry point")
 
 
-def _declared_name(name: str, language: str | None) -> str:
-    """The name a Python file may declare for this one: the bare one; with its ending for what was a script in Lua."""
-    bare = bare_name(name)
-    return f"{bare}.lua" if language == "lua" and not bare.endswith(".lua") else bare
-
-
-def bare_name(name: str) -> str:
-    """The name without folder and without a shared library's ending."""
-    stem = Path(name).name
-    return stem[: -len(Path(stem).suffix)] if Path(stem).suffix.lower() in {".so", ".dll", ".py"} else stem
+def _file(kind: str, name: str, language: str | None, path: Path) -> tuple[str, PluginRef | None]:
+    """A file as a plug-in, if it is there and of a kind that can be one."""
+    if not path.is_file():
+        return str(path), None
+    language = language or _SUFFIXES.get(path.suffix.lower()) or ("executable" if os.access(path, os.X_OK) else None)
+    if language is None:
+        return f"{path}: neither .py nor .lua nor executable (chmod +x fixes that)", None
+    return str(path), PluginRef(kind, name, str(path.resolve()), language)
 
 
 def _candidates(folder: Path, name: str, language: str | None) -> Iterator[Path]:
@@ -216,44 +214,6 @@ def _candidates(folder: Path, name: str, language: str | None) -> Iterator[Path]
         yield path.with_name(f"{bare_name(name)}.py")
     if language == "lua" and suffix != ".lua":
         yield path.with_name(f"{path.name}.lua")
-
-
-def _declaring_file(kind: str, name: str, folder: Path, tried: list[str]) -> PluginRef | None:
-    if not folder.is_dir():
-        return None
-    for path in sorted(folder.glob("*.py")):
-        class_name = declared_names(path).get(name)
-        if class_name is not None:
-            return PluginRef(kind, name, str(path.resolve()), "python", class_name)
-    tried.append(f"{folder}/*.py: none declares the name {name!r}")
-    return None
-
-
-def spec_of(ref: PluginRef) -> PluginSpec:
-    """The description of a plug-in as far as its file's text tells."""
-    return plugin_source.spec_of(ref, bare_name(ref.name))
-
-
-def _on_path(kind: str, name: str, language: str | None, tried: list[str]) -> PluginRef | None:
-    if language is None or not language.startswith("executable") or "/" in name:
-        return None
-    import shutil
-
-    program = shutil.which(name)
-    if program is None:
-        tried.append(f"PATH: no program {name!r}")
-        return None
-    return PluginRef(kind, name, program, language)
-
-
-def _entry_point(kind: str, name: str, language: str | None, tried: list[str]) -> PluginRef | None:
-    if language not in (None, "python"):
-        return None
-    point = installed(kind).get(bare_name(name))
-    if point is not None:
-        return PluginRef(kind, name, point.value, "entry point")
-    tried.append(f"entry points {GROUPS[kind]!r} of installed packages")
-    return None
 
 
 def installed(kind: str) -> dict[str, EntryPoint]:
@@ -374,11 +334,6 @@ def test_maker(ref: PluginRef) -> Callable[[], TestCase]:
     return choose_class(ref, module, TestCase)
 
 
-def load_fixture(ref: PluginRef) -> FixtureManager:
-    """Make the fixture manager that a reference stands for; raises PluginError, or what the plug-in itself raises."""
-    return fixture_maker(ref)()
-
-
 def fixture_maker(ref: PluginRef) -> type[FixtureManager]:
     """Load a fixture plug-in."""
     from rtf.testing.fixture import FixtureManager
@@ -392,7 +347,14 @@ def fixture_maker(ref: PluginRef) -> type[FixtureManager]:
 
 def load_class(ref: PluginRef, base: type[P]) -> type[P]:
     """Load the class of a plug-in in Python; raises PluginError, or what the plug-in itself raises."""
-    return _from_entry_point(ref, base) if ref.language == "entry point" else choose_class(ref, load_module(ref), base)
+    if ref.language != "entry point":
+        return choose_class(ref, load_module(ref), base)
+    from importlib.metadata import EntryPoint
+
+    loaded = EntryPoint(ref.name, ref.path, GROUPS[ref.kind]).load()
+    if not isinstance(loaded, type) or not issubclass(loaded, base):
+        raise PluginError(f"entry point {ref.name} = {ref.path} is no class derived from {base.__name__}")
+    return loaded
 
 
 class SeveralClassesError(PluginError):
@@ -411,7 +373,9 @@ def choose_class(ref: PluginRef, module: ModuleType, base: type[P]) -> type[P]:
         if isinstance(value, type) and issubclass(value, base) and value.__module__ == module.__name__
     ]
     wanted = ref.class_name or bare_name(ref.name)
-    named = [cls for cls in own if wanted in _names_of(cls)]
+    named = [
+        cls for cls in own if wanted in {cls.__name__, getattr(cls, "plugin_name", ""), *getattr(cls, "aliases", ())}
+    ]
     if named:
         return named[-1]
     leaves = [cls for cls in own if not any(other is not cls and issubclass(other, cls) for other in own)]
@@ -421,16 +385,3 @@ def choose_class(ref: PluginRef, module: ModuleType, base: type[P]) -> type[P]:
     found = ", ".join(cls.__name__ for cls in leaves) or "none"
     text = f"{ref.path} must have one class derived from {base.__name__}, or one named {wanted!r}; found: {found}"
     raise SeveralClassesError(text, () if ref.class_name else [cls.__name__ for cls in leaves])
-
-
-def _names_of(cls: type[Any]) -> set[str]:
-    return {cls.__name__, getattr(cls, "plugin_name", ""), *getattr(cls, "aliases", ())}
-
-
-def _from_entry_point(ref: PluginRef, base: type[P]) -> type[P]:
-    from importlib.metadata import EntryPoint
-
-    loaded = EntryPoint(ref.name, ref.path, GROUPS[ref.kind]).load()
-    if not isinstance(loaded, type) or not issubclass(loaded, base):
-        raise PluginError(f"entry point {ref.name} = {ref.path} is no class derived from {base.__name__}")
-    return loaded

@@ -38,7 +38,7 @@ from rtf.testing.isolation.attempt import GRACE, Limits
 from rtf.testing.plan import fingerprint
 from rtf.testing.run_control import Control, alarm
 from rtf.testing.secret_values import masked_command, masked_text
-from rtf.testing.suite.model import Isolation, TestEntry, Timeouts
+from rtf.testing.suite.model import Isolation, Timeouts
 from rtf.testing.suite_worker import SuiteWorker
 from rtf.testing.verdict import ExitCode, Severity, Verdict
 
@@ -47,9 +47,9 @@ if TYPE_CHECKING:
 
     from rtf.testing.events import PlanChanged
     from rtf.testing.isolation.launch import Launched
-    from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.reporting import Broadcast
     from rtf.testing.results import RunResult
+    from rtf.testing.suite.model import TestEntry, TestSuite
 
 #: Seconds a test may take where neither suite, plug-in nor command line says anything: everything ends.
 DEFAULT_LIMITS = Timeouts(setup=60.0, run=300.0, teardown=30.0)
@@ -107,7 +107,7 @@ class Run:
 
     def __init__(
         self,
-        suites: Sequence[PlannedSuite],
+        suites: Sequence[TestSuite],
         options: RunOptions,
         broadcast: Broadcast,
         launched: Launched | None = None,
@@ -172,21 +172,19 @@ class Run:
             for suite in self.suites:
                 self.plan(suite)
 
-    def plan(self, planned: PlannedSuite) -> None:
+    def plan(self, suite: TestSuite) -> None:
         """Tell of a suite and its tests, as far as that was not done before."""
-        suite = planned.suite
         known = self._broadcast.results
         if suite.id not in known.suites:
-            self._plan_suite(planned)
-        for test in planned.tests:
-            if test.entry.id not in known.tests:
-                self._plan_test(planned, test)
-            for case, name in test.entry.cases:
+            self._plan_suite(suite)
+        for test in suite.tests:
+            if test.id not in known.tests:
+                self._plan_test(suite, test)
+            for case, name in test.cases:
                 if case not in known.tests:
-                    self.emit(planned_case(known.tests[test.entry.id].planned, case, name))
+                    self.emit(planned_case(known.tests[test.id].planned, case, name))
 
-    def _plan_suite(self, planned: PlannedSuite) -> None:
-        suite = planned.suite
+    def _plan_suite(self, suite: TestSuite) -> None:
         self.emit(
             SuitePlanned(
                 suite=suite.id,
@@ -199,12 +197,11 @@ class Run:
             ),
         )
 
-    def _plan_test(self, planned: PlannedSuite, test: PlannedTest) -> None:
-        entry = test.entry
+    def _plan_test(self, suite: TestSuite, entry: TestEntry) -> None:
         self.emit(
             TestPlanned(
                 test=entry.id,
-                suite=planned.suite.id,
+                suite=suite.id,
                 name=entry.name,
                 plugin=entry.plugin,
                 type=entry.type or "",
@@ -215,8 +212,8 @@ class Run:
                 repetition=self.repetition_of(entry),
                 retries=self.retries_of(entry),
                 expected=entry.expected,
-                run_timeout=self.limits_of(planned, test).run,
-                fingerprint=fingerprint(planned.suite, entry),
+                run_timeout=self.limits_of(suite, entry).run,
+                fingerprint=fingerprint(suite, entry),
                 cases=tuple(case for case, _ in entry.cases),
             ),
         )
@@ -291,25 +288,24 @@ class Run:
             while wait(running, timeout=_LOOK).not_done:
                 continue
 
-    def _groups(self) -> list[list[PlannedSuite]]:
+    def _groups(self) -> list[list[TestSuite]]:
         """What may run at the same time: suites that share a fixture are one group, copies of a suite are several."""
         groups = []
         for suites in groups_sharing_fixtures(self.suites):
             copies = copies_of(suites[0], self.options.jobs) if len(suites) == 1 else []
-            if any(suite.suite.copies > 1 for suite in suites) and len(copies) <= 1:
+            if any(suite.copies > 1 for suite in suites) and len(copies) <= 1:
                 self._say_no_copies(suites)
             groups += [[copy] for copy in copies] or [suites]
         return groups
 
-    def _say_no_copies(self, suites: list[PlannedSuite]) -> None:
-        for planned in suites:
-            if planned.suite.copies > 1 and len(planned.tests) > 1:
+    def _say_no_copies(self, suites: list[TestSuite]) -> None:
+        for suite in suites:
+            if suite.copies > 1 and len(suite.tests) > 1:
                 text = "copies has no effect: what its tests stand on is there once, or is used by another suite"
                 hint = "write ${copy} in the param of each fixture, such as --namespace /bench${copy}"
-                suite = planned.suite
                 self.emit(Diagnosed(severity=Severity.WARNING, text=text, hint=hint, suite=suite.id, file=suite.file))
 
-    def _run_worker(self, suites: Sequence[PlannedSuite]) -> None:
+    def _run_worker(self, suites: Sequence[TestSuite]) -> None:
         try:
             conduct = self.options.conduct or SuiteWorker.run
             conduct(SuiteWorker(self, suites))
@@ -318,11 +314,11 @@ class Run:
 
     # What holds for a test ---------------------------------------------------------------------------------------
 
-    def limits_of(self, planned: PlannedSuite, test: PlannedTest) -> Limits:
+    def limits_of(self, suite: TestSuite, test: TestEntry) -> Limits:
         """The limits of a test: its own, its suite's, its author's, the command line's or the defaults."""
         if self.options.terminal:  # somebody is thinking
             return Limits(setup=None, run=None, teardown=None, grace=self.options.grace)
-        chosen = planned.suite.timeouts_of(test.entry).inherit(Timeouts(run=test.timeout))
+        chosen = suite.timeouts_of(test).inherit(Timeouts(run=test.spec.timeout))
         chosen = chosen.inherit(self.options.limits).inherit(DEFAULT_LIMITS)
         return Limits(**asdict(chosen), grace=self.options.grace)
 

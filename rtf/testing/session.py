@@ -5,6 +5,7 @@ A session lives in the test's own process. Any thread of the test may emit; only
 
 from __future__ import annotations
 
+import sys
 import traceback
 from _thread import allocate_lock, get_ident  # ``threading`` has hooks that cost each fork, see docs/decisions/0010
 from contextlib import contextmanager
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Generic, NoReturn, TypeVar
 from rtf import clock
 from rtf.testing.events import Answered, Asked, Event, Message, PhaseStarted, SubResultEnded
 from rtf.testing.isolation.messages import Case
-from rtf.testing.source_location import OWN_FOLDER, raised_place
+from rtf.testing.plugins import PLUGINS
 from rtf.testing.verdict import (
     UNDOING_PHASES,
     Inconclusive,
@@ -30,11 +31,15 @@ from rtf.testing.verdict import (
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from types import FrameType
 
     from rtf.testing.measurement import Measurement
 
 #: A text longer than this is cut in the middle, and says so: an event must stay something a page can show.
 TEXT_LIMIT = 1 << 20
+
+#: Frames of these files are not the author's; a failure is located and a traceback shown without them.
+OWN_FOLDER = str(Path(__file__).parent)
 
 #: What a process sends.
 M = TypeVar("M")
@@ -102,6 +107,46 @@ def author_traceback(error: BaseException) -> str:
     while trace is not None and trace.tb_frame.f_code.co_filename.startswith(OWN_FOLDER):
         trace = trace.tb_next
     return bounded("".join(traceback.format_exception(type(error), error, trace or error.__traceback__)))
+
+
+# Where it happened ---------------------------------------------------------------------------------------------------
+#
+# That is a line of the plug-in, also where a layer between it and the framework (that of robot tests, say) made the
+# call or raised the error: a reader of "joint_limits.py:140" knows which step of the test it was.
+
+
+def calling_place(own: str) -> tuple[str, int]:
+    """File and line from which ``own``, a file of the framework, was called.
+
+    The nearest frame of a plug-in, or without one the nearest outside of ``own``.
+    """
+    frame = sys._getframe(1)  # noqa: SLF001 - inspect.stack() reads source files and takes milliseconds
+    while frame.f_back is not None and frame.f_code.co_filename in (own, __file__):
+        frame = frame.f_back
+    nearest = frame
+    while not _of_plugin(frame):
+        if frame.f_back is None:
+            frame = nearest
+            break
+        frame = frame.f_back
+    return frame.f_code.co_filename, frame.f_lineno
+
+
+def raised_place(error: BaseException) -> tuple[str, int]:
+    """File and line of the innermost frame of a plug-in; without one, of the innermost that is not the framework's."""
+    place, in_plugin = ("", 0), False
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        file = frame.f_code.co_filename
+        if _of_plugin(frame):
+            place, in_plugin = (file, line), True
+        elif not in_plugin and not file.startswith((OWN_FOLDER, "<frozen")):
+            place = (file, line)
+    return place
+
+
+def _of_plugin(frame: FrameType) -> bool:
+    name = frame.f_globals.get("__name__")
+    return isinstance(name, str) and name.startswith(PLUGINS)
 
 
 class Stoppable(Generic[M]):

@@ -10,7 +10,6 @@ import json
 from collections import Counter
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import starmap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,9 +30,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from rtf.testing.isolation.child import Child
-    from rtf.testing.plan import PlannedSuite, PlannedTest
     from rtf.testing.runner import Run
-    from rtf.testing.suite.model import FixtureEntry, TestSuite
+    from rtf.testing.suite.model import FixtureEntry, TestEntry, TestSuite
 
 
 class SuiteWorker:
@@ -44,24 +42,24 @@ class SuiteWorker:
     between them. All but :meth:`wake` and :meth:`abort` belong to one thread.
     """
 
-    def __init__(self, run: Run, suites: Sequence[PlannedSuite]) -> None:
+    def __init__(self, run: Run, suites: Sequence[TestSuite]) -> None:
         self.whole_run = run
         self._suites = suites
         self.emit = run.emit
         self._dispatcher = run.dispatcher
         self.reactor = Reactor()
         self.running = ""  # the id of the test that runs
-        self.planned: PlannedSuite = suites[0] if suites else None  # type: ignore[assignment]  # no suite, no test
+        self.current: TestSuite = suites[0] if suites else None  # type: ignore[assignment]  # no suite, no test
         self._suite_deadline = clock.Deadline()
         self._fixtures_deadline = clock.Deadline()  # of a run that has to end at once
         self._stops_before = 0  # what comes after these ends a fixture's teardown by force
         self._aborted = ""
         self._shared: Child | None = None
-        preload = tuple(dict.fromkeys(name for planned in suites for name in planned.suite.preload))
+        preload = tuple(dict.fromkeys(name for suite in suites for name in suite.preload))
         self.fork_server = ForkServerClient(
             self.reactor,
             preload=preload,
-            uses=Counter(test.plugin.path for planned in suites for test in planned.tests if test.plugin is not None),
+            uses=Counter(test.found.path for suite in suites for test in suite.tests if test.found is not None),
             launched=run.take_launched(),
             stop_now=lambda: run.control.stage > 0,
         )
@@ -79,19 +77,19 @@ class SuiteWorker:
         """Run the suites; afterwards everything of this suite worker is gone."""
         done = self.whole_run.options.done
         with self.at_work():
-            for index, planned in enumerate(self._suites):
-                if planned.tests and all(test.entry.id in done for test in planned.tests):
-                    self._end_suite(planned, 0.0)
-                elif not planned.tests or not self._dispatcher.is_empty(planned.suite.id):
-                    with self.suite(planned, self._suites[index + 1 :]):
-                        self._run_tests(planned)
+            for index, suite in enumerate(self._suites):
+                if suite.tests and all(test.id in done for test in suite.tests):
+                    self._end_suite(suite, 0.0)
+                elif not suite.tests or not self._dispatcher.is_empty(suite.id):
+                    with self.suite(suite, self._suites[index + 1 :]):
+                        self._run_tests(suite)
 
-    def _run_tests(self, planned: PlannedSuite) -> None:
+    def _run_tests(self, suite: TestSuite) -> None:
         """Run the tests of a suite that nobody else runs."""
-        dispatcher, suite = self._dispatcher, planned.suite.id
-        tests = {test.entry.id: test for test in planned.tests}
-        while not dispatcher.is_empty(suite):
-            taken = dispatcher.take(suite, stopping=bool(self.stop_reason()))
+        dispatcher = self._dispatcher
+        tests = {test.id: test for test in suite.tests}
+        while not dispatcher.is_empty(suite.id):
+            taken = dispatcher.take(suite.id, stopping=bool(self.stop_reason()))
             if not taken:
                 self.supervisor.watch()
                 self.reactor.run_once(self.next_tick())
@@ -99,14 +97,14 @@ class SuiteWorker:
             try:
                 self.run_test(tests[taken])
             finally:
-                dispatcher.ended(suite, taken)
+                dispatcher.ended(suite.id, taken)
 
     @contextmanager
     def at_work(self) -> Iterator[None]:
         """Have a fork server in the block; afterwards everything of this suite worker is gone."""
         self.whole_run.control.add_reactor(self.reactor)
         try:
-            has_plugins = any(test.plugin is not None for planned in self._suites for test in planned.tests)
+            has_plugins = any(test.found is not None for suite in self._suites for test in suite.tests)
             if has_plugins and not self.whole_run.stop_reason():
                 self.fork_server.start()
             yield
@@ -138,14 +136,13 @@ class SuiteWorker:
     # Suites ------------------------------------------------------------------------------------------------------
 
     @contextmanager
-    def suite(self, planned: PlannedSuite, later: Sequence[PlannedSuite] = ()) -> Iterator[None]:
+    def suite(self, suite: TestSuite, later: Sequence[TestSuite] = ()) -> Iterator[None]:
         """Run tests of a suite in the block; afterwards its fixtures are down but for those that a ``later`` one needs.
 
         What its tests stand on comes up with the first of them that needs it.
         """
-        suite = planned.suite
-        self.planned = planned
-        self.supervisor.adopt(suite.id, starmap(Fixture, planned.fixtures))
+        self.current = suite
+        self.supervisor.adopt(suite.id, map(Fixture, suite.fixtures))
         first, self._suite_deadline = self._dispatcher.enter(suite, self.reactor.wake)
         if self.whole_run.options.terminal:
             self._suite_deadline = clock.Deadline()
@@ -157,13 +154,13 @@ class SuiteWorker:
         finally:
             self._suite_deadline = clock.Deadline()
             self.end_shared()
-            kept = _kept_for(suite, [other.suite for other in later])
+            kept = _kept_for(suite, later)
             mine = [entry.name for entry in suite.fixtures if entry.name not in kept]
             self._take_down(mine)
             self.supervisor.forget(mine)
             last, duration = self._dispatcher.leave(suite.id, self.reactor.wake)
             if last:
-                self._end_suite(planned, duration)
+                self._end_suite(suite, duration)
 
     # What is asked each time something happened in a wait; so an interrupt is told of at once.
 
@@ -187,7 +184,7 @@ class SuiteWorker:
             self._fixtures_deadline = control.fixtures_deadline(more)
             for name, seconds in slow.items():
                 text = f"fixture {name} needs up to {seconds:g} s to be brought down safely; the run waits for it"
-                self.emit(Diagnosed(severity=Severity.WARNING, text=text, suite=self.planned.suite.id))
+                self.emit(Diagnosed(severity=Severity.WARNING, text=text, suite=self.current.id))
         return self._fixtures_deadline
 
     def _take_down(self, names: list[str]) -> None:
@@ -195,8 +192,8 @@ class SuiteWorker:
         self._stops_before = self.whole_run.control.count
         self.supervisor.take_down(names)
 
-    def _end_suite(self, planned: PlannedSuite, duration: float) -> None:
-        result = self.whole_run.results.suites[planned.suite.id]
+    def _end_suite(self, suite: TestSuite, duration: float) -> None:
+        result = self.whole_run.results.suites[suite.id]
         counts = result.counts()
         bad = any(not verdict.good for verdict in counts) or result.problems
         verdict = Verdict.FAILED if bad else Verdict.PASSED
@@ -204,7 +201,7 @@ class SuiteWorker:
         earlier = sum(test.duration for test in result.tests.values() if test.id in done and not test.planned.parent)
         self.emit(
             SuiteEnded(
-                suite=planned.suite.id,
+                suite=suite.id,
                 verdict=verdict,
                 duration=earlier + duration,
                 counts={str(key): count for key, count in counts.items()},
@@ -213,11 +210,11 @@ class SuiteWorker:
 
     # Tests -------------------------------------------------------------------------------------------------------
 
-    def run_test(self, test: PlannedTest) -> None:
+    def run_test(self, test: TestEntry) -> None:
         """Run a test of the suite, up to its final end."""
         self.whole_run.count_failures(Attempts(self, test).run())
 
-    def bring_up(self, test: PlannedTest) -> bool:
+    def bring_up(self, test: TestEntry) -> bool:
         """Have what a test stands on up. False when it cannot be started; :meth:`run_test` then says at once why."""
         return Attempts(self, test).bring_up()
 
@@ -269,19 +266,19 @@ class SuiteWorker:
     def _fixture_job(self, fixture: Fixture) -> Job:
         entry = fixture.entry
         options = self.whole_run.options
-        assert not isinstance(fixture.plugin, str)  # one without a plug-in is never started
+        assert entry.found is not None  # one without a plug-in is never started
         return Job(
             kind="fixture",
             id=entry.name,
             name=entry.name,
-            plugin=fixture.plugin,
-            folder=str(options.run_folder / "files" / self.planned.suite.id / f"fixture-{entry.name}"),
+            plugin=entry.found,
+            folder=str(options.run_folder / "files" / self.current.id / f"fixture-{entry.name}"),
             run_folder=str(options.run_folder),
             param=entry.param,
             parameters=entry.parameters,
             suite_place=str(entry.location) if entry.location.file else "",
             suite_folder=str(Path(entry.location.file).parent) if entry.location.file else "",
-            environment=entry.environment or self.planned.suite.environment,
+            environment=entry.environment or self.current.environment,
             attempt=fixture.generation,
             check_period=entry.check_period,
             variables=self.supervisor.variables(entry.depends),
@@ -291,7 +288,7 @@ class SuiteWorker:
     def fixture_values(self, names: Iterable[str]) -> str:
         """What the fixtures hand on, by the names that the suite gives them."""
         values = self.supervisor.values(names)
-        suffix = copy_suffix(self.planned.copy)
+        suffix = copy_suffix(self.current.copy)
         return json.dumps({name.removesuffix(suffix): value for name, value in values.items()}) if values else ""
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from harness import run_command, write_files
+from harness import read_back, run_command, write_files
 from rtf.cli.arguments import build_parser
 from rtf.cli.project import _RENAMED, KEYS
 from rtf.testing.events import RunStarted
@@ -52,11 +52,12 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("where", [".", "suites"])
 def test_testrunner_alone_runs_the_project(folder: Path, where: str):
-    """From each folder of it; what the file names is beside the file."""
+    """From each folder of it; what the file names, and the folders of runs, are beside the file."""
     done = run_command(folder / where, "-v")
     assert done.exit_code == ExitCode.PASSED, done.stderr
-    assert [*done.results.tests] == ["a/fine", "b/fine"]
-    (started,) = done.of(RunStarted)
+    events, results = read_back(folder / "rtf-runs" / "latest")
+    assert [*results.tests] == ["a/fine", "b/fine"]
+    (started,) = [event for event in events if isinstance(event, RunStarted)]
     assert (started.robot, started.device) == ("icub7", {"serial": "A7"})
     assert "level 7" in done.stdout
     assert (folder / "results.xml").exists()

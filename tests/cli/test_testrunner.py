@@ -468,3 +468,16 @@ def test_every_word_is_run(folder: Path, words: tuple[str, ...], ids: list[str])
     write_files(folder, {"tests/other__py": FINE})
     done = run_command(folder, *words)
     assert [*done.results.tests] == ids
+
+
+@pytest.mark.parametrize("command", [[], ["validate"]])
+def test_a_variable_that_no_suite_asks_for_is_told(tmp_path: Path, command: list[str]):
+    """A misspelt name would leave the suite as it is, without a word."""
+    text = '<suite name="s"><test param="--level ${level}">fine.py</test></suite>'
+    fine = "from rtf.testing import Parameter, TestCase\nclass Fine(TestCase):\n    level = Parameter(int, 'a level')\n"
+    write_files(tmp_path, {"s__xml": text, "fine__py": f"{fine}    def run(self): pass\n"})
+    done = run_command(tmp_path, *command, "s.xml", "--define", "level=3", "--define", "levle=4")
+    assert done.exit_code == ExitCode.PASSED, done.stderr
+    assert "warning: --define levle: no suite has ${levle} in it" in done.stdout + done.stderr
+    assert "did you mean 'level'?" in done.stdout + done.stderr
+    assert "--define level:" not in done.stdout + done.stderr

@@ -12,7 +12,7 @@ from rtf.testing import Matrix, plugins
 from rtf.testing.inspection import inspect_plugins
 from rtf.testing.plan import Planner, load_files
 from rtf.testing.plugin_source import specs_in
-from rtf.testing.plugin_spec import combinations
+from rtf.testing.plugin_spec import PluginSpec, combinations
 from rtf.testing.verdict import ExitCode, Verdict
 
 if TYPE_CHECKING:
@@ -54,9 +54,9 @@ def planned(folder: Path, body: str, **overrides: str) -> list[TestEntry]:
     loaded = load_files([(folder / "s.xml", True)], {})
     assert not loaded.diagnostics
     planner = Planner([*overrides.items()])
-    (suite,) = planner.plan(planner.complete(loaded.suites))
-    assert [test.problem for test in suite.tests if test.plugin is None] == []
-    return [test.entry for test in suite.tests]
+    (suite,) = planner.plan(loaded.suites)
+    assert [test.problem for test in suite.tests if test.found is None] == []
+    return [*suite.tests]
 
 
 def test_a_matrix_makes_a_test_of_each_combination(folder: Path):
@@ -115,7 +115,7 @@ def test_a_matrix_that_makes_no_sense_is_the_authors_error(values: dict[str, tup
 def test_a_matrix_takes_what_parameters_take():
     """Truth values, numbers, texts, lists."""
     axes = Matrix(a=(True,), b=("",), c=([1, 2.5], ["x y"])).axes
-    assert [*combinations(axes, ())] == [
+    assert [*combinations(PluginSpec(matrix=axes), ())] == [
         ("True--c0", (("a", "true"), ("b", '""'), ("c", "(1 2.5)"))),
         ("True--c1", (("a", "true"), ("b", '""'), ("c", '("x y")'))),
     ]
@@ -178,9 +178,12 @@ def test_the_text_of_every_shipped_plug_in_tells_what_the_loaded_class_says(kind
     found = inspect_plugins(dict.fromkeys(refs, ()))
     assert [one.problems for one in found.values() if one.problems] == []
     for ref, read in refs.items():
-        loaded = structs.replace(found[ref].spec, description=read.description, parameters=())
+        loaded = structs.replace(found[ref].spec, description=read.description, parameters=read.parameters)
         assert found[ref].spec.summary == read.summary
         assert structs.replace(loaded, names=read.names) == read, ref
+        assert {one.names for one in found[ref].spec.parameters if one.name not in ("name", "description")} == {
+            one.names for one in read.parameters if one.name not in ("name", "description")
+        }
 
 
 def test_facts_that_the_text_computes_are_known_before_the_run(folder: Path):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rtf.testing import plugins
+from rtf.testing import plugin_source, plugins
 from rtf.testing.plugins import PluginError, PluginNotFoundError, find
 
 NATIVE = '''
@@ -65,7 +65,7 @@ def test_dll_means_the_python_plugin_that_declares_the_name(folder: Path):
 def test_facts_are_known_without_running_the_file(folder: Path):
     """Tags, requirements and time-out are read from the text alone."""
     (folder / "limits_of_joints.py").write_text(NATIVE + "\nraise SystemExit('must not be run')\n")
-    spec = plugins.spec_of(find("test", "JointLimits", beside=folder))
+    spec = plugin_source.spec_of(find("test", "JointLimits", beside=folder))
     assert (spec.tags, spec.requires, spec.timeout) == (("motion",), ("program:sh",), 12.0)
     assert spec.summary == "Sweeps the limits."
 
@@ -74,7 +74,7 @@ def test_private_classes_are_no_plugins(folder: Path):
     """What a test keeps its values in does not hide what the test says of itself."""
     private = "\nfrom typing import NamedTuple\nclass _Side(NamedTuple):\n    sign: int\n"
     (folder / "limits_of_joints.py").write_text(NATIVE.replace("timeout = 12", "safety = Safety.MOTION") + private)
-    spec = plugins.spec_of(find("test", "limits_of_joints.py", beside=folder))
+    spec = plugin_source.spec_of(find("test", "limits_of_joints.py", beside=folder))
     assert (spec.class_name, spec.safety) == ("JointLimits", "motion")
     with pytest.raises(PluginNotFoundError):
         find("test", "_Side", beside=folder)
@@ -129,7 +129,7 @@ class _Mixed(TestCase):
 def test_what_a_test_does_to_its_surroundings_is_read_or_unknown(folder: Path, text: str, safety: str | None):
     """Its own word, or that of the library's classes and those in the file it derives from; else nobody can tell."""
     (folder / "t.py").write_text(f"{BASES}{text}\n")
-    assert plugins.spec_of(find("test", "t.py", beside=folder)).safety == safety
+    assert plugin_source.spec_of(find("test", "t.py", beside=folder)).safety == safety
 
 
 @pytest.mark.parametrize("bases", ["NamedTuple", "Protocol", "enum.IntEnum", "ValueError", "abc.ABC, dict", "Helper"])
@@ -137,7 +137,7 @@ def test_classes_of_python_beside_a_test_are_no_plugins(folder: Path, bases: str
     """What a test keeps its values in does not hide what it does."""
     helper = "class Helper(NamedTuple): value: int\n" if bases == "Helper" else ""
     (folder / "t.py").write_text(f"{BASES}{helper}class Step({bases}): pass\nclass T(_Own): pass\n")
-    assert plugins.spec_of(find("test", "t.py", beside=folder)).safety == "motion"
+    assert plugin_source.spec_of(find("test", "t.py", beside=folder)).safety == "motion"
     with pytest.raises(PluginNotFoundError):
         find("test", "Step", beside=folder)
 
@@ -145,8 +145,8 @@ def test_classes_of_python_beside_a_test_are_no_plugins(folder: Path, bases: str
 def test_programs_and_scripts_declare_nothing(folder: Path):
     """They have no way to."""
     (folder / "t.lua").write_text("return {}")
-    assert plugins.spec_of(find("test", "t.lua", beside=folder)).safety == ""
-    assert plugins.spec_of(find("test", "true", "executable", beside=folder)).safety == ""
+    assert plugin_source.spec_of(find("test", "t.lua", beside=folder)).safety == ""
+    assert plugin_source.spec_of(find("test", "true", "executable", beside=folder)).safety == ""
 
 
 @pytest.mark.parametrize(("name", "type_"), [("sweep.lua", None), ("sweep.lua", "lua"), ("sweep", "lua")])

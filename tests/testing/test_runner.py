@@ -109,8 +109,7 @@ def run_suites(tmp_path: Path, suites: dict[str, str], *reporters: Reporter, **m
     )
     loaded = load_files([(folder / f"{name}.xml", True) for name in suites], {})
     assert not loaded.has_errors, loaded.diagnostics
-    planner = Planner()
-    planned = planner.plan(planner.complete(loaded.suites))
+    planned = Planner().plan(loaded.suites)
     run_folder = tmp_path / "run"
     run_folder.mkdir()
     broadcast = Broadcast(journal.Journal(run_folder / journal.FILE_NAME), [*reporters])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rtf.testing.source_location import calling_place, raised_place
+from rtf.testing.session import calling_place, raised_place
 
 _LAYER = """
 def call(place_of):

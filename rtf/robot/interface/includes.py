@@ -9,15 +9,15 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rtf import xml_tree
 from rtf.errors import Location
-from rtf.robot.interface import xml_tree
 from rtf.robot.interface.problems import RobotFileError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from rtf.robot.interface.problems import ProblemLog
-    from rtf.robot.interface.xml_tree import Document, Element
+    from rtf.xml_tree import Document, Element
 
 INCLUDE = "xi:include"
 #: The document type line of a robot's file.
@@ -27,6 +27,7 @@ DOCTYPE = (
 )
 MAX_DEPTH = 16
 MAX_FILES = 1000
+MAX_VALUE = 64 << 10  # characters of one attribute or text
 MAX_BYTES = 32 << 20  # of all files
 
 _PUBLIC = re.compile(r"-//YARP//DTD yarprobotinterface ([0-9]{1,3})\.([0-9]{1,3})//EN")
@@ -75,15 +76,20 @@ class _Loader:
 
     def load(self, path: Path, trail: tuple[Path, ...], asked: Location) -> Element:
         """Return the tree of one file; its resolved path is the last of ``trail``. Raises RobotFileError."""
-        document = xml_tree.scan(self._read(path, trail[-1], asked), str(path))
+        try:
+            document = xml_tree.parse(self._read(path, trail[-1], asked), str(path), declarations=True)
+        except xml_tree.XmlError as error:
+            raise RobotFileError.of(error.location, error.message, error.hint) from None
+        root = document.root
+        assert root is not None  # of a file that is well-formed
         self._elements += document.elements
         if self._elements > xml_tree.MAX_ELEMENTS:
             raise RobotFileError.of(asked, f"the files of the robot have more than {xml_tree.MAX_ELEMENTS} elements")
-        old = self._version(document) == _DEPRECATED
-        if document.root.tag == INCLUDE:
-            raise RobotFileError.of(document.root.location, f"a file cannot begin with <{INCLUDE}>")
-        self._replace_includes(document.root, path, trail, "file" if old else None)
-        return document.root
+        old = self._version(document, root) == _DEPRECATED
+        if root.tag == INCLUDE:
+            raise RobotFileError.of(root.location, f"a file cannot begin with <{INCLUDE}>")
+        self._replace_includes(root, path, trail, "file" if old else None)
+        return root
 
     def _read(self, path: Path, real: Path, asked: Location) -> bytes:
         self._files += 1
@@ -101,6 +107,7 @@ class _Loader:
 
     def _replace_includes(self, element: Element, path: Path, trail: tuple[Path, ...], old: str | None) -> None:
         """Replace the includes below an element. ``old``: the attribute that includes a file in version 1."""
+        _check_sizes(element)
         children: list[Element] = []
         for child in element.children:
             if child.tag != INCLUDE and old not in child.attributes:
@@ -148,9 +155,8 @@ class _Loader:
             )
         return target, real
 
-    def _version(self, document: Document) -> int:
+    def _version(self, document: Document, root: Element) -> int:
         """Return the version of the format. An unsupported one is recorded as an error."""
-        root = document.root
         if not document.doctype:
             self._problems.warn(root.location, "the file has no document type, 3.0 is assumed", f"begin with {DOCTYPE}")
             return _READ
@@ -172,6 +178,16 @@ class _Loader:
             known = "was never supported" if major == _NEVER_SUPPORTED else "is not known"
             self._problems.error(place, f"version {version[1]}.{version[2]} of the format {known}", "write version 3.0")
         return major
+
+
+def _check_sizes(element: Element) -> None:
+    """Refuse what is longer than anything that a robot needs. Raises RobotFileError."""
+    for name, value in element.attributes.items():
+        if len(name) + len(value) > MAX_VALUE:
+            text = f"an attribute of <{element.tag[:40]}> is longer than {MAX_VALUE >> 10} KiB"
+            raise RobotFileError.of(element.location, text, "shorten it")
+    if len(element.text) > MAX_VALUE:
+        raise RobotFileError.of(element.location, f"a text is longer than {MAX_VALUE >> 10} KiB", "shorten it")
 
 
 def _bytes_of(path: Path) -> bytes:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from rtf.errors import Location
     from rtf.robot.interface.problems import ProblemLog
-    from rtf.robot.interface.xml_tree import Element
+    from rtf.xml_tree import Element
 
 #: The tags of parameter elements.
 TAGS = frozenset({"params", "param", "group", "paramlist"})

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Iterator
 
-    from rtf.robot.interface.xml_tree import Element
+    from rtf.xml_tree import Element
 
 MAX_LEVEL = 1_000_000
 MAX_BUILD = (1 << 32) - 1

@@ -8,7 +8,7 @@ import sys
 from bdb import BdbQuit
 from types import TracebackType
 
-from rtf.testing.source_location import OWN_FOLDER
+from rtf.testing.session import OWN_FOLDER
 from rtf.testing.verdict import Inconclusive, SkipTest
 
 

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 from rtf.errors import Location, nearest
 from rtf.testing.events import Diagnosed
 from rtf.testing.verdict import Severity
+from rtf.xml_tree import XmlError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
 MAX_DIAGNOSTICS = 1000
 """More than anybody reads; what is beyond is counted."""
-_MAX_COMPARED = 64  # names longer than this are no misspelling of ours
+MAX_COMPARED = 64  # names longer than this are no misspelling of ours
 _MAX_CANDIDATES = 200  # comparing is slow, and a list this long is generated rather than typed
 _MAX_SUGGESTIONS = 100
 
@@ -30,7 +31,9 @@ _OVER = {
 class DiagnosticLog:
     """Collects problems; a problem met again, as in every round of a loop, is kept once.
 
-    With ``lenient`` an element or attribute that nobody knows is a warning.
+    With ``lenient`` an element or attribute that nobody knows is a warning. It also keeps count of what loops and
+    includes unfold into: a file of a few lines can ask for billions of tests. ``variables`` are those that the file
+    asks for.
     """
 
     def __init__(self, *, lenient: bool = False) -> None:
@@ -38,6 +41,8 @@ class DiagnosticLog:
         self._kept: dict[tuple[Severity, str, Location], Diagnosed] = {}
         self._left_out = {Severity.ERROR: 0, Severity.WARNING: 0}
         self._suggestions = _MAX_SUGGESTIONS
+        self._left = dict(LIMITS)
+        self.variables: set[str] = set()
 
     def error(self, message: str, location: Location, hint: str = "") -> None:
         """Note something that cannot be used as it is written."""
@@ -53,11 +58,18 @@ class DiagnosticLog:
 
     def did_you_mean(self, name: str, candidates: Collection[str]) -> str:
         """A hint for a name that is not known; empty when nothing resembles it or there is too much to compare."""
-        if not 0 < len(candidates) <= _MAX_CANDIDATES or len(name) > _MAX_COMPARED or not self._suggestions:
+        if not 0 < len(candidates) <= _MAX_CANDIDATES or len(name) > MAX_COMPARED or not self._suggestions:
             return ""
         self._suggestions -= 1
         near = nearest(name, candidates)
         return f"did you mean {near!r}?" if near else ""
+
+    def spend(self, location: Location, **amounts: int) -> None:
+        """Count what the file unfolds into. Raises XmlError, which names the limit and the place, when it is enough."""
+        for what, amount in amounts.items():
+            self._left[what] -= amount
+            if self._left[what] < 0:
+                raise XmlError(_OVER[what].format(LIMITS[what]), location, "split the suite")
 
     def _add(self, severity: Severity, message: str, location: Location, hint: str) -> None:
         key = (severity, message, location)
@@ -84,25 +96,3 @@ def diagnosed(severity: Severity, message: str, location: Location, hint: str = 
     """The event that tells of a problem at a place. With an error nothing is run; a warning leaves what was meant."""
     file, line, column = location.file, location.line, location.column
     return Diagnosed(severity=severity, text=message, file=file, line=line, column=column, hint=hint, suite=suite)
-
-
-class OverBudgetError(Exception):
-    """A file unfolds into more than the loader is willing to hold."""
-
-    def __init__(self, message: str, location: Location) -> None:
-        super().__init__(message)
-        self.message, self.location = message, location
-
-
-class Budget:
-    """What loops and includes may still unfold into; a file of a few lines can ask for billions of tests."""
-
-    def __init__(self) -> None:
-        self._left = dict(LIMITS)
-
-    def spend(self, location: Location, **amounts: int) -> None:
-        """Take from the budget; OverBudgetError names the limit and the place when it is used up."""
-        for what, amount in amounts.items():
-            self._left[what] -= amount
-            if self._left[what] < 0:
-                raise OverBudgetError(_OVER[what].format(LIMITS[what]), location)

@@ -11,35 +11,27 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from rtf.errors import nearest
+from rtf.testing.suite.diagnostics import MAX_COMPARED
 from rtf.testing.suite.model import Expected, Isolation, LostPolicy, Scope
-from rtf.testing.suite.values import MAX_TEXT, parse_duration, parse_integer, quote, split_words, substitute
+from rtf.testing.suite.values import MAX_TEXT, parse_duration, parse_integer, split_words, substitute, variables_in
+from rtf.xml_tree import quote
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from enum import StrEnum
 
-    from rtf.testing.suite.diagnostics import Budget, DiagnosticLog
-    from rtf.testing.suite.scan import Element
+    from rtf.testing.suite.diagnostics import DiagnosticLog
+    from rtf.xml_tree import Element
 
-    #: Reads the text of an attribute. Raises ValueError with what is wrong; None means that nothing is said.
+    #: Reads the text of an attribute. Raises ValueError with what is wrong, and maybe a hint; None says nothing.
     Reader = Callable[[str], Any]
 
 _FOREIGN = ("xmlns", "xsi:", "xml:")  # what editors put there to find the schema
 _LOSABLE = frozenset({"test", "include", "fixture"})
-_TAG = re.compile(r"""[^\s,()"']+""")
-_MODULE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
-_REQUIREMENT_KINDS = frozenset({"test", "program", "module", "env", "file"})
 
 
 # Readers of attributes -----------------------------------------------------------------------------------------------
-
-
-class NoChoiceError(ValueError):
-    """A word that is none of those allowed."""
-
-    def __init__(self, word: str, allowed: list[str]) -> None:
-        super().__init__(f"is {quote(word)}; it must be one of {', '.join(allowed)}")
-        self.word, self.allowed = word, allowed
 
 
 def _text(text: str) -> str:
@@ -54,37 +46,26 @@ def _type(text: str) -> str | None:
     return text.strip().lower() or None
 
 
-def _words(text: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(split_words(text)))
-
-
 def _values(text: str) -> tuple[str, ...]:
     return split_words(text, commas=False)
 
 
-def _tags(text: str) -> tuple[str, ...]:
-    words = _words(text)
-    for word in words:
-        if not _TAG.fullmatch(word):
-            raise ValueError(f"is {quote(text)}, but {quote(word)} cannot be a tag; leave out brackets and quotes")
-    return words
+def _words(form: re.Pattern[str] | None = None, complaint: str = "") -> Reader:
+    """Read a list of words, each once; ``complaint`` says what is wrong with one that does not have the ``form``."""
+
+    def read(text: str) -> tuple[str, ...]:
+        words = tuple(dict.fromkeys(split_words(text)))
+        for word in words:
+            if form is not None and not form.fullmatch(word):
+                raise ValueError(f"is {quote(text)}, but {quote(word)} {complaint}")
+        return words
+
+    return read
 
 
-def _modules(text: str) -> tuple[str, ...]:
-    words = _words(text)
-    for word in words:
-        if not _MODULE.fullmatch(word):
-            raise ValueError(f"is {quote(text)}, but {quote(word)} is no name of a Python module")
-    return words
-
-
-def _requirements(text: str) -> tuple[str, ...]:
-    words = _words(text)
-    for word in words:
-        kind, colon, value = word.partition(":")
-        if not word or (colon and kind in _REQUIREMENT_KINDS and not value):
-            raise ValueError(f"is {quote(text)}, but {quote(word)} names nothing")
-    return words
+_TAGS = _words(re.compile(r"""[^\s,()"']+"""), "cannot be a tag; leave out brackets and quotes")
+_MODULES = _words(re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*"), "is no name of a Python module")
+_REQUIREMENTS = _words(re.compile(r"(?!(?:test|program|module|env|file):\Z).+", re.DOTALL), "names nothing")
 
 
 def _whole(high: int) -> Reader:
@@ -93,11 +74,12 @@ def _whole(high: int) -> Reader:
 
 def _choice(kind: type[StrEnum]) -> Reader:
     def read(text: str) -> StrEnum | None:
-        word = text.strip()
-        try:
-            return kind(word) if word else None
-        except ValueError:
-            raise NoChoiceError(word, [member.value for member in kind]) from None
+        word, allowed = text.strip(), [member.value for member in kind]
+        if word and word not in allowed:
+            near = nearest(word[:MAX_COMPARED], allowed)
+            hint = f"did you mean {near!r}?" if near else ""
+            raise ValueError(f"is {quote(word)}; it must be one of {', '.join(allowed)}", hint)
+        return kind(word) if word else None
 
     return read
 
@@ -125,9 +107,9 @@ KINDS: Mapping[str, Kind] = {
             "timeout": parse_duration,
             "retries": _whole(1000),
             "isolation": _choice(Isolation),
-            "tags": _tags,
+            "tags": _TAGS,
             "on-lost": _choice(LostPolicy),
-            "preload": _modules,
+            "preload": _MODULES,
             "copies": _whole(64),
         },
         _names("description environment timeout parameter fixture test for include"),
@@ -142,7 +124,7 @@ KINDS: Mapping[str, Kind] = {
             "name": _line,
             "type": _type,
             "param": _text,
-            "depends": _words,
+            "depends": _words(),
             "scope": _choice(Scope),
             "restarts": _whole(1000),
             "backoff": partial(parse_duration, low=0),
@@ -166,13 +148,13 @@ KINDS: Mapping[str, Kind] = {
             "setup-timeout": parse_duration,
             "teardown-timeout": parse_duration,
             "total-timeout": parse_duration,
-            "tags": _tags,
+            "tags": _TAGS,
             "expected": _choice(Expected),
             "reason": _line,
-            "requires": _requirements,
-            "occupies": _words,
+            "requires": _REQUIREMENTS,
+            "occupies": _words(),
             "isolation": _choice(Isolation),
-            "fixtures": _words,
+            "fixtures": _words(),
             "on-lost": _choice(LostPolicy),
         },
         _names("parameter environment"),
@@ -184,7 +166,7 @@ KINDS: Mapping[str, Kind] = {
 
 
 def check(element: Element, problems: DiagnosticLog) -> None:
-    """Report what a file's tree contains that the loader does not read. Depth is bounded by the scanner."""
+    """Report what a file's tree contains that the loader does not read. Depth is bounded by the parser."""
     kind = KINDS[element.name]
     for attribute in element.attributes:
         if attribute not in kind.attributes and not attribute.startswith(_FOREIGN):
@@ -193,7 +175,7 @@ def check(element: Element, problems: DiagnosticLog) -> None:
                 element.attribute_location(attribute),
                 problems.did_you_mean(attribute, kind.attributes),
             )
-    if not kind.text and (text := element.text):
+    if not kind.text and (text := condensed(element)):
         problems.warning(f"the text {quote(text)} in <{element.name}> is not read", element.location)
     for child in element.children:
         if child.name in kind.children:
@@ -214,36 +196,38 @@ def _count(element: Element) -> int:
     return sum((child.name in _LOSABLE) + _count(child) for child in element.children)
 
 
-# Reading -------------------------------------------------------------------------------------------------------------
+def condensed(element: Element) -> str:
+    """The text directly in an element, white space condensed."""
+    return " ".join(element.text.split())
 
 
 class Given:
     """What one element says, under the variables that hold there.
 
-    A faulty value is noted in the problems and counts as not given, ``ok`` turns False, and reading goes on.
+    ``said`` has the values of its attributes. A faulty one is noted in the problems and is not among them, ``ok`` turns
+    False, and reading goes on.
     """
 
-    def __init__(self, element: Element, bindings: Mapping[str, str], problems: DiagnosticLog, budget: Budget) -> None:
-        budget.spend(element.location, steps=1)
+    def __init__(self, element: Element, bindings: Mapping[str, str], problems: DiagnosticLog) -> None:
+        problems.spend(element.location, steps=1)
         self.element = element
-        self.bindings = bindings
         self.ok = True
+        self._bindings = bindings
         self._problems = problems
-        self._budget = budget
+        self.said: dict[str, Any] = {}  # what the readers make of them
         readers = KINDS[element.name].attributes
-        self._values = {
-            name: self._read(name, raw, readers[name]) for name, raw in element.attributes.items() if name in readers
-        }
+        for name, raw in element.attributes.items():
+            if name in readers and (value := self._read(name, raw, readers[name])) is not None:
+                self.said[name] = value
 
-    def get(self, name: str, default: Any = None) -> Any:  # what the attribute's reader makes of it
+    def get(self, name: str, default: Any = None) -> Any:  # as above
         """The value of an attribute, or the default where nothing is said, or something faulty."""
-        value = self._values.get(name)
-        return default if value is None else value
+        return self.said.get(name, default)
 
     def body(self) -> str:
         """The element's own text, condensed, variables put in."""
         try:
-            return self._expand(self.element.text)
+            return self._expand(condensed(self.element))
         except ValueError as error:
             self.fail(f"the text of <{self.element.name}> {error}")
             return ""
@@ -252,14 +236,14 @@ class Given:
         """What each child of this name says, in file order; their faults are the element's own."""
         for child in self.element.children:
             if child.name == name:
-                given = Given(child, self.bindings, self._problems, self._budget)
+                given = Given(child, self._bindings, self._problems)
                 yield given
                 self.ok = self.ok and given.ok
 
-    def text_of(self, name: str) -> str | None:
-        """The text of the last child of this name, or None when there is no such child."""
+    def text_of(self, name: str, default: str = "") -> str:
+        """The text of the last child of this name, or the default when there is no such child."""
         found = [child for child in self.element.children if child.name == name]
-        return Given(found[-1], self.bindings, self._problems, self._budget).body() if found else None
+        return Given(found[-1], self._bindings, self._problems).body() if found else default
 
     def fail(self, message: str, attribute: str = "", hint: str = "") -> None:
         """Note an error of this element, at one of its attributes if that is named."""
@@ -275,15 +259,14 @@ class Given:
         try:
             return read(self._expand(raw))
         except ValueError as error:
-            hint = ""
-            if isinstance(error, NoChoiceError):
-                hint = self._problems.did_you_mean(error.word, error.allowed)
-            self.fail(f"attribute {name!r} of <{self.element.name}> {error}", name, hint)
+            message, *hint = error.args
+            self.fail(f"attribute {name!r} of <{self.element.name}> {message}", name, *hint)
             return None
 
     def _expand(self, raw: str) -> str:
         if len(raw) > MAX_TEXT:
             raise ValueError(f"is longer than {MAX_TEXT} characters")
-        expanded = substitute(raw, self.bindings)
-        self._budget.spend(self.element.location, characters=len(expanded))
+        self._problems.variables.update(variables_in(raw))
+        expanded = substitute(raw, self._bindings)
+        self._problems.spend(self.element.location, characters=len(expanded))
         return expanded

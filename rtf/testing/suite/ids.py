@@ -44,16 +44,14 @@ class TestIds:
     def __init__(self, suite_id: str) -> None:
         self._suite_id = suite_id
         self._owners: dict[str, str] = {}
-        self._counts: Counter[str] = Counter()
+        self._names = NameBook("+")
 
     def unique(self, label: str, *content: object) -> str:
         """Return the id of a test; ``content`` is what makes it another test than those with the same label."""
         made_of = repr(content)
         if self._owners.setdefault(label, made_of) != made_of:
             label = _with_piece(label, digest(made_of))
-        self._counts[label] += 1
-        number = self._counts[label]
-        return f"{self._suite_id}/{label}" if number == 1 else f"{self._suite_id}/{label}+{number}"
+        return f"{self._suite_id}/{self._names.unique(label)}"
 
 
 class NameBook:

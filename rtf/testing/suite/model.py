@@ -6,15 +6,18 @@ that fills them is read in :mod:`rtf.testing.suite.xml`, and choosing among test
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from rtf.errors import Location, RtfError
+from rtf.testing.plugin_spec import UNKNOWN, PluginSpec
 from rtf.testing.suite.ids import NameBook, slug, suite_id
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from rtf.testing.plugins import PluginRef
 
 _NOWHERE = Location()
 TEST_REQUIREMENT = "test:"
@@ -66,12 +69,7 @@ class Timeouts:
 
     def inherit(self, defaults: Timeouts) -> Timeouts:
         """Fill what is not set here from ``defaults``."""
-        return Timeouts(
-            setup=defaults.setup if self.setup is None else self.setup,
-            run=defaults.run if self.run is None else self.run,
-            teardown=defaults.teardown if self.teardown is None else self.teardown,
-            total=defaults.total if self.total is None else self.total,
-        )
+        return replace(defaults, **{name: limit for name, limit in asdict(self).items() if limit is not None})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +78,7 @@ class FixtureEntry:
 
     ``name`` is unique in the suite. ``backoff`` is the wait in seconds before the first restart and doubles with each
     further one; ``check_period`` is in seconds too. ``on_lost`` None leaves the decision to the test that was lost.
+    In a plan it has the plug-in that was ``found``, or the ``problem``, which is why there is none.
     """
 
     name: str
@@ -96,6 +95,8 @@ class FixtureEntry:
     timeouts: Timeouts = field(default_factory=Timeouts)
     on_lost: LostPolicy | None = None
     location: Location = _NOWHERE
+    found: PluginRef | None = field(default=None, repr=False)  # a fingerprint is of what the suite says
+    problem: str = field(default="", repr=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,8 +107,9 @@ class TestEntry:
     body, ``retries`` the additional attempts after a failure. ``parameters`` holds the suite's values first, so that
     the last of a name wins. ``requires`` entries that begin with ``test:`` name an earlier test by its id.
     Tests that ``occupies`` the same thing never run at the same time.
-    ``fixtures`` None means all fixtures of the suite. With a ``problem`` it is an error that is not started.
+    ``fixtures`` None means all fixtures of the suite.
     ``cases`` are the only ones that are wanted of a program, each with its id and name; empty means all.
+    In a plan it has the plug-in that was ``found`` with its description, or a ``problem`` and is not started.
     """
 
     __test__ = False  # keeps pytest from collecting a class by the look of its name
@@ -131,9 +133,11 @@ class TestEntry:
     fixtures: tuple[str, ...] | None = None
     on_lost: LostPolicy = LostPolicy.RERUN
     description: str = ""
-    problem: str = ""
     cases: tuple[tuple[str, str], ...] = ()
     location: Location = _NOWHERE
+    found: PluginRef | None = None
+    spec: PluginSpec = UNKNOWN
+    problem: str = ""
 
     @property
     def required_tests(self) -> tuple[str, ...]:
@@ -148,7 +152,8 @@ class TestSuite:
     ``fixtures`` are in starting order: each stands behind those it depends on. ``timeouts`` are the defaults of the
     tests, ``timeout`` (seconds) bounds the whole suite. ``environment`` is the last one of the file; each test carries
     the one that applies to it. With ``copies`` so many suite workers may run its tests at the same time, each with
-    fixtures of its own, whose ``param`` contains ``${copy}``. Building an inconsistent suite raises SuiteError, so that
+    fixtures of its own, whose ``param`` contains ``${copy}``: in a plan ``fixtures`` are those of the ``copy`` of this
+    number, and ``written`` are as the suite has them. Building an inconsistent suite raises SuiteError, so that
     a runner need not check.
     """
 
@@ -167,6 +172,8 @@ class TestSuite:
     fixtures: tuple[FixtureEntry, ...] = ()
     tests: tuple[TestEntry, ...] = ()
     location: Location = _NOWHERE
+    copy: int = 1
+    written: tuple[FixtureEntry, ...] = ()
 
     def __post_init__(self) -> None:
         started: set[str] = set()
@@ -181,13 +188,6 @@ class TestSuite:
                 raise SuiteError(f"suite {self.name!r} has two tests with the id {test.id!r}; give one another id")
             ids.add(test.id)
             _require_known(f"test {test.id!r}", test.fixtures or (), started, self.name)
-
-    def test(self, test_id: str) -> TestEntry:
-        """Find a test by its id; KeyError when there is none."""
-        for test in self.tests:
-            if test.id == test_id:
-                return test
-        raise KeyError(test_id)
 
     def timeouts_of(self, test: TestEntry) -> Timeouts:
         """The limits of a test after the suite's defaults were filled in."""
@@ -226,7 +226,7 @@ def suite_id_of(name: str) -> str:
 
 def number_suites(suites: Iterable[TestSuite], names: NameBook | None = None) -> tuple[TestSuite, ...]:
     """Make the ids of the suites of one run unique; ``names`` holds those of its suites so far."""
-    names = NameBook("+") if names is None else names
+    names = names or NameBook("+")
     return tuple(suite.with_id(suite_id(suite.name, suite.file, names)) for suite in suites)
 
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 from rtf.testing.suite.ids import slug
 from rtf.testing.suite.model import TEST_REQUIREMENT, FixtureEntry, Scope, TestEntry
-from rtf.testing.suite.values import quote
+from rtf.xml_tree import quote
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from rtf.testing.suite.diagnostics import Budget, DiagnosticLog
+    from rtf.testing.suite.diagnostics import DiagnosticLog
 
 _SHOWN = 20  # members of a circle, so that the message stays readable
 
@@ -92,9 +92,7 @@ def check_test_fixtures(
     return kept
 
 
-def resolve_requirements(
-    tests: Sequence[TestEntry], suite_id: str, problems: DiagnosticLog, budget: Budget
-) -> list[TestEntry]:
+def resolve_requirements(tests: Sequence[TestEntry], suite_id: str, problems: DiagnosticLog) -> list[TestEntry]:
     """Replace the test that ``test:…`` names by its id.
 
     A test is named by its id, by the id without the suite's part, or by its name; a name that several earlier tests
@@ -105,7 +103,7 @@ def resolve_requirements(
     kept: list[TestEntry] = []
     for test in tests:
         for token in test.requires:
-            budget.spend(test.location, steps=1 + len(targets.get(token.removeprefix(TEST_REQUIREMENT), ())))
+            problems.spend(test.location, steps=1 + len(targets.get(token.removeprefix(TEST_REQUIREMENT), ())))
         resolved = _resolve(test, targets, suite_id, problems) if test.requires else test
         if resolved is None:
             continue

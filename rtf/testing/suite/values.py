@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from rtf.xml_tree import quote
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -73,6 +75,11 @@ def substitute(text: str, bindings: Mapping[str, str]) -> str:
     return _VARIABLE.sub(lambda match: bindings.get(match[1], match[0]), text)
 
 
+def variables_in(text: str) -> list[str]:
+    """The names of the variables in a text."""
+    return _VARIABLE.findall(text) if "${" in text else []
+
+
 def plugin_stem(plugin: str) -> str:
     """The name of a plug-in without folder and file ending: ``checks/arms.py::Left`` gives ``arms::Left``."""
     plugin, separator, class_name = plugin.partition("::")
@@ -86,9 +93,3 @@ def parameter_file_stem(param: str) -> str:
     if match is None:
         return ""
     return (match[1] or match[2] or "").rpartition("/")[2].removesuffix(".ini")
-
-
-def quote(text: str) -> str:
-    """Write a text from a file into a message: in quotes, control characters escaped, cut where it gets long."""
-    limit = 60
-    return repr(text if len(text) <= limit else text[: limit - 1] + "…")

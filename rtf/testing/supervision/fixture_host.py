@@ -117,7 +117,7 @@ class Host(Stoppable[msgspec.Struct]):
 
         def load() -> None:
             job = self._job
-            manager = plugins.load_fixture(job.plugin)
+            manager = plugins.fixture_maker(job.plugin)()
             manager.attach_to(self, job.environment)
             manager.take_fixture_values(job.values)
             manager.resolve_parameters(

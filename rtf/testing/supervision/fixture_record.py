@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from rtf.testing.events import Event, Message, OutputCaptured
     from rtf.testing.isolation.child import End
-    from rtf.testing.plugins import PluginRef
     from rtf.testing.suite.model import FixtureEntry
     from rtf.testing.supervision.fixture_process import FixtureProcess
     from rtf.testing.verdict import Phase
@@ -28,7 +27,6 @@ class Fixture:
     """One fixture of the plan, over all of its generations, with its plug-in or the reason why there is none."""
 
     entry: FixtureEntry
-    plugin: PluginRef | str
     state: FixtureState = FixtureState.STOPPED
     generation: int = 0
     restarts: int = 0
@@ -91,10 +89,8 @@ class Fixture:
 
     def same_as(self, other: Fixture) -> bool:
         """Whether two entries of suites mean the same thing, so that a fixture kept up for the run serves both."""
-        names = ("param", "parameters", "environment", "depends")
-        return self.plugin == other.plugin and all(
-            getattr(self.entry, name) == getattr(other.entry, name) for name in names
-        )
+        names = ("found", "problem", "param", "parameters", "environment", "depends")
+        return all(getattr(self.entry, name) == getattr(other.entry, name) for name in names)
 
 
 class Notes:

@@ -82,7 +82,7 @@ class Supervisor:
         self._stop_by = stop_by
         self._fixtures: dict[str, Fixture] = {}
         self._settling = False  # what a test left is being put right, which only force keeps from being done
-        self._unsettled: set[tuple[str, PluginRef | str]] = set()  # forgotten while they owed a safe state
+        self._unsettled: set[tuple[str, PluginRef | None]] = set()  # forgotten while they owed a safe state
 
     # What the suite's run asks for -------------------------------------------------------------------------------
 
@@ -99,8 +99,8 @@ class Supervisor:
             if known is not None:  # another fixture of that name, from an earlier suite of the run
                 self.take_down([dependent.name for dependent in self._dependents(known)])
                 self.forget([fixture.name])
-            if (fixture.name, fixture.plugin) in self._unsettled:
-                self._unsettled.remove((fixture.name, fixture.plugin))
+            if (fixture.name, fixture.entry.found) in self._unsettled:
+                self._unsettled.remove((fixture.name, fixture.entry.found))
                 fixture.owes_safe_state = fixture.secures_robot = True
             self._fixtures[fixture.name] = fixture
 
@@ -207,7 +207,7 @@ class Supervisor:
         for name in [*names]:
             fixture = self._fixtures.pop(name, None)
             if fixture is not None and fixture.robot_unsafe:
-                self._unsettled.add((name, fixture.plugin))
+                self._unsettled.add((name, fixture.entry.found))
 
     # Up ----------------------------------------------------------------------------------------------------------
 
@@ -241,10 +241,11 @@ class Supervisor:
 
     def _start(self, fixture: Fixture) -> None:
         """Start the next generation of a stopped fixture, if it may have one; what it depends on is up."""
-        if isinstance(fixture.plugin, str):
-            fixture.last_cause = fixture.plugin
-            self._notes.incident(fixture, fixture.incident(fixture.plugin, Phase.LOAD))
-        if isinstance(fixture.plugin, str) or fixture.used_up:
+        problem = fixture.entry.problem
+        if problem:
+            fixture.last_cause = problem
+            self._notes.incident(fixture, fixture.incident(problem, Phase.LOAD))
+        if problem or fixture.used_up:
             self._notes.change(fixture, FixtureState.FAILED, fixture.failure)
         elif not fixture.last_cause:
             self._start_once(fixture)

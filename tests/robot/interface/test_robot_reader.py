@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from rtf import xml_tree
 from rtf.bottle import Bottle, Property
 from rtf.robot.errors import ConfigurationError
-from rtf.robot.interface import includes, xml_tree
+from rtf.robot.interface import includes
 from rtf.robot.interface.model import ActionKind, Phase
 from rtf.robot.interface.problems import MAX_PROBLEMS, RobotFileError
 from rtf.robot.interface.robot_reader import read_robot
@@ -490,7 +491,7 @@ class TestHostile:
         assert "declares the entity 'x'" in self.refused(bench, external)
         parameter = f'<!DOCTYPE robot [<!ENTITY % p SYSTEM "{secret}"> %p;]><robot name="x"/>'
         assert "declares the entity 'p'" in self.refused(bench, parameter)
-        assert "there is no entity 'nobody'" in self.refused(bench, robot_xml("<params>&nobody;</params>"))
+        assert "undefined entity; write the character" in self.refused(bench, robot_xml("<params>&nobody;</params>"))
         assert "undefined entity" in self.refused(bench, '<robot name="&nobody;"/>')
 
     def test_sizes_are_bounded(self, bench: Bench, monkeypatch: pytest.MonkeyPatch):

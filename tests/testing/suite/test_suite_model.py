@@ -120,13 +120,7 @@ def test_suites_of_one_name_are_numbered_and_their_tests_follow():
     assert (first.id, second.id, third.id) == ("s", "s+2", "s+3")
     assert [test.id for test in second.tests] == ["s+2/a", "s+2/b"]
     assert third.tests[1].requires == ("test:s+3/a", "env:HOME", "test:other/x")
-    assert third.test("s+3/b").required_tests == ("s+3/a", "other/x")
-
-
-def test_asking_for_an_unknown_test_is_a_key_error():
-    """There is no test without an id."""
-    with pytest.raises(KeyError):
-        suite().test("s/none")
+    assert third.tests[1].required_tests == ("s+3/a", "other/x")
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from rtf.testing.suite import scan as suite_scan
+from rtf import xml_tree
 from rtf.testing.suite.diagnostics import LIMITS, MAX_DIAGNOSTICS
 from rtf.testing.suite.xml import load_suite, load_suite_bytes
 
@@ -124,17 +124,17 @@ def test_other_encodings_are_refused(data: bytes, told: str):
 
 def test_a_file_beyond_the_size_limit_is_refused():
     """Before anything is parsed."""
-    assert "larger than 16 MiB" in refused(b" " * (suite_scan.MAX_BYTES + 1))[0]
+    assert "larger than 16 MiB" in refused(b" " * (xml_tree.MAX_BYTES + 1))[0]
 
 
 def test_deep_nesting_is_refused():
     """Nobody nests like that by hand."""
-    assert "nested more than 64 deep" in refused("<suite>" + "<test>" * 100_000)[0]
+    assert "nested deeper than 64" in refused("<suite>" + "<test>" * 100_000)[0]
 
 
 def test_more_elements_than_sense_are_refused(monkeypatch: pytest.MonkeyPatch):
     """Memory is bounded."""
-    monkeypatch.setattr(suite_scan, "MAX_ELEMENTS", 50)
+    monkeypatch.setattr(xml_tree, "MAX_ELEMENTS", 50)
     assert "the file has more than 50 elements" in refused(b"<suite>" + b"<a/>" * 50)[-1]
 
 

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtf.testing.suite.model import Expected, Isolation, LostPolicy, Scope, TestSuite, Timeouts
+from rtf.testing.suite.model import Expected, Isolation, LostPolicy, Scope, TestEntry, TestSuite, Timeouts
 from rtf.testing.suite.xml import LoadedSuite, load_suite, load_suite_bytes
+from rtf.testing.verdict import Severity
 
 DATA = Path(__file__).parents[2] / "data" / "suites"
 
@@ -29,6 +30,12 @@ def sound(body: str, attributes: str = 'name="S"', **variables: str) -> TestSuit
 def problems(body: str, attributes: str = 'name="S"') -> list[str]:
     """What is said about a suite with this content."""
     return [str(diagnostic) for diagnostic in load(f"<suite {attributes}>{body}</suite>").diagnostics]
+
+
+def entry_of(suite: TestSuite, test_id: str) -> TestEntry:
+    """The test with this id."""
+    (found,) = [test for test in suite.tests if test.id == test_id]
+    return found
 
 
 def plugins(suite: TestSuite) -> list[str]:
@@ -75,7 +82,7 @@ def test_a_test_before_the_environment_is_a_trap_and_is_pointed_at():
     """The author most likely meant it for all tests."""
     loaded = load('<suite name="S"><test>A</test>\n<environment>e</environment><test>B</test></suite>')
     assert [test.environment for test in loaded.suite.tests] == ["", "e"]
-    (warning,) = loaded.warnings
+    (warning,) = loaded.diagnostics
     assert "too late for 1 test above it" in warning.text
     assert warning.line == 2
     assert loaded.errors == ()
@@ -111,7 +118,7 @@ def test_a_suite_without_a_name_is_unknown():
     """As in the C++ framework, but it is said."""
     loaded = load("<suite><test>A</test></suite>")
     assert (loaded.suite.name, loaded.suite.tests[0].id) == ("unknown", "unknown/A")
-    assert len(loaded.warnings) == 1
+    assert [one.severity for one in loaded.diagnostics] == [Severity.WARNING]
 
 
 def test_a_suite_without_tests_is_a_suite():
@@ -241,7 +248,7 @@ def test_a_full_file_is_understood_to_the_last_attribute():
     ) == ("Arms and cameras", 600, ("nightly", "safe"), ("numpy", "rtf.robot"))
     assert Timeouts(setup=5, run=20, teardown=0.5, total=3600) == suite.timeouts
     assert [fixture.name for fixture in suite.fixtures] == ["simulator", "robot", "treadmill"]
-    cameras, drift = suite.test("arms-and-cameras/cameras"), suite.test("arms-and-cameras/drift")
+    cameras, drift = (entry_of(suite, f"arms-and-cameras/{name}") for name in ("cameras", "drift"))
     assert Timeouts(setup=2, run=90, teardown=3, total=120) == cameras.timeouts
     assert (
         cameras.tags,
@@ -293,7 +300,7 @@ def test_suite_parameters_come_first_wherever_they_stand():
 def test_an_included_file_keeps_its_defaults_for_its_own_tests():
     """Its time-out and retries apply to its tests and to no others; tags add up."""
     suite = load_suite(DATA / "arms.xml").suite
-    left, right = (suite.test(f"arms-and-cameras/JointLimits[{side}_leg]") for side in ("left", "right"))
+    left, right = (entry_of(suite, f"arms-and-cameras/JointLimits[{side}_leg]") for side in ("left", "right"))
     assert (left.timeouts.run, right.timeouts.run, suite.tests[1].timeouts.run) == (99, 7, None)
     assert (left.retries, suite.tests[1].retries) == (0, 1)
     assert left.tags == ("legs", "nightly", "safe")

@@ -94,7 +94,7 @@ def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[]
     """Take a generation down that is up. Returns the causes of its incidents."""
     monkeypatch.setattr(clock, "monotonic", lambda: child.time)
     events: list[Event] = []
-    fixture = Fixture(FixtureEntry(name="fx", plugin="fx"), PLUGIN)
+    fixture = Fixture(FixtureEntry(name="fx", plugin="fx", found=PLUGIN))
     notes = Notes(events.append, lambda: "")
 
     def wait(until: Callable[[], bool], limit: clock.Deadline) -> None:
