@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 #: A text longer than this is cut in the middle, and says so: an event must stay something a page can show.
 TEXT_LIMIT = 1 << 20
 
-#: What a process sends.
-M = TypeVar("M")
+M = TypeVar("M")  # what a process sends
+T = TypeVar("T")
 
 
 @dataclass(slots=True)
@@ -148,8 +148,8 @@ class Stoppable(Generic[M]):
         reason, self._stop = self._stop or "stopped", None
         raise TestStopped(reason)
 
-    def run_stoppable(self, function: Callable[[], object]) -> None:
-        """Call a function of the author's; in it, and only in it, the main thread may be stopped.
+    def run_stoppable(self, function: Callable[[], T]) -> T:
+        """Return the result of a function of the author's; in it, and only in it, the main thread may be stopped.
 
         A stop that came a moment before keeps it from being called, but not what undoes things.
         """
@@ -159,7 +159,7 @@ class Stoppable(Generic[M]):
         try:
             if self._stop is not None:
                 self._raise_stop()
-            function()
+            return function()
         finally:
             self._stoppable = False
 

@@ -35,11 +35,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from msgspec.structs import replace
+
 from rtf import clock
+from rtf.testing.events import FixtureChanged, FixtureIncident, Message, OutputCaptured
 from rtf.testing.isolation.messages import STOP_LIMIT
 from rtf.testing.isolation.worker_pool import ForkServerLostError
-from rtf.testing.supervision.fixture_process import FixtureProcess
-from rtf.testing.supervision.fixture_record import Fixture, Notes
+from rtf.testing.supervision.fixture_process import Fixture, FixtureProcess
 from rtf.testing.verdict import FixtureState, Phase
 
 if TYPE_CHECKING:
@@ -75,7 +77,9 @@ class Supervisor:
         stop_by: Callable[[], clock.Deadline] = clock.Deadline,
     ) -> None:
         self._fork_server = fork_server
-        self._notes = Notes(emit, running_test)
+        self._emit = emit
+        self._running_test = running_test
+        self._suite = ""
         self._make_job = make_job
         self._stop_now = stop_now
         self._kill_now = kill_now
@@ -91,7 +95,7 @@ class Supervisor:
 
         One of the name and plug-in of one that was forgotten while it owed its safe state owes it instead.
         """
-        self._notes.suite = suite
+        self._suite = suite
         for fixture in fixtures:
             known = self._fixtures.get(fixture.name)
             if known is not None and known.same_as(fixture):
@@ -102,7 +106,16 @@ class Supervisor:
             if (fixture.name, fixture.plugin) in self._unsettled:
                 self._unsettled.remove((fixture.name, fixture.plugin))
                 fixture.owes_safe_state = fixture.secures_robot = True
+            fixture.emit = self._complete_and_emit
             self._fixtures[fixture.name] = fixture
+
+    def _complete_and_emit(self, event: Event) -> None:
+        """Emit an event of a fixture, with the suite, and with the test that may feel what went wrong."""
+        if isinstance(event, FixtureIncident):
+            event = replace(event, suite=self._suite, test=self._running_test())
+        elif isinstance(event, FixtureChanged | Message | OutputCaptured):
+            event = replace(event, suite=self._suite)
+        self._emit(event)
 
     def names(self) -> list[str]:
         """The fixtures that are known, in dependency order."""
@@ -243,9 +256,9 @@ class Supervisor:
         """Start the next generation of a stopped fixture, if it may have one; what it depends on is up."""
         if isinstance(fixture.plugin, str):
             fixture.last_cause = fixture.plugin
-            self._notes.incident(fixture, fixture.incident(fixture.plugin, Phase.LOAD))
+            fixture.report(fixture.incident(fixture.plugin, Phase.LOAD))
         if isinstance(fixture.plugin, str) or fixture.used_up:
-            self._notes.change(fixture, FixtureState.FAILED, fixture.failure)
+            fixture.change(FixtureState.FAILED, fixture.failure)
         elif not fixture.last_cause:
             self._start_once(fixture)
         elif self._backed_off(fixture):
@@ -259,11 +272,11 @@ class Supervisor:
             child = self._fork_server.take()
         except ForkServerLostError as error:
             fixture.state = FixtureState.STARTING
-            self._notes.collapse(fixture, fixture.incident(str(error), Phase.SETUP))
+            fixture.collapse(fixture.incident(str(error), Phase.SETUP))
             return
-        process = FixtureProcess(fixture, self._notes, child, self._wait, self._kill_now, self._stop_by)
+        process = FixtureProcess(fixture, child, self._wait, self._kill_now, self._stop_by)
         fixture.process = process
-        self._notes.change(fixture, FixtureState.STARTING)
+        fixture.change(FixtureState.STARTING)
         process.begin(self._make_job(fixture))
         self._wait(lambda: fixture.state is not FixtureState.STARTING or self._no_longer_startable(fixture))
         if fixture.owes_safe_state:
@@ -343,18 +356,18 @@ class Supervisor:
             why = problem if problem not in ("", _INTERRUPTED) else "the run was ended by force"
         if fixture.owes_safe_state:
             text = f"{fixture.name} did not put back what a test left: {why}"
-            self._notes.incident(fixture, fixture.incident(text, Phase.TEARDOWN))
+            fixture.report(fixture.incident(text, Phase.TEARDOWN))
 
     def _stop(self, fixture: Fixture) -> None:
         process = fixture.process
         if process is None:
             if fixture.state is FixtureState.COLLAPSED:
-                self._notes.change(fixture, FixtureState.STOPPED)
+                fixture.change(FixtureState.STOPPED)
             return
         reason = fixture.last_cause if fixture.state is FixtureState.COLLAPSED else ""
-        self._notes.change(fixture, FixtureState.STOPPING)
+        fixture.change(FixtureState.STOPPING)
         try:
             process.stop(reason)
         finally:
             fixture.process = None
-            self._notes.change(fixture, FixtureState.STOPPED)
+            fixture.change(FixtureState.STOPPED)
