@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 from rtf import clock
 from rtf.testing.cases import CaseTests
 from rtf.testing.events import TestEnded
-from rtf.testing.isolation.attempt import Attempt, run_in_process
-from rtf.testing.isolation.judge import Outcome, Stop
+from rtf.testing.isolation.attempt import Attempt, Outcome, Stop, run_in_process
 from rtf.testing.isolation.messages import Job
 from rtf.testing.requirements import unmet
 from rtf.testing.suite.model import Expected, Isolation, LostPolicy
@@ -149,7 +148,7 @@ class Attempts:
                 fixtures=self._supervisor.generations(self._names),
             )
             outcome = attempt.run(worker.shared_child if isolation is Isolation.SUITE else None)
-            if attempt.stopped and isolation is Isolation.SUITE:
+            if attempt.stop and isolation is Isolation.SUITE:
                 worker.end_shared()  # what stopped this test is not to reach the next one
         outcome = self._confirmed(outcome)
         if outcome.cut_short:

@@ -18,7 +18,7 @@ from rtf import clock
 from rtf.testing.attempts import Attempts
 from rtf.testing.dispatch import copy_suffix
 from rtf.testing.events import Diagnosed, SuiteEnded, SuiteStarted
-from rtf.testing.isolation.judge import Stop
+from rtf.testing.isolation.attempt import Stop
 from rtf.testing.isolation.messages import STOP_LIMIT, Job
 from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.isolation.worker_pool import ForkServerClient
