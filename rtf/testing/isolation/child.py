@@ -141,7 +141,7 @@ class Child:
 
     def signal(self, signum: int, *, group: bool = False) -> None:
         """Send a signal to the child, or to its whole process group, by a fork server that may have been stopped."""
-        self._pool.rouse()
+        self._pool.client.rouse()
         self._pool.request(SendSignal(self.pid, signum, group))
 
     def interrupt(self, signum: int) -> None:
@@ -169,7 +169,7 @@ class Child:
             self._reactor.call_later(seconds, callback)
 
     def _give_up(self) -> None:
-        self._pool.abandon()
+        self._pool.client.abandon()
 
     def dismiss(self) -> None:
         """Kill the child, and wait until it is gone."""

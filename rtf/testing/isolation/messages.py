@@ -34,7 +34,7 @@ SAFE_STATE_LIMIT = 45.0
 #: Seconds that all fixtures together have to come down after SIGTERM or SIGHUP, unless one declares that it needs more.
 STOP_LIMIT = 4.0
 #: What a fixture's process calls itself meanwhile (at most 15 bytes), so that its fork server knows without the runner.
-SAFE_STATE_NAME = "rtf parking"
+SAFE_STATE_NAME = "rtf safe state"
 
 #: The exit status of a process of ours that cannot reach its runner any more.
 CUT_OFF = 71

@@ -46,31 +46,26 @@ class LoadTimeoutError(TestingError, TimeoutError):
 
 
 class WorkerPool:
-    """The children of one process that forks, as the runner sees them. One is always asked for ahead of its need.
+    """The children of one process that forks, as the runner sees them. One is always asked for ahead of its need."""
 
-    ``on_loaded`` is called with the problems of what the process has loaded, ``on_lost`` when it closes its socket.
-    """
-
-    def __init__(
-        self,
-        client: ForkServerClient,
-        control: socket.socket,
-        *,
-        on_loaded: Callable[[tuple[str, ...]], None],
-        on_lost: Callable[[], None] = lambda: None,
-    ) -> None:
+    def __init__(self, client: ForkServerClient, control: socket.socket) -> None:
         self.connected = True
+        self.client = client
         self.reactor = client.reactor
-        self.rouse = client.rouse
-        self.abandon = client.abandon
         self._control = control
-        self._on_loaded = on_loaded
-        self._on_lost = on_lost
         self._frames = Frames()
         self._asked_for: deque[Child] = deque()
         self._living: dict[int, Child] = {}
         self._spare: Child | None = None
         self.reactor.watch(control.fileno(), self._receive)
+
+    def loaded(self, problems: tuple[str, ...]) -> None:
+        """Take note of what could not be loaded."""
+        self.client.problems.extend(problems)
+
+    def lost(self) -> None:
+        """Take note that the process has closed its socket."""
+        self.client.abandon()
 
     def request(self, message: msgspec.Struct, *descriptors: int) -> None:
         """Have the process do something; if it is gone, a later wait notices its loss."""
@@ -120,7 +115,7 @@ class WorkerPool:
             data = b""
         if not data:
             self.disconnect()
-            self._on_lost()
+            self.lost()
         return bool(data)
 
     def _take_in(self, message: Forked | Exited | Loaded) -> None:
@@ -131,7 +126,7 @@ class WorkerPool:
         elif isinstance(message, Exited):
             self._living.pop(message.pid).ended(End(message.status, message.cpu_time, message.max_rss))
         else:
-            self._on_loaded(message.problems)
+            self.loaded(message.problems)
 
     def disconnect(self) -> None:
         """Close the socket, at which the process ends."""
@@ -153,7 +148,7 @@ class WorkerPool:
             child.ended(End(None))
 
 
-class PluginServer:
+class PluginServer(WorkerPool):
     """A child of the fork server that has loaded one file and forks the tests of that file.
 
     ``fixtures`` are the generations that were up when the file was loaded: what it learnt from them holds as long.
@@ -164,32 +159,34 @@ class PluginServer:
         self.process = child
         self._fit: bool | None = None
         job = Job(kind="plugin server", id="", name="", plugin=plugin, folder="", run_folder="")
-        self._pool = WorkerPool(client, child.serve_plugin(job, self._printed), on_loaded=self._loaded)
-        self.take = self._pool.take
-        child.on_end = self._pool.gone
+        super().__init__(client, child.serve_plugin(job, self._printed))
+        child.on_end = self.gone
 
     @property
     def loading(self) -> bool:
         """Whether the file is still being loaded."""
-        return self._fit is None and self._pool.connected
+        return self._fit is None and self.connected
 
     @property
     def usable(self) -> bool:
         """Whether tests can be forked from it."""
-        return bool(self._fit) and self._pool.connected
+        return bool(self._fit) and self.connected
+
+    def loaded(self, problems: tuple[str, ...]) -> None:
+        self.process.drain()
+        if self._fit is None:
+            self._fit = not problems
+
+    def lost(self) -> None:
+        pass  # the next test notices
 
     def dismiss(self) -> None:
         """End it, and wait until nothing of it is left."""
         self.process.dismiss()
-        self._pool.gone()
+        self.gone()
 
     def _printed(self, _stream: str, _data: bytes) -> None:
         self._fit = False  # what the file prints when it is loaded belongs to each test
-
-    def _loaded(self, problems: tuple[str, ...]) -> None:
-        self.process.drain()
-        if self._fit is None:
-            self._fit = not problems
 
 
 class ForkServerClient:
@@ -222,7 +219,7 @@ class ForkServerClient:
     def start(self) -> WorkerPool:
         """Start the fork server process without waiting for it."""
         self._process, self._launched = self._launched or launch(), None
-        pool = WorkerPool(self, self._process.control, on_loaded=self.problems.extend, on_lost=self.abandon)
+        pool = WorkerPool(self, self._process.control)
         if self._preload:
             pool.request(Preload(self._preload))
         pool.ask_ahead()

@@ -158,7 +158,7 @@ class It(TestCase):
         assert "".join(event.text for event in outcome.of(OutputCaptured)).endswith("the end\n")  # type: ignore[attr-defined]
 
     def test_what_a_test_leaves_behind_is_gone_before_the_next_begins(self, tmp_path: Path):
-        """A plug-in server ends strays as the fork server does: whoever a test has started does not live on."""
+        """A plug-in server ends orphans as the fork server does: what a test has started does not live on."""
         code = """
 import os, pathlib, subprocess
 from rtf.testing import TestCase
@@ -312,7 +312,7 @@ def test_a_fork_server_that_does_not_end_a_killed_child_is_replaced(
     """What cannot be killed in time must not hold up the run: its fork server is lost with it."""
     monkeypatch.setattr(child_module, "_VANISH", 0.05)
     child = fork_server.take()
-    monkeypatch.setattr(child._pool, "rouse", lambda: None)
+    monkeypatch.setattr(fork_server, "rouse", lambda: None)
     first = parent_of(child)
     os.kill(first, signal.SIGSTOP)
     child.dismiss()
