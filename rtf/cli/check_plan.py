@@ -10,7 +10,8 @@ from rtf.cli.arguments import add_lenient_option
 from rtf.cli.parser import Parser, key_value
 from rtf.cli.planning import Plan
 from rtf.testing.events import Diagnosed
-from rtf.testing.inspection import Use, try_uses
+from rtf.testing.inspection import try_uses
+from rtf.testing.isolation.messages import Use
 from rtf.testing.plan import Loaded, Planner, load_files, suite_files
 from rtf.testing.plugins import shipped_folder
 from rtf.testing.suite.diagnostics import diagnosed

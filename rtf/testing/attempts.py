@@ -7,14 +7,13 @@ its verdict is decided here. One attempt is ``isolation.attempt``.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.testing.cases import CaseTests
 from rtf.testing.events import TestEnded
 from rtf.testing.isolation.attempt import Attempt, Outcome, Stop, run_in_process
-from rtf.testing.isolation.messages import Job
+from rtf.testing.isolation.messages import Job, Use
 from rtf.testing.requirements import unmet
 from rtf.testing.suite.model import Expected, Isolation, LostPolicy
 from rtf.testing.verdict import Verdict
@@ -188,7 +187,6 @@ class Attempts:
         if self._test.plugin is None:
             raise RuntimeError(f"test {entry.id} has no plug-in and cannot be run")
         folder = f"{options.run_folder}/files/{entry.id}"
-        file = self._worker.planned.suite.file
         return Job(
             kind="test",
             id=entry.id,
@@ -196,12 +194,7 @@ class Attempts:
             plugin=self._test.plugin,
             folder=folder if attempt == 1 else f"{folder}.attempt{attempt}",
             run_folder=str(options.run_folder),
-            param=entry.param,
-            parameters=entry.parameters,
-            overrides=options.overrides,
-            suite_place=str(entry.location) if entry.location.file else "",
-            suite_folder=str(Path(file).parent) if file else "",
-            environment=entry.environment,
+            use=Use.of(entry, options.overrides),
             repetition=self._run.repetition_of(entry),
             attempt=attempt,
             memory=options.memory,

@@ -304,7 +304,8 @@ class Planner:
         asking = [test for test in tests if test.plugin is not None and test.spec.may_move]
         if not asking:
             return {}
-        from rtf.testing.inspection import Use, try_uses  # with all about parameters, which few runs need here
+        from rtf.testing.inspection import try_uses  # with all about parameters, which few runs need here
+        from rtf.testing.isolation.messages import Use
 
         uses = {
             test.entry.id: (test.plugin, Use.of(test.entry, self._overrides))

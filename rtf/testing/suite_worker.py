@@ -11,7 +11,6 @@ from collections import Counter
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import starmap
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
@@ -19,7 +18,7 @@ from rtf.testing.attempts import Attempts
 from rtf.testing.dispatch import copy_suffix
 from rtf.testing.events import Diagnosed, SuiteEnded, SuiteStarted
 from rtf.testing.isolation.attempt import Stop
-from rtf.testing.isolation.messages import STOP_LIMIT, Job
+from rtf.testing.isolation.messages import STOP_LIMIT, Job, Use
 from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.isolation.worker_pool import ForkServerClient
 from rtf.testing.run_control import KILL_STAGE, alarm
@@ -277,11 +276,7 @@ class SuiteWorker:
             plugin=fixture.plugin,
             folder=str(options.run_folder / "files" / self.planned.suite.id / f"fixture-{entry.name}"),
             run_folder=str(options.run_folder),
-            param=entry.param,
-            parameters=entry.parameters,
-            suite_place=str(entry.location) if entry.location.file else "",
-            suite_folder=str(Path(entry.location.file).parent) if entry.location.file else "",
-            environment=entry.environment or self.planned.suite.environment,
+            use=Use.of(replace(entry, environment=entry.environment or self.planned.suite.environment)),
             attempt=fixture.generation,
             check_period=entry.check_period,
             variables=self.supervisor.variables(entry.depends),

@@ -118,16 +118,9 @@ class Host(Stoppable[msgspec.Struct]):
         def load() -> FixtureManager:
             job = self._job
             manager = plugins.load_fixture(job.plugin)
-            manager.attach_to(self, job.environment)
+            manager.attach_to(self, job.use.environment)
             manager.take_fixture_values(job.values)
-            manager.resolve_parameters(
-                param=job.param,
-                parameters=job.parameters,
-                overrides=job.overrides,
-                environment=job.environment,
-                place=job.suite_place,
-                folder=job.suite_folder,
-            )
+            manager.resolve_parameters(**msgspec.structs.asdict(job.use))
             for warning in manager.parameter_warnings:
                 self.message(Severity.WARNING, "parameters", warning)
             return manager

@@ -16,7 +16,7 @@ from rtf.testing.isolation import child as child_module
 from rtf.testing.isolation import messages
 from rtf.testing.isolation.child import Child
 from rtf.testing.isolation.fork_server import unfit_because
-from rtf.testing.isolation.messages import Frames, Job
+from rtf.testing.isolation.messages import Frames, Job, Use
 from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.isolation.worker_pool import ForkServerClient, LoadTimeoutError
 from rtf.testing.suite.model import Timeouts
@@ -265,8 +265,7 @@ def test_a_job_arrives_as_it_was_sent():
         plugin=ref,
         folder="/f",
         run_folder="/r",
-        parameters=(("a", "1"), ("b", "")),
-        overrides=(("c", "(1 2)"),),
+        use=Use(parameters=(("a", "1"), ("b", "")), overrides=(("c", "(1 2)"),)),
         memory=1 << 40,
         can_ask=True,
         check_period=0.25,
