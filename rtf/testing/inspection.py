@@ -62,16 +62,13 @@ def inspect_plugins(wanted: Mapping[PluginRef, Sequence[Use]], *, ask: bool = Fa
     All are loaded in one process, because what they import takes the time. When that ends meanwhile, each plug-in has a
     process of its own, and if need be each use, so that one that crashes spoils no other's findings.
     """
-    from rtf.testing.isolation.reactor import Reactor
     from rtf.testing.isolation.worker_pool import ForkServerClient
 
-    reactor = Reactor()
-    fork_server = ForkServerClient(reactor)
+    fork_server = ForkServerClient()
     try:
         return _inspect(fork_server, wanted, ask) if wanted else {}
     finally:
         fork_server.close()
-        reactor.close()
 
 
 def _inspect(

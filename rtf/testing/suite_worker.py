@@ -19,7 +19,6 @@ from rtf.testing.dispatch import copy_suffix
 from rtf.testing.events import Diagnosed, SuiteEnded, SuiteStarted
 from rtf.testing.isolation.attempt import Stop
 from rtf.testing.isolation.messages import STOP_LIMIT, Job, Use
-from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.isolation.worker_pool import ForkServerClient
 from rtf.testing.run_control import KILL_STAGE, alarm
 from rtf.testing.suite.model import Scope
@@ -48,7 +47,6 @@ class SuiteWorker:
         self._suites = suites
         self.emit = run.emit
         self._dispatcher = run.dispatcher
-        self.reactor = Reactor()
         self.running = ""  # the id of the test that runs
         self.planned: PlannedSuite = suites[0] if suites else None  # type: ignore[assignment]  # no suite, no test
         self._suite_deadline = clock.Deadline()
@@ -58,12 +56,12 @@ class SuiteWorker:
         self._shared: Child | None = None
         preload = tuple(dict.fromkeys(name for planned in suites for name in planned.suite.preload))
         self.fork_server = ForkServerClient(
-            self.reactor,
             preload=preload,
             uses=Counter(test.plugin.path for planned in suites for test in planned.tests if test.plugin is not None),
             launched=run.take_launched(),
             stop_now=lambda: run.control.stage > 0,
         )
+        self.reactor = self.fork_server.reactor
         self.supervisor = Supervisor(
             self.fork_server,
             self.emit,
@@ -113,9 +111,8 @@ class SuiteWorker:
             try:
                 self._take_down(self.supervisor.names())
             finally:
-                self.fork_server.close()
                 self.whole_run.control.remove_reactor(self.reactor)
-                self.reactor.close()
+                self.fork_server.close()
                 for problem in self.fork_server.problems:
                     self.emit(Diagnosed(severity=Severity.WARNING, text=problem))
 

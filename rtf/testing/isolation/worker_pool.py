@@ -6,6 +6,8 @@ Tests of a file that has several come from a *plug-in server*, a child that has 
 from __future__ import annotations
 
 import contextlib
+import os
+import select
 import signal
 import socket
 from collections import Counter, deque
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
 
     import msgspec
 
-    from rtf.testing.isolation.reactor import Reactor
     from rtf.testing.plugins import PluginRef
 
 _CHUNK = 1 << 18
@@ -43,6 +44,66 @@ class LoadTimeoutError(TestingError, TimeoutError):
     def __init__(self, text: str, stacks: str) -> None:
         super().__init__(text)
         self.stacks = stacks
+
+
+class Reactor:
+    """The one wait of a suite worker: for whatever happens first among its files and its deadline.
+
+    It calls a function for each file that has become readable. Used by one thread; ``wake`` by any, and by signals.
+    """
+
+    def __init__(self) -> None:
+        self._epoll = select.epoll()
+        self._callbacks: dict[int, Callable[[], object]] = {}
+        self._later: dict[Callable[[], None], clock.Deadline] = {}
+        self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self.watch(self._wake, self._woken)
+
+    def watch(self, descriptor: int, callback: Callable[[], object]) -> None:
+        """Call ``callback`` whenever ``descriptor`` is readable or closed by its other end."""
+        self._callbacks[descriptor] = callback
+        self._epoll.register(descriptor, select.EPOLLIN)
+
+    def unwatch(self, descriptor: int) -> None:
+        """Forget a file; to be called before it is closed."""
+        if self._callbacks.pop(descriptor, None) is not None:
+            self._epoll.unregister(descriptor)
+
+    def call_later(self, seconds: float, callback: Callable[[], None]) -> None:
+        """Call ``callback`` once, in so many seconds."""
+        self._later[callback] = clock.Deadline.after(seconds)
+
+    def cancel(self, callback: Callable[[], None]) -> None:
+        """Do not call it later."""
+        self._later.pop(callback, None)
+
+    def run_once(self, deadline: clock.Deadline) -> None:
+        """Wait until something happened or the deadline has come, and call what is to be called."""
+        for moment in self._later.values():
+            deadline = deadline.earliest(moment)
+        remaining = deadline.remaining()
+        timeout = None if remaining == clock.FOREVER else remaining
+        for descriptor, _ in self._epoll.poll(timeout):
+            reader = self._callbacks.get(descriptor)
+            if reader is not None:  # an earlier callback may have unwatched it
+                reader()
+        for callback in [callback for callback, moment in self._later.items() if moment.expired]:
+            if self._later.pop(callback, None) is not None:  # an earlier one may have cancelled it
+                callback()
+
+    def wake(self) -> None:
+        """End the wait. Safe in signal handlers and other threads."""
+        with contextlib.suppress(OSError):
+            os.eventfd_write(self._wake, 1)
+
+    def _woken(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.eventfd_read(self._wake)
+
+    def close(self) -> None:
+        """Give the descriptors back."""
+        self._epoll.close()
+        os.close(self._wake)
 
 
 class WorkerPool:
@@ -198,14 +259,13 @@ class ForkServerClient:
 
     def __init__(
         self,
-        reactor: Reactor,
         *,
         preload: Iterable[str] = (),
         uses: Mapping[str, int] | None = None,
         launched: Launched | None = None,
         stop_now: Callable[[], bool] = lambda: False,
     ) -> None:
-        self.reactor = reactor
+        self.reactor = Reactor()
         self.problems: list[str] = []
         self.loading_took = 0.0
         self._preload = tuple(preload)
@@ -299,7 +359,10 @@ class ForkServerClient:
                 processes.signal_process(server.process.pid, signal.SIGCONT)
 
     def close(self, timeout: float = 30.0) -> None:
-        """Let the fork server end, with all that it still has; kill it if it does not within ``timeout`` seconds."""
+        """Let the fork server end, with all that it still has; kill it if it does not within ``timeout`` seconds.
+
+        Nothing may be taken, or waited for, after that.
+        """
         self._process, self._launched = self._process or self._launched, None
         self.rouse()
         if self._pool is not None:
@@ -309,6 +372,7 @@ class ForkServerClient:
             if processes.await_exit(self._process.keeper, timeout):
                 self._process = None
         self.abandon()  # also closes the descriptors of the spare: every suite worker has a fork server
+        self.reactor.close()
 
     def abandon(self) -> None:
         """Have the keeper end all that is left of a fork server that is lost or does not do its work, and forget it."""

@@ -17,7 +17,6 @@ from rtf.testing.isolation import messages
 from rtf.testing.isolation.child import Child
 from rtf.testing.isolation.fork_server import unfit_because
 from rtf.testing.isolation.messages import Frames, Job, Use
-from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.isolation.worker_pool import ForkServerClient, LoadTimeoutError
 from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import Verdict
@@ -199,12 +198,10 @@ def fork_server(tmp_path: Path) -> Iterator[ForkServerClient]:
     """A fork server that expects several tests of each of five files."""
     for name in FILES:
         (tmp_path / f"{name}.py").write_text(WHO_LOADED)
-    reactor = Reactor()
-    made = ForkServerClient(reactor, uses={found(tmp_path, name).path: 3 for name in FILES})
+    made = ForkServerClient(uses={found(tmp_path, name).path: 3 for name in FILES})
     made.start()
     yield made
     made.close()
-    reactor.close()
 
 
 def found(folder: Path, name: str) -> plugins.PluginRef:
