@@ -98,7 +98,7 @@ class Attempts:
                 bad = outcome.verdict in _RETRIED or (outcome.verdict.good and self._cases.any_bad)
                 again = bad and retried < retries
                 retried += 1
-            again = again and not self._worker.is_to_stop()
+            again = again and not self._worker.stop_reason()
             self._cases.end_attempt(outcome.verdict, outcome.detail, again=again)
             self._ended(attempt, outcome, final=not again)
             if not again:

@@ -228,6 +228,23 @@ class Session(Stoppable[Event | Case]):
         for tally in self._tallies:
             tally.judged += 1
 
+    def check(
+        self,
+        holds: object,
+        detail: str,
+        place: tuple[str, int],
+        *,
+        title: str = "checks",
+        quiet: bool = False,
+        measurement: Measurement | None = None,
+    ) -> bool:
+        """Count a judgement, and report it as passed or failed; one that holds is not reported if ``quiet``."""
+        self.judged()
+        if not (holds and quiet):
+            severity = Severity.PASS if holds else Severity.FAILURE
+            self.message(severity, title, detail, place, measurement=measurement)
+        return bool(holds)
+
     def recorded(self) -> None:
         """Count one thing that was only recorded."""
         for tally in self._tallies:

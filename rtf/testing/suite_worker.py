@@ -67,7 +67,7 @@ class SuiteWorker:
             self.emit,
             self._fixture_job,
             running_test=lambda: self.running,
-            stop_now=self.is_to_stop,
+            stop_now=lambda: bool(self.stop_reason()),
             kill_now=self._use_force,
             stop_by=self._stop_by,
         )
@@ -137,7 +137,7 @@ class SuiteWorker:
     def suite(self, planned: PlannedSuite, later: Sequence[PlannedSuite] = ()) -> Iterator[None]:
         """Run tests of a suite in the block; afterwards its fixtures are down but for those that a ``later`` one needs.
 
-        What its tests stand on comes up with the first of them that needs it.
+        Its fixtures come up with the first test that needs them.
         """
         suite = planned.suite
         self.planned = planned
@@ -161,12 +161,7 @@ class SuiteWorker:
             if last:
                 self._end_suite(planned, duration)
 
-    # What is asked each time something happened in a wait; so an interrupt is told of at once.
-
-    def is_to_stop(self) -> bool:
-        """Whether nothing more of this suite is to be started."""
-        self.whole_run.control.announce(self.emit)
-        return self.whole_run.control.stage > 0 or self._suite_deadline.expired or bool(self._aborted)
+    # What is asked each time something happened in a wait, so that an interrupt is reported at once.
 
     def _use_force(self) -> bool:
         control = self.whole_run.control
@@ -175,7 +170,7 @@ class SuiteWorker:
         return forced or self._stop_by().expired
 
     def _stop_by(self) -> clock.Deadline:
-        """When fixtures have to be down, once the run has to end at once. It is told if that is later than usual."""
+        """When fixtures have to be down, once the run has to end at once. It warns if that is later than usual."""
         control = self.whole_run.control
         if control.in_a_hurry and self._fixtures_deadline.at == clock.FOREVER:
             slow = self.supervisor.slow_to_stop()
@@ -214,7 +209,7 @@ class SuiteWorker:
         self.whole_run.count_failures(Attempts(self, test).run())
 
     def bring_up(self, test: PlannedTest) -> bool:
-        """Have what a test stands on up. False when it cannot be started; :meth:`run_test` then says at once why."""
+        """Have the fixtures of a test up. False when it cannot be started; :meth:`run_test` then says at once why."""
         return Attempts(self, test).bring_up()
 
     def stop_reason(self) -> str:
@@ -225,7 +220,7 @@ class SuiteWorker:
         return reason
 
     def stop_of_test(self) -> Stop | None:
-        """Why the running test is to be stopped, whatever it stands on."""
+        """Why the running test is to be stopped, whatever the state of its fixtures."""
         control = self.whole_run.control
         reason = self.whole_run.stop_reason() if control.stage else ""
         if control.stage > 1:
@@ -288,7 +283,7 @@ class SuiteWorker:
 
 
 def _kept_for(suite: TestSuite, later: Sequence[TestSuite]) -> set[str]:
-    """The fixtures of a suite that stay up for a later one: run-scoped, the same there, and all they stand on kept."""
+    """The fixtures of a suite that stay up for a later one: run-scoped, the same there, with all that they need."""
     kept: set[str] = set()
     for entry in suite.fixtures:
         others = (other for following in later for other in following.fixtures if other.name == entry.name)

@@ -1,9 +1,9 @@
-"""One attempt at a test: a child is given the job, heard, held to its time limits, ended if it must be, and judged.
+"""One attempt at a test: a child gets the job, is read, held to its time limits, ended if need be, and judged.
 
 An attempt always ends. When a limit is reached the stacks of all threads are dumped, the test is asked to stop, which
 gives its teardown a chance, and when that does not help its whole process group is killed. The same happens, without
-the dump, when a fixture is lost or an operator stops the run. Its outcome is made of what was heard, the process's own
-claim, how the process ended, and why it was stopped.
+the dump, when a fixture is lost or an operator stops the run. The outcome is made of what was received, the claim of
+the process, how that ended, and why it was stopped.
 """
 
 from __future__ import annotations
@@ -289,7 +289,7 @@ class Attempt:
         """What is made of the last word of a process that ended well."""
         said, finished = self._said, self._said.finished
         assert finished is not None
-        if said.failures or said.errors:  # what was heard counts, whatever the process says at last
+        if said.failures or said.errors:  # what was received counts, whatever the process claims in the end
             verdict, reason = (Verdict.FAILED, "failure") if said.failures else (Verdict.ERROR, "error")
             return Outcome(verdict=verdict, reason=reason, detail=finished.detail or said.first)
         if finished.stopped:

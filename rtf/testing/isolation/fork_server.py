@@ -246,8 +246,8 @@ def _one_thread() -> Iterator[None]:
 def serve_plugin(plugin: PluginRef) -> int:
     """Turn this worker into the fork server for the tests of one file. Returns the exit status of the process.
 
-    It reports that the file is loaded; or else a problem, and each test loads the file for itself and tells what is
-    wrong with it in its own name.
+    It reports that the file is loaded; or else a problem, and each test loads the file for itself and reports what
+    is wrong with it in its own name.
     """
     control = socket.socket(fileno=CHANNEL_FD)
     before = _state()

@@ -32,7 +32,7 @@ DUMP_SIGNAL = signal.SIGQUIT
 NUDGE_SIGNAL = signal.SIGURG
 NUDGE_PERIOD = 0.1
 
-#: Seconds in which a fixture has put right what a test left: a robot may have some way to go.
+#: Seconds in which a fixture must have entered its safe state: a robot may have some way to go.
 SAFE_STATE_LIMIT = 45.0
 #: Seconds that all fixtures together have to come down after SIGTERM or SIGHUP, unless one declares that it needs more.
 STOP_LIMIT = 4.0
@@ -203,7 +203,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_fi
     """One case of the program that ``test`` runs, when it is over: the runner makes a test of its own of it.
 
     No two cases of one run of a program have one name. ``subject`` names the repetition. ``detail`` is the sentence for
-    people, ``duration`` in seconds as far as the program tells it, ``file`` and ``line`` say where the case is written.
+    people, ``duration`` in seconds as far as the program reports it, ``file`` and ``line`` are those of the case.
     """
 
     test: str

@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
 #: Beyond this many bytes of events, what only informs is counted and not kept; beyond twice as many, failures too.
 EVENT_BYTES = 64 << 20
-#: So many protocol errors are told, and as many late events; the rest are counted. So much is quoted of each.
-_TOLD = 20
+#: So many protocol errors are reported, and as many late events; the rest are counted. So much is quoted of each.
+_REPORTED = 20
 _QUOTED = 300
 _ORDER = (Phase.LOAD, Phase.SETUP, Phase.RUN, Phase.TEARDOWN, Phase.CLEANUP)
 
@@ -140,7 +140,7 @@ class Transcript:
 
     def _garble(self, what: str) -> None:
         self._garbled += 1
-        if self._garbled <= _TOLD:
+        if self._garbled <= _REPORTED:
             self.note(Severity.ERROR, "protocol", f"the test's process {what}")
         else:
             self._left_out += 1
@@ -157,7 +157,7 @@ class Transcript:
     def _report_late(self, event: Event | Case, test: str) -> None:
         """A thread of an earlier test lives on in the process that this test shares with it."""
         self._late += 1
-        if self._late > _TOLD:
+        if self._late > _REPORTED:
             self._left_out += 1
             return
         text = f"{event.title}: {event.detail}" if isinstance(event, Message) else _kind(event)

@@ -294,7 +294,7 @@ class ForkServerClient:
     ) -> Child:
         """A fresh child, waiting for its job. Raises ForkServerLostError when none is to be had.
 
-        ``plugin`` is what a test will load and ``fixtures`` are the generations it will stand on: where several tests
+        ``plugin`` is what a test will load and ``fixtures`` are the generations that it will use: where several tests
         share the file, the child comes from a plug-in server. Raises LoadTimeoutError when that has not loaded the file
         within ``limit`` seconds; after that, each test loads it for itself. ``loading_took`` says how long it took.
         """

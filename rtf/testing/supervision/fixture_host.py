@@ -170,7 +170,7 @@ class Host(Stoppable[msgspec.Struct]):
             if not (self.stopped or self._cause):
                 self.emit(Alive(answered=command is not None))
         if not self.stopped:
-            # without a runner, the fork server says whose turn it is; however the wait ends, the robot is put right
+            # without a runner, the fork server says whose turn it is; however the wait ends, the safe state follows
             self._attempt(lambda: clock.sleep(ORPHAN_PATIENCE), lambda _: None)
 
     def _next_command(self) -> Command | None:

@@ -81,8 +81,8 @@ class Fixture:
     last_cause: str = ""
     #: Whether it said itself that trying again is no use.
     hopeless: bool = False
-    #: Whether a test on it was cut short, and no generation has put right since what that one left.
-    owes_safe_state: bool = False
+    #: Whether a test on it was cut short, and no generation has entered its safe state since.
+    safe_state_due: bool = False
     #: Whether it puts back something of which there is only one, such as a robot; it says so when it is up.
     secures_robot: bool = False
     #: Seconds it may take to come down when the run has to end at once; it says so when it is up.
@@ -119,8 +119,8 @@ class Fixture:
 
     @property
     def robot_unsafe(self) -> bool:
-        """Whether it has to put right what a test left on a robot that is there."""
-        return self.owes_safe_state and self.secures_robot
+        """Whether a robot that exists only once may still be as a test left it."""
+        return self.safe_state_due and self.secures_robot
 
     def incident(self, cause: str, phase: Phase, end: End | None = None, output: str = "") -> FixtureIncident:
         """Return what went wrong with this generation; ``end`` is that of its process."""

@@ -1,4 +1,4 @@
-"""A program that a fixture runs: started without a shell, heard, its end noticed at once, and always ended.
+"""A program that a fixture runs: started without a shell, read, its end noticed at once, and always ended.
 
 For fixture plug-ins. What the program writes goes into the journal, and its end is the collapse of the fixture. It is
 the leader of a session of its own, so that it and what it starts can be signalled together and no terminal reaches it;

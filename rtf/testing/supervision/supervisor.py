@@ -13,7 +13,7 @@ the test runs; the server's program dies: ``watch()``
 emits an incident, and ``lost()`` says so              collapsed #1  ready #1      ready #1
 the test is stopped: *fixture lost*. Nobody knows what
 it left: ``enter_safe_state()`` asks those that are
-up, dependents first; the server owes it               collapsed #1  ready #1      ready #1
+up, dependents first; it is still due at the server    collapsed #1  ready #1      ready #1
 ``bring_up(...)`` before the test is run again: what
 depends on the collapsed one comes down, then itself   stopped #1    stopped #1    ready #1
 after the back-off the server is started, which uses
@@ -27,7 +27,7 @@ safe state and is torn down                            stopped #2    stopped #2 
 =====================================================  ============  ============  ============
 
 A server that collapses again has no restart left and is *failed*: each test on it, or on something that depends on it,
-is blocked. A fixture of a robot that owes its safe state at the end is started once more by ``take_down()``, as long as
+is blocked. A fixture of a robot whose safe state is due at the end is started once more by ``take_down()``, as long as
 it has a restart left. Each generation is a process (``fixture_process``); nothing here runs an author's code.
 """
 
@@ -85,15 +85,15 @@ class Supervisor:
         self._kill_now = kill_now
         self._stop_by = stop_by
         self._fixtures: dict[str, Fixture] = {}
-        self._settling = False  # what a test left is being put right, which only force keeps from being done
-        self._unsettled: set[tuple[str, PluginRef | str]] = set()  # forgotten while they owed a safe state
+        self._settling = False  # a safe state that is due is being entered, which only force prevents
+        self._unsettled: set[tuple[str, PluginRef | str]] = set()  # forgotten while their safe state was due
 
     # What the suite's run asks for -------------------------------------------------------------------------------
 
     def adopt(self, suite: str, fixtures: Iterable[Fixture]) -> None:
         """Take over the fixtures of a suite, in dependency order. One that is known, and the same, stays as it is.
 
-        One of the name and plug-in of one that was forgotten while it owed its safe state owes it instead.
+        One of the name and plug-in of one that was forgotten while its safe state was due enters it instead.
         """
         self._suite = suite
         for fixture in fixtures:
@@ -105,7 +105,7 @@ class Supervisor:
                 self.forget([fixture.name])
             if (fixture.name, fixture.plugin) in self._unsettled:
                 self._unsettled.remove((fixture.name, fixture.plugin))
-                fixture.owes_safe_state = fixture.secures_robot = True
+                fixture.safe_state_due = fixture.secures_robot = True
             fixture.emit = self._complete_and_emit
             self._fixtures[fixture.name] = fixture
 
@@ -154,7 +154,7 @@ class Supervisor:
         return {
             fixture.name: fixture.stop_limit
             for fixture in self._fixtures.values()
-            if fixture.stop_limit > STOP_LIMIT and (fixture.process is not None or fixture.owes_safe_state)
+            if fixture.stop_limit > STOP_LIMIT and (fixture.process is not None or fixture.safe_state_due)
         }
 
     def bring_up(self, names: Iterable[str]) -> str:
@@ -192,7 +192,7 @@ class Supervisor:
         """
         self.watch()
         for name in reversed([*names]):
-            self._fixtures[name].owes_safe_state = True
+            self._fixtures[name].safe_state_due = True
             if not self._in_a_hurry():
                 self._enter_safe_state(name)
 
@@ -216,7 +216,7 @@ class Supervisor:
             raise ExceptionGroup("fixtures could not be taken down in order", errors)
 
     def forget(self, names: Iterable[str]) -> None:
-        """Drop fixtures that are down. What they still owe is remembered for those that :meth:`adopt` gets later."""
+        """Drop fixtures that are down. A safe state that is still due is kept until :meth:`adopt` gets them again."""
         for name in [*names]:
             fixture = self._fixtures.pop(name, None)
             if fixture is not None and fixture.robot_unsafe:
@@ -279,7 +279,7 @@ class Supervisor:
         fixture.change(FixtureState.STARTING)
         process.begin(self._make_job(fixture))
         self._wait(lambda: fixture.state is not FixtureState.STARTING or self._no_longer_startable(fixture))
-        if fixture.owes_safe_state:
+        if fixture.safe_state_due:
             self._enter_safe_state(fixture.name)
         if not fixture.ready:
             self._stop(fixture)
@@ -289,7 +289,7 @@ class Supervisor:
         if process is not None:
             process.ask("enter_safe_state")
             self._wait(lambda: process.answered or not process.up or self._stops_waiting())
-            self._fixtures[name].owes_safe_state = not (process.answered and process.up)
+            self._fixtures[name].safe_state_due = not (process.answered and process.up)
 
     def _stops_waiting(self) -> bool:
         """Whether a fixture is not to be waited for that enters its safe state; it does so again when it comes down."""
@@ -313,7 +313,7 @@ class Supervisor:
     # While tests run ---------------------------------------------------------------------------------------------
 
     def deadline(self) -> clock.Deadline:
-        """The moment at which :meth:`watch` has something to do, if nothing is heard before."""
+        """The moment at which :meth:`watch` has something to do, if nothing is received before."""
         deadline = clock.Deadline()
         for fixture in self._fixtures.values():
             if fixture.process is not None and fixture.state is not FixtureState.COLLAPSED:
@@ -340,9 +340,9 @@ class Supervisor:
     # Down --------------------------------------------------------------------------------------------------------
 
     def _settle(self, fixture: Fixture) -> None:
-        """Have a fixture that owes its safe state come up once more for it, and report one that cannot.
+        """Have a fixture whose safe state is due come up once more for it, and report one that cannot.
 
-        One that took over the debt of an earlier suite's, and that no test needed, hands it on without a report.
+        One that took it over from an earlier suite's, and that no test needed, hands it on without a report.
         """
         if not fixture.robot_unsafe or fixture.generation == 0 or fixture.ready:
             return  # one that is up enters its safe state when it is stopped
@@ -354,7 +354,7 @@ class Supervisor:
             finally:
                 self._settling = False
             why = problem if problem not in ("", _INTERRUPTED) else "the run was ended by force"
-        if fixture.owes_safe_state:
+        if fixture.safe_state_due:
             text = f"{fixture.name} did not put back what a test left: {why}"
             fixture.report(fixture.incident(text, Phase.TEARDOWN))
 
