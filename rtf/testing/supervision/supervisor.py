@@ -73,8 +73,8 @@ class Supervisor:
         *,
         running_test: Callable[[], str],
         stop_now: Callable[[], bool],
-        kill_now: Callable[[], bool] = lambda: False,
-        stop_by: Callable[[], clock.Deadline] = clock.Deadline,
+        kill_now: Callable[[], bool],
+        stop_by: Callable[[], clock.Deadline],
     ) -> None:
         self._fork_server = fork_server
         self._emit = emit
@@ -196,14 +196,14 @@ class Supervisor:
             if not self._in_a_hurry():
                 self._enter_safe_state(name)
 
-    def take_down(self, names: Iterable[str] | None = None) -> None:
-        """Tear down these fixtures (default: all), dependents first; whatever goes wrong with one, all are done.
+    def take_down(self, names: Iterable[str]) -> None:
+        """Tear down these fixtures, dependents first; whatever goes wrong with one, all are done.
 
         One of a robot, which collapsed under a test that was cut short, comes up once more to bring it into its safe
         state, whatever stops the run but force. Where it cannot, an incident says so.
         Raises an ExceptionGroup, after all of them, if the supervision itself failed somewhere.
         """
-        chosen = {*self._fixtures} if names is None else {*names}
+        chosen = {*names}
         fixtures = [fixture for name, fixture in self._fixtures.items() if name in chosen]
         errors = []
         for step, order in ((self._settle, fixtures), (self._stop, reversed(fixtures))):
