@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from rtf.cli.arguments import add_reading_options
 from rtf.cli.parser import Parser
 from rtf.testing.events import Diagnosed
-from rtf.testing.inspection import Use, try_uses
+from rtf.testing.inspection import try_uses
+from rtf.testing.isolation.messages import Use
 from rtf.testing.plan import Plan, Planner, load_files, suite_files, unused_variables
 from rtf.testing.plugins import shipped_folder
 from rtf.testing.suite.diagnostics import diagnosed

@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING
 from rtf import clock
 from rtf.testing.cases import CaseTests
 from rtf.testing.events import TestEnded
-from rtf.testing.isolation.attempt import Attempt, run_in_process
-from rtf.testing.isolation.judge import Outcome, Stop
-from rtf.testing.isolation.messages import Job
+from rtf.testing.isolation.attempt import Attempt, Outcome, Stop, run_in_process
+from rtf.testing.isolation.messages import Job, Use
 from rtf.testing.suite.model import TEST_REQUIREMENT, Expected, Isolation, LostPolicy
 from rtf.testing.verdict import Verdict
 
@@ -102,7 +101,7 @@ class Attempts:
                 bad = outcome.verdict in _RETRIED or (outcome.verdict.good and self._cases.any_bad)
                 again = bad and retried < retries
                 retried += 1
-            again = again and not self._worker.is_to_stop()
+            again = again and not self._worker.stop_reason()
             self._cases.end_attempt(outcome.verdict, outcome.detail, again=again)
             self._ended(attempt, outcome, final=not again)
             if not again:
@@ -151,7 +150,7 @@ class Attempts:
                 fixtures=self._supervisor.generations(self._names),
             )
             outcome = attempt.run(worker.shared_child if isolation is Isolation.SUITE else None)
-            if attempt.stopped and isolation is Isolation.SUITE:
+            if attempt.stop and isolation is Isolation.SUITE:
                 worker.end_shared()  # what stopped this test is not to reach the next one
         outcome = self._confirmed(outcome)
         if outcome.cut_short:
@@ -191,7 +190,6 @@ class Attempts:
         if test.found is None:
             raise RuntimeError(f"test {test.id} has no plug-in and cannot be run")
         folder = f"{options.run_folder}/files/{test.id}"
-        file = self._worker.current.file
         return Job(
             kind="test",
             id=test.id,
@@ -199,12 +197,7 @@ class Attempts:
             plugin=test.found,
             folder=folder if attempt == 1 else f"{folder}.attempt{attempt}",
             run_folder=str(options.run_folder),
-            param=test.param,
-            parameters=test.parameters,
-            overrides=options.overrides,
-            suite_place=str(test.location) if test.location.file else "",
-            suite_folder=str(Path(file).parent) if file else "",
-            environment=test.environment,
+            use=Use.of(test, options.overrides),
             repetition=self._run.repetition_of(test),
             attempt=attempt,
             memory=options.memory,

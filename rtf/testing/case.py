@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     Cleanup = tuple[Callable[..., object], tuple[object, ...], dict[str, object]]
 
-_CHECKS = "checks"
-
 
 class TestCase(Declared, UsesFixtures):
     """A test. Derive from it, declare parameters as class attributes, and write ``run``.
@@ -74,7 +72,7 @@ class TestCase(Declared, UsesFixtures):
         """Undo what ``setup`` did, as far as it came."""
 
     def implied_fixtures(self) -> Sequence[tuple[str, Mapping[str, str]]]:
-        """The fixtures, each with its parameters, that it stands on when no suite says so: ``testrunner --test``.
+        """The fixtures, each with its parameters, that it needs when no suite says so: ``testrunner --test``.
 
         Asked with its parameters filled, in a process of its own that ends with the answer; nothing has been set up
         then. A class of which the source plainly says that it moves nothing is not asked.
@@ -211,10 +209,7 @@ class TestCase(Declared, UsesFixtures):
 
     def check_fail_if_false(self, condition: object, text: str) -> bool:
         """Report a failure if the condition does not hold; silent otherwise. Returns whether all is well."""
-        self._session.judged()
-        if not condition:
-            self._session.message(Severity.FAILURE, "checking", text, calling_place(__file__))
-        return bool(condition)
+        return self._session.check(condition, text, calling_place(__file__), title="checking", quiet=True)
 
     def check_equal(self, value: object, expected: object, text: str) -> bool:
         """Check that the two are equal."""
@@ -415,15 +410,12 @@ class TestCase(Declared, UsesFixtures):
 
     def _conclude(self, holds: object, detail: str, *, stop: bool, measurement: Measurement | None = None) -> bool:
         """Count a judgement. An assertion says nothing when it holds, and ends the test when it does not."""
-        session = self._session
-        session.judged()
-        if stop:
-            if not holds:
-                raise TestFailure(detail, measurement=measurement)
-        else:
-            severity = Severity.PASS if holds else Severity.FAILURE
-            session.message(severity, _CHECKS, detail, calling_place(__file__), measurement=measurement)
-        return bool(holds)
+        if not stop:
+            return self._session.check(holds, detail, calling_place(__file__), measurement=measurement)
+        self._session.judged()
+        if not holds:
+            raise TestFailure(detail, measurement=measurement)
+        return True
 
 
 def _is_near(value: float, expected: float, tolerance: float) -> bool:

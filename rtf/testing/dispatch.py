@@ -84,13 +84,13 @@ class Dispatcher:
     def take(self, suite: str, *, stopping: bool) -> str:
         """The id of the next test of a suite, or an empty text when none may begin now.
 
-        When the run is ``stopping`` none is waited for: it is only told that it was not run.
+        When the run is ``stopping`` none is waited for: it is only reported as not run.
         """
         with self._lock:
             queue = self._queues[suite]
             chosen = next((n for n, test in enumerate(queue.waiting) if stopping or self._may_begin(test, queue)), None)
             if chosen is None and queue.waiting and not (queue.running or self._occupied):
-                chosen = 0  # it requires one behind it, and is told so
+                chosen = 0  # it requires one behind it, and its error says so
             if chosen is None:
                 return ""
             test = queue.waiting.pop(chosen)

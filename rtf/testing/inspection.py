@@ -7,7 +7,6 @@ is loaded is a finding.
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -16,7 +15,7 @@ from rtf import clock
 from rtf.testing import plugins
 from rtf.testing.case import TestCase
 from rtf.testing.isolation import messages, processes
-from rtf.testing.isolation.messages import Found, Inspect
+from rtf.testing.isolation.messages import Found, Inspect, Use
 from rtf.testing.parameters import Declared, ParameterError
 from rtf.testing.plugin_spec import UNKNOWN, PluginSpec, spec_of_class
 from rtf.testing.session import text_of
@@ -28,34 +27,9 @@ if TYPE_CHECKING:
     from rtf.testing.isolation.worker import Channel
     from rtf.testing.isolation.worker_pool import ForkServerClient
     from rtf.testing.plugins import PluginRef
-    from rtf.testing.suite.model import FixtureEntry, TestEntry
 
 #: Seconds in which plug-ins must have been loaded.
 LOAD_LIMIT = 30.0
-
-
-class Use(msgspec.Struct, frozen=True, kw_only=True):
-    """What a plug-in would be given: the arguments of :meth:`~rtf.testing.parameters.Declared.resolve_parameters`."""
-
-    param: str = ""
-    parameters: tuple[tuple[str, str], ...] = ()
-    overrides: tuple[tuple[str, str], ...] = ()
-    environment: str = ""
-    place: str = ""
-    folder: str = ""
-
-    @classmethod
-    def of(cls, entry: TestEntry | FixtureEntry, overrides: Iterable[tuple[str, str]] = ()) -> Use:
-        """What an entry of a suite gives to its plug-in."""
-        file = entry.location.file
-        return cls(
-            param=entry.param,
-            parameters=entry.parameters,
-            overrides=tuple(overrides),
-            environment=entry.environment,
-            place=str(entry.location) if file else "",
-            folder=str(Path(file).parent) if file else "",
-        )
 
 
 class Trial(msgspec.Struct, frozen=True, kw_only=True):
@@ -88,16 +62,13 @@ def inspect_plugins(wanted: Mapping[PluginRef, Sequence[Use]], *, ask: bool = Fa
     All are loaded in one process, because what they import takes the time. When that ends meanwhile, each plug-in has a
     process of its own, and if need be each use, so that one that crashes spoils no other's findings.
     """
-    from rtf.testing.isolation.reactor import Reactor
     from rtf.testing.isolation.worker_pool import ForkServerClient
 
-    reactor = Reactor()
-    fork_server = ForkServerClient(reactor)
+    fork_server = ForkServerClient()
     try:
         return _inspect(fork_server, wanted, ask) if wanted else {}
     finally:
         fork_server.close()
-        reactor.close()
 
 
 def _inspect(
@@ -170,7 +141,7 @@ def try_uses(uses: Iterable[tuple[PluginRef, Use]], *, ask: bool = False) -> dic
 def serve(wanted: Inspect, channel: Channel) -> int:
     """Look at what is wanted. Returns the exit status of the process. A copy that a plug-in forks says nothing."""
     own = os.getpid()
-    found = [_look(ref, msgspec.convert(uses, list[Use]), wanted.ask) for ref, uses in wanted.plugins]
+    found = [_look(ref, uses, wanted.ask) for ref, uses in wanted.plugins]
     if os.getpid() == own:
         channel.send(Found(found))
     return 0

@@ -263,7 +263,8 @@ class Planner:
         ]
         if not asking:
             return Plan(suites)
-        from rtf.testing.inspection import Use, try_uses  # with all about parameters, which few runs need here
+        from rtf.testing.inspection import try_uses  # with all about parameters, which few runs need here
+        from rtf.testing.isolation.messages import Use
 
         uses = {test.id: (test.found, Use.of(test, self._overrides)) for test in asking if test.found is not None}
         found = try_uses(uses.values(), ask=True)

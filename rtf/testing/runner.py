@@ -60,7 +60,7 @@ _LOOK = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptions:
-    """What a run is told beside its plan. Times in seconds, memory in bytes (0: no limit).
+    """The options of a run beside its plan. Times in seconds, memory in bytes (0: no limit).
 
     After ``maxfail`` tests that did not pass no further test is started (0: no limit). ``device`` is the record of the
     device under test.
@@ -301,7 +301,7 @@ class Run:
     def _say_no_copies(self, suites: list[TestSuite]) -> None:
         for suite in suites:
             if suite.copies > 1 and len(suite.tests) > 1:
-                text = "copies has no effect: what its tests stand on is there once, or is used by another suite"
+                text = "copies has no effect: a fixture of its tests exists only once, or is used by another suite"
                 hint = "write ${copy} in the param of each fixture, such as --namespace /bench${copy}"
                 self.emit(Diagnosed(severity=Severity.WARNING, text=text, hint=hint, suite=suite.id, file=suite.file))
 

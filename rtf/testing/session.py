@@ -41,8 +41,8 @@ TEXT_LIMIT = 1 << 20
 #: Frames of these files are not the author's; a failure is located and a traceback shown without them.
 OWN_FOLDER = str(Path(__file__).parent)
 
-#: What a process sends.
-M = TypeVar("M")
+M = TypeVar("M")  # what a process sends
+T = TypeVar("T")
 
 
 @dataclass(slots=True)
@@ -193,8 +193,8 @@ class Stoppable(Generic[M]):
         reason, self._stop = self._stop or "stopped", None
         raise TestStopped(reason)
 
-    def run_stoppable(self, function: Callable[[], object]) -> None:
-        """Call a function of the author's; in it, and only in it, the main thread may be stopped.
+    def run_stoppable(self, function: Callable[[], T]) -> T:
+        """Return the result of a function of the author's; in it, and only in it, the main thread may be stopped.
 
         A stop that came a moment before keeps it from being called, but not what undoes things.
         """
@@ -204,7 +204,7 @@ class Stoppable(Generic[M]):
         try:
             if self._stop is not None:
                 self._raise_stop()
-            function()
+            return function()
         finally:
             self._stoppable = False
 
@@ -272,6 +272,23 @@ class Session(Stoppable[Event | Case]):
         """Count one judgement, whatever it came to."""
         for tally in self._tallies:
             tally.judged += 1
+
+    def check(
+        self,
+        holds: object,
+        detail: str,
+        place: tuple[str, int],
+        *,
+        title: str = "checks",
+        quiet: bool = False,
+        measurement: Measurement | None = None,
+    ) -> bool:
+        """Count a judgement, and report it as passed or failed; one that holds is not reported if ``quiet``."""
+        self.judged()
+        if not (holds and quiet):
+            severity = Severity.PASS if holds else Severity.FAILURE
+            self.message(severity, title, detail, place, measurement=measurement)
+        return bool(holds)
 
     def recorded(self) -> None:
         """Count one thing that was only recorded."""

@@ -10,16 +10,14 @@ import json
 from collections import Counter
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.testing.attempts import Attempts
 from rtf.testing.dispatch import copy_suffix
 from rtf.testing.events import Diagnosed, SuiteEnded, SuiteStarted
-from rtf.testing.isolation.judge import Stop
-from rtf.testing.isolation.messages import STOP_LIMIT, Job
-from rtf.testing.isolation.reactor import Reactor
+from rtf.testing.isolation.attempt import Stop
+from rtf.testing.isolation.messages import STOP_LIMIT, Job, Use
 from rtf.testing.isolation.worker_pool import ForkServerClient
 from rtf.testing.run_control import KILL_STAGE, alarm
 from rtf.testing.suite.model import Scope
@@ -47,7 +45,6 @@ class SuiteWorker:
         self._suites = suites
         self.emit = run.emit
         self._dispatcher = run.dispatcher
-        self.reactor = Reactor()
         self.running = ""  # the id of the test that runs
         self.current: TestSuite = suites[0] if suites else None  # type: ignore[assignment]  # no suite, no test
         self._suite_deadline = clock.Deadline()
@@ -57,18 +54,18 @@ class SuiteWorker:
         self._shared: Child | None = None
         preload = tuple(dict.fromkeys(name for suite in suites for name in suite.preload))
         self.fork_server = ForkServerClient(
-            self.reactor,
             preload=preload,
             uses=Counter(test.found.path for suite in suites for test in suite.tests if test.found is not None),
             launched=run.take_launched(),
             stop_now=lambda: run.control.stage > 0,
         )
+        self.reactor = self.fork_server.reactor
         self.supervisor = Supervisor(
             self.fork_server,
             self.emit,
             self._fixture_job,
             running_test=lambda: self.running,
-            stop_now=self.is_to_stop,
+            stop_now=lambda: bool(self.stop_reason()),
             kill_now=self._use_force,
             stop_by=self._stop_by,
         )
@@ -112,9 +109,8 @@ class SuiteWorker:
             try:
                 self._take_down(self.supervisor.names())
             finally:
-                self.fork_server.close()
                 self.whole_run.control.remove_reactor(self.reactor)
-                self.reactor.close()
+                self.fork_server.close()
                 for problem in self.fork_server.problems:
                     self.emit(Diagnosed(severity=Severity.WARNING, text=problem))
 
@@ -139,7 +135,7 @@ class SuiteWorker:
     def suite(self, suite: TestSuite, later: Sequence[TestSuite] = ()) -> Iterator[None]:
         """Run tests of a suite in the block; afterwards its fixtures are down but for those that a ``later`` one needs.
 
-        What its tests stand on comes up with the first of them that needs it.
+        Its fixtures come up with the first test that needs them.
         """
         self.current = suite
         self.supervisor.adopt(suite.id, map(Fixture, suite.fixtures))
@@ -162,12 +158,7 @@ class SuiteWorker:
             if last:
                 self._end_suite(suite, duration)
 
-    # What is asked each time something happened in a wait; so an interrupt is told of at once.
-
-    def is_to_stop(self) -> bool:
-        """Whether nothing more of this suite is to be started."""
-        self.whole_run.control.announce(self.emit)
-        return self.whole_run.control.stage > 0 or self._suite_deadline.expired or bool(self._aborted)
+    # What is asked each time something happened in a wait, so that an interrupt is reported at once.
 
     def _use_force(self) -> bool:
         control = self.whole_run.control
@@ -176,7 +167,7 @@ class SuiteWorker:
         return forced or self._stop_by().expired
 
     def _stop_by(self) -> clock.Deadline:
-        """When fixtures have to be down, once the run has to end at once. It is told if that is later than usual."""
+        """When fixtures have to be down, once the run has to end at once. It warns if that is later than usual."""
         control = self.whole_run.control
         if control.in_a_hurry and self._fixtures_deadline.at == clock.FOREVER:
             slow = self.supervisor.slow_to_stop()
@@ -215,7 +206,7 @@ class SuiteWorker:
         self.whole_run.count_failures(Attempts(self, test).run())
 
     def bring_up(self, test: TestEntry) -> bool:
-        """Have what a test stands on up. False when it cannot be started; :meth:`run_test` then says at once why."""
+        """Have the fixtures of a test up. False when it cannot be started; :meth:`run_test` then says at once why."""
         return Attempts(self, test).bring_up()
 
     def stop_reason(self) -> str:
@@ -226,7 +217,7 @@ class SuiteWorker:
         return reason
 
     def stop_of_test(self) -> Stop | None:
-        """Why the running test is to be stopped, whatever it stands on."""
+        """Why the running test is to be stopped, whatever the state of its fixtures."""
         control = self.whole_run.control
         reason = self.whole_run.stop_reason() if control.stage else ""
         if control.stage > 1:
@@ -274,11 +265,7 @@ class SuiteWorker:
             plugin=entry.found,
             folder=str(options.run_folder / "files" / self.current.id / f"fixture-{entry.name}"),
             run_folder=str(options.run_folder),
-            param=entry.param,
-            parameters=entry.parameters,
-            suite_place=str(entry.location) if entry.location.file else "",
-            suite_folder=str(Path(entry.location.file).parent) if entry.location.file else "",
-            environment=entry.environment or self.current.environment,
+            use=Use.of(replace(entry, environment=entry.environment or self.current.environment)),
             attempt=fixture.generation,
             check_period=entry.check_period,
             variables=self.supervisor.variables(entry.depends),
@@ -293,7 +280,7 @@ class SuiteWorker:
 
 
 def _kept_for(suite: TestSuite, later: Sequence[TestSuite]) -> set[str]:
-    """The fixtures of a suite that stay up for a later one: run-scoped, the same there, and all they stand on kept."""
+    """The fixtures of a suite that stay up for a later one: run-scoped, the same there, with all that they need."""
     kept: set[str] = set()
     for entry in suite.fixtures:
         others = (other for following in later for other in following.fixtures if other.name == entry.name)

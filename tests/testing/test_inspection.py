@@ -10,7 +10,8 @@ import pytest
 
 from rtf import clock
 from rtf.testing import inspection
-from rtf.testing.inspection import Use, inspect_plugin, inspect_plugins
+from rtf.testing.inspection import inspect_plugin, inspect_plugins
+from rtf.testing.isolation.messages import Use
 from rtf.testing.plugins import PluginRef
 
 if TYPE_CHECKING:

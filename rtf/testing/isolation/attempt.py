@@ -1,24 +1,24 @@
-"""One attempt at a test: a child is given the job, heard, held to its time limits, and ended if it must be.
+"""One attempt at a test: a child gets the job, is read, held to its time limits, ended if need be, and judged.
 
 An attempt always ends. When a limit is reached the stacks of all threads are dumped, the test is asked to stop, which
 gives its teardown a chance, and when that does not help its whole process group is killed. The same happens, without
-the dump, when a fixture is lost or an operator stops the run.
+the dump, when a fixture is lost or an operator stops the run. The outcome is made of what was received, the claim of
+the process, how that ended, and why it was stopped.
 """
 
 from __future__ import annotations
 
 import signal
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.testing.events import Asked, Event, StackDumped, TestStarted
-from rtf.testing.isolation import judge
-from rtf.testing.isolation.judge import Outcome, Stop
+from rtf.testing.isolation import messages, processes
 from rtf.testing.isolation.messages import STOP_SIGNAL, Answer, Case
 from rtf.testing.isolation.transcript import Transcript
 from rtf.testing.isolation.worker_pool import ForkServerLostError, LoadTimeoutError
-from rtf.testing.verdict import UNDOING_PHASES, Phase, Verdict
+from rtf.testing.verdict import UNDOING_PHASES, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -54,82 +54,85 @@ class Limits:
         return self.run if phase is Phase.RUN else self.teardown
 
 
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Why an attempt is being ended from outside. ``failures`` is the number of those that were found before."""
+
+    verdict: Verdict
+    reason: str
+    detail: str
+    failures: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What an attempt came to."""
+
+    verdict: Verdict
+    reason: str = ""
+    detail: str = ""
+    duration: float = 0.0
+    exit_status: int | None = None
+    signal: str = ""
+    cpu_time: float = 0.0
+    max_rss: int = 0
+    #: Whether nobody knows what it left behind: it was ended from outside, or something went wrong while it undid
+    #: what it had done.
+    cut_short: bool = False
+
+
+@dataclass(slots=True)
 class Attempt:
-    """Runs one attempt in the thread of its suite.
+    """One attempt, in the thread of its suite.
 
     ``tick`` is called after whatever happened, and says whether and why the attempt must be ended from outside: the
     suite knows of lost fixtures, interrupts and its own limits. ``next_tick`` is the moment it wants to be asked at
     the latest. ``take_case`` is called with each case of a program, and says whether it is kept.
     """
 
-    def __init__(
-        self,
-        job: Job,
-        limits: Limits,
-        fork_server: ForkServerClient,
-        emit: Callable[[Event], None],
-        *,
-        tick: Callable[[], Stop | None],
-        next_tick: Callable[[], clock.Deadline],
-        kill_now: Callable[[], bool],
-        take_case: Callable[[Case], bool],
-        ask: Callable[[Asked, Callable[[str | None, str], None]], None] | None = None,
-        fixtures: dict[str, int] | None = None,
-    ) -> None:
-        self._job = job
-        self._limits = limits
-        self._fork_server = fork_server
-        self._emit = emit
-        self._tick = tick
-        self._next_tick = next_tick
-        self._kill_now = kill_now
-        self._take_case = take_case
-        self._ask = ask
-        self._fixtures = fixtures or {}
-        self._child: Child
-        self._said: Transcript
-        self._deadline = clock.Deadline()
-        self._total = clock.Deadline()
-        self._stop: Stop | None = None
-        self._killed = False
-        self._kernel_state = ""
-        self._dumped: Phase | None = None
-
-    @property
-    def stopped(self) -> bool:
-        """Whether it was ended from outside: what its process was sent may still be under way when the test is over."""
-        return self._stop is not None
+    job: Job
+    limits: Limits
+    fork_server: ForkServerClient
+    emit: Callable[[Event], None]
+    tick: Callable[[], Stop | None]
+    next_tick: Callable[[], clock.Deadline]
+    kill_now: Callable[[], bool]
+    take_case: Callable[[Case], bool]
+    ask: Callable[[Asked, Callable[[str | None, str], None]], None] | None = None
+    fixtures: dict[str, int] = field(default_factory=dict)
+    #: Why it was ended from outside: what its process was sent may still be under way when the test is over.
+    stop: Stop | None = None
+    _child: Child = field(init=False)
+    _said: Transcript = field(init=False)
+    _deadline: clock.Deadline = field(default_factory=clock.Deadline)
+    _total: clock.Deadline = field(default_factory=clock.Deadline)
+    _killed: bool = False
+    _kernel_state: str = ""
+    _dumped: Phase | None = None
 
     def run(self, take: Callable[[], Child] | None = None) -> Outcome:
         """Carry it out in a fresh process, or in the one that ``take`` gives, and say what it came to."""
         began = clock.monotonic()
-        earlier: set[str] = set()
-        self._said = Transcript(
-            self._job,
-            self._emit,
-            enter=self._enter,
-            finish=self._finish,
-            ask=self._put,
-            take_case=self._take_case,
-            earlier=earlier,
-        )
+        self._said = Transcript(self.job, self.emit, self._enter, self._finish, self._put, self.take_case)
         try:
             child = self._child = self._obtain(take or self._take_fresh)
-        except LoadTimeoutError as error:
-            outcome = self._not_loaded(error)
+        except LoadTimeoutError as error:  # of the file that it shares with other tests
+            self._started(0)
+            self._report_stacks(error.stacks or f"{_NO_STACKS}\n", str(error))
+            outcome = self._error("timeout", str(error))
         except ForkServerLostError as error:
-            return judge.error(self._said, "internal", str(error))
+            return self._error("internal", str(error))
         else:
-            earlier |= child.done
+            self._said.earlier = child.done
             self._started(child.pid)
-            loading = self._fork_server.loading_took if take is None else 0.0
-            self._total = _left(self._limits.total, loading)
-            self._deadline = _left(self._limits.setup, loading)
-            child.begin(self._job, self._said.hear, self._said.write)
+            loading = self.fork_server.loading_took if take is None else 0.0
+            self._total = _remaining(self.limits.total, loading)
+            self._deadline = _remaining(self.limits.setup, loading)
+            child.begin(self.job, self._said.take, self._said.write)
             self._wait()
             child.drain()
-            child.done.add(self._job.id)
             outcome = self._conclude()
+            child.done.add(self.job.id)
         return replace(outcome, duration=clock.monotonic() - began)
 
     def _obtain(self, take: Callable[[], Child]) -> Child:
@@ -140,49 +143,46 @@ class Attempt:
 
     def _take_fresh(self) -> Child:
         """A child of its own. The loading of a shared file counts as the loading of this test."""
-        limits = [limit for limit in (self._limits.setup, self._limits.total) if limit is not None]
-        return self._fork_server.take(self._job.plugin, self._fixtures, min(limits, default=None))
+        limits = [limit for limit in (self.limits.setup, self.limits.total) if limit is not None]
+        return self.fork_server.take(self.job.plugin, self.fixtures, min(limits, default=None))
 
     def _started(self, pid: int) -> None:
-        self._emit(TestStarted(test=self._job.id, attempt=self._job.attempt, pid=pid, fixtures=self._fixtures))
-
-    def _not_loaded(self, error: LoadTimeoutError) -> Outcome:
-        """The file that it shares with other tests did not come to the end of its loading."""
-        self._started(0)
-        self._tell_stacks(error.stacks or f"{_NO_STACKS}\n", str(error))
-        return judge.error(self._said, "timeout", str(error))
+        self.emit(TestStarted(test=self.job.id, attempt=self.job.attempt, pid=pid, fixtures=self.fixtures))
 
     def _put(self, question: Asked) -> None:
         """Put a question of the test to the operator."""
-        if self._ask is not None:
-            self._ask(question, lambda text, source: self._child.send(Answer(question.question, text, source)))
+        if self.ask is not None:
+            self.ask(question, lambda text, source: self._child.send(Answer(question.question, text, source)))
 
     # Waiting -----------------------------------------------------------------------------------------------------
 
     def _wait(self) -> None:
         while not self._over():
-            deadline = self._deadline if self._stop else self._deadline.earliest(self._total)
-            self._fork_server.reactor.run_once(deadline.earliest(self._next_tick()))
+            deadline = self._deadline if self.stop else self._deadline.earliest(self._total)
+            self.fork_server.reactor.run_once(deadline.earliest(self.next_tick()))
             if self._over():
                 return
-            if self._stop is None:
+            if self.stop is None:
                 stop = self._reason_to_stop()
                 if stop is not None:
                     self._end_early(stop)
-            elif not self._killed and (self._deadline.expired or self._kill_now()):
+            elif not self._killed and self._time_is_up():
                 self._press_on()
 
     def _over(self) -> bool:
         """Whether the process is gone, or waits for its next job."""
-        return self._child.end is not None or (self._said.finished is not None and not self._job.last)
+        return self._child.end is not None or (self._said.finished is not None and not self.job.last)
+
+    def _time_is_up(self) -> bool:
+        return self._deadline.expired or self.kill_now()
 
     def _enter(self, phase: Phase) -> float | None:
         """A phase begins, with its limit; one that undoes what the test did has it also when the test is stopped."""
-        limit = self._limits.of(phase)
+        limit = self.limits.of(phase)
         undoing = phase in UNDOING_PHASES
         if undoing:
             self._child.stop_nudging()
-        if self._stop is None or (undoing and not self._killed):
+        if self.stop is None or (undoing and not self._killed):
             self._deadline = clock.Deadline.after(limit)
         return limit
 
@@ -191,15 +191,14 @@ class Attempt:
         self._child.stop_nudging()
 
     def _reason_to_stop(self) -> Stop | None:
-        stop = self._tick()
+        stop = self.tick()
         if stop is not None:
             return stop
         if self._total.expired:
             return self._overdue("the test", self._total)
         if self._child.channel_closed and self._said.finished is None:
             self._deadline = clock.Deadline()  # either it ends now, or it is cut off
-            why = judge.why_cut_off(garbled=self._child.garbled)
-            return Stop(Verdict.ERROR, "channel", why) if self._child.cut_off else None
+            return Stop(Verdict.ERROR, "channel", self._why_cut_off()) if self._child.cut_off else None
         return self._overdue(self._what(), self._deadline) if self._deadline.expired else None
 
     def _what(self) -> str:
@@ -222,50 +221,111 @@ class Attempt:
     # Stopping ----------------------------------------------------------------------------------------------------
 
     def _end_early(self, stop: Stop) -> None:
-        self._stop = replace(stop, failures=self._said.failures)
+        self.stop = replace(stop, failures=self._said.failures)
         if self._over():
             return
         spared = self._said.phase in UNDOING_PHASES and not self._child.cut_off
-        if spared and not (self._deadline.expired or self._kill_now()):
+        if spared and not self._time_is_up():
             self._child.signal(signal.SIGCONT)
             return  # it is undoing what it did, which is what it would be stopped for; that has its own time
         self._child.interrupt(STOP_SIGNAL)
-        self._deadline = clock.Deadline.after(self._limits.grace)
-        if self._kill_now():
+        self._deadline = clock.Deadline.after(self.limits.grace)
+        if self.kill_now():
             self._press_on()
 
     def _press_on(self) -> None:
         """It did not stop: kill it."""
-        if self._dumped not in (None, self._said.phase) and not self._kill_now():  # it hangs in its teardown, too
+        if self._dumped not in (None, self._said.phase) and not self.kill_now():  # it hangs in its teardown, too
             self._dump_stacks()
-            if self._over() or not (self._deadline.expired or self._kill_now()):
+            if self._over() or not self._time_is_up():
                 return  # meanwhile it has come to the next phase, which has its own time
         self._killed = True
         self._child.kill()
         self._deadline = clock.Deadline()
 
-    # The end -----------------------------------------------------------------------------------------------------
+    # The verdict -------------------------------------------------------------------------------------------------
 
     def _conclude(self) -> Outcome:
-        child, stop = self._child, self._stop
-        stacks = child.new_stacks()
+        said, end, stop = self._said, self._child.end, self.stop
+        stacks = self._child.new_stacks()
         if not stacks and stop is not None and stop.reason == "timeout":
             stacks = f"{_NO_STACKS}; the kernel says\n{self._kernel_state}\n"
-        self._tell_stacks(stacks, stop.detail if stop else "crash")
-        self._said.close()
-        return judge.judge(self._said, child.end, stop, killed=self._killed, garbled=child.garbled)
+        self._report_stacks(stacks, stop.detail if stop else "crash")
+        said.close()
+        if stop is not None:
+            outcome = self._stopped(stop)
+        elif said.finished is None or (end is not None and end.status is None):
+            outcome = self._ended_before()
+        elif end is not None and end.status != 0:
+            how = processes.describe_end(end.exit_status, end.signal)
+            outcome = self._error("crash", f"after the test was over its process ended badly: {how}")
+        else:
+            outcome = self._claimed()
+        outcome = replace(outcome, cut_short=outcome.cut_short or stop is not None or said.undoing_failed)
+        if end is None:
+            return outcome
+        return replace(
+            outcome, exit_status=end.exit_status, signal=end.signal, cpu_time=end.cpu_time, max_rss=end.max_rss
+        )
 
-    def _tell_stacks(self, stacks: str, cause: str) -> None:
+    def _report_stacks(self, stacks: str, cause: str) -> None:
         if stacks:
-            self._emit(StackDumped(text=stacks, cause=cause, test=self._job.id))
+            self.emit(StackDumped(text=stacks, cause=cause, test=self.job.id))
+
+    def _error(self, reason: str, detail: str) -> Outcome:
+        """An error, unless a failure was found before: that the thing under test is wrong is never hidden."""
+        said = self._said
+        said.note(Severity.ERROR, reason, detail)
+        verdict = Verdict.FAILED if said.failures else Verdict.ERROR
+        detail = f"{said.first}; then: {detail}" if said.failures else detail
+        return Outcome(verdict=verdict, reason=reason, detail=detail, cut_short=True)
+
+    def _why_cut_off(self) -> str:
+        if self._child.garbled:
+            return "the test wrote what is no message on the channel to its runner"
+        return "the test closed the channel to its runner"
+
+    def _claimed(self) -> Outcome:
+        """What is made of the last word of a process that ended well."""
+        said, finished = self._said, self._said.finished
+        assert finished is not None
+        if said.failures or said.errors:  # what was received counts, whatever the process claims in the end
+            verdict, reason = (Verdict.FAILED, "failure") if said.failures else (Verdict.ERROR, "error")
+            return Outcome(verdict=verdict, reason=reason, detail=finished.detail or said.first)
+        if finished.stopped:
+            return self._error("stopped", "it was told to stop, and not by the runner")
+        try:
+            verdict = Verdict(finished.outcome)
+        except ValueError:
+            return self._error("protocol", "the test's process did not say what the test came to")
+        return Outcome(verdict=verdict, reason=finished.reason, detail=finished.detail)
+
+    def _stopped(self, stop: Stop) -> Outcome:
+        detail = f"{stop.detail}; it did not react to being stopped and was killed" if self._killed else stop.detail
+        if stop.verdict is Verdict.ERROR:
+            return self._error(stop.reason, detail)
+        if stop.verdict is Verdict.INTERRUPTED and stop.failures:
+            return Outcome(verdict=Verdict.FAILED, reason=stop.reason, detail=f"{self._said.first}; then: {detail}")
+        return Outcome(verdict=stop.verdict, reason=stop.reason, detail=detail)
+
+    def _ended_before(self) -> Outcome:
+        """A process that ended before its test was over."""
+        end = self._child.end
+        where = "while loading" if self._said.phase is Phase.LOAD else f"in {self._said.phase}()"
+        if end is None or end.status is None:
+            lost = f"the process from which tests are forked was lost, and the test with it, {where}"
+            return self._error("internal", lost)
+        if end.signal:
+            hint = " (the machine may have run out of memory)" if end.signal == "SIGKILL" else ""
+            return self._error("crash", f"killed by {end.signal} {where}{hint}")
+        if end.exit_status == messages.CUT_OFF or self._child.garbled:
+            return self._error("channel", self._why_cut_off())
+        how = f"the process ended with exit status {end.exit_status} {where}, before the test was over"
+        return self._error("exit", how)
 
 
-def _kind(message: Event | Case) -> str:
-    return message.kind if isinstance(message, Event) else "case"
-
-
-def _left(limit: float | None, used: float) -> clock.Deadline:
-    """What is left of a time limit. The deadline names the limit as a whole."""
+def _remaining(limit: float | None, used: float) -> clock.Deadline:
+    """What remains of a time limit. The deadline names the limit as a whole."""
     if limit is None:
         return clock.Deadline()
     return clock.Deadline(clock.monotonic() + max(0.0, limit - used), limit)

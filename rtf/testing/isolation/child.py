@@ -1,4 +1,4 @@
-"""The runner's side of a forked process: it is given a job, heard, interrupted and killed.
+"""The runner's side of a forked process: it gets a job, is read, interrupted and killed.
 
 A child belongs to a :class:`~rtf.testing.isolation.worker_pool.WorkerPool`, and to the thread of that. It has a channel
 for messages, its two output streams, and a file for the stacks of its threads.
@@ -122,7 +122,7 @@ class Child:
         return socket.socket(fileno=self._channel)
 
     def send(self, message: msgspec.Struct) -> None:
-        """Send a message to the child; nothing happens when it is gone, which its end will tell."""
+        """Send a message to the child; nothing happens when it is gone, which is noticed by its end."""
         view = memoryview(messages.pack(message))
         while view and not self.channel_closed:
             try:
@@ -141,7 +141,7 @@ class Child:
 
     def signal(self, signum: int, *, group: bool = False) -> None:
         """Send a signal to the child, or to its whole process group, by a fork server that may have been stopped."""
-        self._pool.rouse()
+        self._pool.client.rouse()
         self._pool.request(SendSignal(self.pid, signum, group))
 
     def interrupt(self, signum: int) -> None:
@@ -169,7 +169,7 @@ class Child:
             self._reactor.call_later(seconds, callback)
 
     def _give_up(self) -> None:
-        self._pool.abandon()
+        self._pool.client.abandon()
 
     def dismiss(self) -> None:
         """Kill the child, and wait until it is gone."""
@@ -213,7 +213,7 @@ class Child:
             self._stacks_unread += os.pread(self._stacks, wanted, self._stacks_read)
             self._stacks_read = size
 
-    # Hearing -----------------------------------------------------------------------------------------------------
+    # Reading -----------------------------------------------------------------------------------------------------
 
     def drain(self) -> None:
         """Take in what has been written so far."""

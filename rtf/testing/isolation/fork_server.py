@@ -46,10 +46,10 @@ if TYPE_CHECKING:
 
     from rtf.testing.plugins import PluginRef
 
-#: How long a fixture may take to come down once the runner is gone, beside the time in which it parks.
+#: How long a fixture may take to come down once the runner is gone, beside the time in which it enters its safe state.
 ORPHAN_GRACE = 10.0
 #: How long a killed process may take to vanish; one that does not is not waited for again.
-STRAY_GRACE = 5.0
+VANISH_LIMIT = 5.0
 #: Files that come with a request for a child: its channel, its two streams, and the file for its stacks.
 _FILES = 4
 #: As much of the list of children as is read in one go; further ones have their turn when these are gone.
@@ -93,10 +93,10 @@ class ForkServer:
             return False
         self._descriptors.extend(descriptors)
         for frame in self._frames.feed(data):
-            self._obey(messages.to_fork_server(frame))
+            self._carry_out(messages.to_fork_server(frame))
         return bool(data)
 
-    def _obey(self, message: Fork | Signal | MarkHost | Preload) -> None:
+    def _carry_out(self, message: Fork | Signal | MarkHost | Preload) -> None:
         if isinstance(message, Fork):
             self._fork()
         elif isinstance(message, Preload):
@@ -110,7 +110,7 @@ class ForkServer:
         else:
             processes.signal_process(message.pid, message.signum)
 
-    def _tell(self, message: messages.Message) -> None:
+    def _send(self, message: messages.Message) -> None:
         with suppress(OSError):  # the runner is gone; the next poll says so
             self._control.sendall(messages.pack(message))
 
@@ -131,7 +131,7 @@ class ForkServer:
         pidfd = self._pidfds[pid] = os.pidfd_open(pid)
         self._pids[pidfd] = pid
         self._poll.register(pidfd, select.POLLIN)
-        self._tell(Forked(pid))
+        self._send(Forked(pid))
 
     def _reap(self, pid: int) -> None:
         """Take note of an end, and report it once nothing is left of what the dead child started."""
@@ -140,18 +140,18 @@ class ForkServer:
         del self._pids[pidfd]
         self._poll.unregister(pidfd)
         os.close(pidfd)
-        self._end_strays()
-        self._tell(Exited(pid, status, cpu_time, max_rss))
+        self._end_orphans()
+        self._send(Exited(pid, status, cpu_time, max_rss))
 
-    def _end_strays(self) -> None:
+    def _end_orphans(self) -> None:
         """Kill the processes that this one has inherited, and wait until they are gone."""
-        while strays := self._strays():
-            for pid in strays:
+        while orphans := self._orphans():
+            for pid in orphans:
                 processes.signal_process(pid, signal.SIGKILL)
-                if not processes.await_exit(pid, STRAY_GRACE):
+                if not processes.await_exit(pid, VANISH_LIMIT):
                     self._unkillable.add(pid)  # it must not hold up the run
 
-    def _strays(self) -> list[int]:
+    def _orphans(self) -> list[int]:
         children = os.pread(self._children, _CHILDREN_SIZE, 0).split()
         return [pid for word in children if (pid := int(word)) not in self._pidfds and pid not in self._unkillable]
 
@@ -169,17 +169,17 @@ class ForkServer:
         for host in reversed(hosts):
             if host in self._pidfds:
                 self._end_host(host)
-        final = clock.Deadline.after(STRAY_GRACE)
+        final = clock.Deadline.after(VANISH_LIMIT)
         while (self._pidfds or processes.children_of(os.getpid())) and not final.expired:
             for pid in processes.descendants_of(os.getpid()):
                 processes.signal_process(pid, signal.SIGKILL)
             self._reap_ready(min(0.2, final.remaining()))
             if not self._pidfds:
-                self._end_strays()
+                self._end_orphans()
 
     def _end_host(self, host: int) -> None:
         """Have a fixture come down, in its time: what depends on it is down. One that does not is killed."""
-        left, parking = ORPHAN_GRACE, SAFE_STATE_LIMIT
+        left, securing = ORPHAN_GRACE, SAFE_STATE_LIMIT
         processes.signal_process(host, signal.SIGCONT)
         processes.signal_process(host, signal.SIGTERM)
         while host in self._pidfds and left > 0:
@@ -187,12 +187,12 @@ class ForkServer:
             processes.signal_process(host, NUDGE_SIGNAL)
             self._reap_ready(min(NUDGE_PERIOD, left))
             passed = clock.monotonic() - began
-            if parking <= 0 or processes.name_of(host) != SAFE_STATE_NAME:
+            if securing <= 0 or processes.name_of(host) != SAFE_STATE_NAME:
                 left -= passed
                 continue
-            parking -= passed
-            if parking <= 0:
-                processes.signal_process(host, signal.SIGTERM)  # it leaves the park, and is torn down
+            securing -= passed
+            if securing <= 0:
+                processes.signal_process(host, signal.SIGTERM)  # it leaves its safe state, and is torn down
         if host in self._pidfds:
             processes.signal_group(host, signal.SIGKILL)
 
@@ -246,8 +246,8 @@ def _one_thread() -> Iterator[None]:
 def serve_plugin(plugin: PluginRef) -> int:
     """Turn this worker into the fork server for the tests of one file. Returns the exit status of the process.
 
-    It reports that the file is loaded; or else a problem, and each test loads the file for itself and tells what is
-    wrong with it in its own name.
+    It reports that the file is loaded; or else a problem, and each test loads the file for itself and reports what
+    is wrong with it in its own name.
     """
     control = socket.socket(fileno=CHANNEL_FD)
     before = _state()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import signal
 import struct
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Union
 
 import msgspec
@@ -19,7 +20,9 @@ from rtf.testing.plugins import PluginRef
 from rtf.testing.verdict import TestingError, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
+
+    from rtf.testing.suite.model import FixtureEntry, TestEntry
 
 #: Asks a test to end, and makes any process of ours write the stacks of its threads into its dump file.
 STOP_SIGNAL = signal.SIGINT
@@ -29,12 +32,12 @@ DUMP_SIGNAL = signal.SIGQUIT
 NUDGE_SIGNAL = signal.SIGURG
 NUDGE_PERIOD = 0.1
 
-#: Seconds in which a fixture has put right what a test left: a robot may have some way to go.
+#: Seconds in which a fixture must have entered its safe state: a robot may have some way to go.
 SAFE_STATE_LIMIT = 45.0
 #: Seconds that all fixtures together have to come down after SIGTERM or SIGHUP, unless one declares that it needs more.
 STOP_LIMIT = 4.0
 #: What a fixture's process calls itself meanwhile (at most 15 bytes), so that its fork server knows without the runner.
-SAFE_STATE_NAME = "rtf parking"
+SAFE_STATE_NAME = "rtf safe state"
 
 #: The exit status of a process of ours that cannot reach its runner any more.
 CUT_OFF = 71
@@ -108,16 +111,38 @@ class Loaded(Message, frozen=True):
 # From the runner to a child ------------------------------------------------------------------------------------------
 
 
+class Use(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
+    """What a plug-in is given: the arguments of :meth:`~rtf.testing.parameters.Declared.resolve_parameters`."""
+
+    param: str = ""
+    parameters: tuple[tuple[str, str], ...] = ()
+    overrides: tuple[tuple[str, str], ...] = ()
+    environment: str = ""
+    place: str = ""
+    folder: str = ""
+
+    @classmethod
+    def of(cls, entry: TestEntry | FixtureEntry, overrides: Iterable[tuple[str, str]] = ()) -> Use:
+        """What an entry of a suite gives to its plug-in."""
+        file = entry.location.file
+        return cls(
+            param=entry.param,
+            parameters=entry.parameters,
+            overrides=tuple(overrides),
+            environment=entry.environment,
+            place=str(entry.location) if file else "",
+            folder=str(Path(file).parent) if file else "",
+        )
+
+
 class Job(Message, frozen=True, kw_only=True):
     """One attempt at a test, the hosting of one fixture, or serving as the fork server of a plug-in's tests.
 
-    ``param`` is the suite's parameter string, ``parameters`` its ``<parameter>`` elements, ``overrides`` the ``--set``
-    values; they count in this order. ``attempt`` counts the attempts at a test, or the generations of a fixture,
-    from 1. ``suite_place`` is the suite's file and line, for provenance; ``suite_folder`` its folder. ``memory`` is the
-    private memory in bytes a process may use, 0 for no limit. ``last`` says that no other job follows.
-    ``variables`` are set in the environment of the process; ``values`` are those of its fixtures, as a JSON text.
-    ``terminal`` is the device at which the test is debugged; ``core_dumps`` says whether those of programs are kept.
-    ``cases`` are the names of the only cases that a program is to run.
+    ``attempt`` counts the attempts at a test, or the generations of a fixture, from 1. ``memory`` is the private memory
+    in bytes a process may use, 0 for no limit. ``last`` says that no other job follows. ``variables`` are set in the
+    environment of the process; ``values`` are those of its fixtures, as a JSON text. ``terminal`` is the device at
+    which the test is debugged; ``core_dumps`` says whether those of programs are kept. ``cases`` are the names of the
+    only cases that a program is to run.
     """
 
     plugin: PluginRef
@@ -126,12 +151,7 @@ class Job(Message, frozen=True, kw_only=True):
     name: str
     folder: str
     run_folder: str
-    param: str = ""
-    parameters: tuple[tuple[str, str], ...] = ()
-    overrides: tuple[tuple[str, str], ...] = ()
-    suite_place: str = ""
-    suite_folder: str = ""
-    environment: str = ""
+    use: Use = Use()
     repetition: int = 0
     attempt: int = 1
     memory: int = 0
@@ -148,7 +168,7 @@ class Job(Message, frozen=True, kw_only=True):
 class Inspect(Message, frozen=True):
     """Load plug-ins, try each use of them, and ``ask`` tests which fixtures they need; see ``inspection``."""
 
-    plugins: tuple[tuple[PluginRef, list[Any]], ...]
+    plugins: tuple[tuple[PluginRef, list[Use]], ...]
     ask: bool
 
 
@@ -183,7 +203,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_fi
     """One case of the program that ``test`` runs, when it is over: the runner makes a test of its own of it.
 
     No two cases of one run of a program have one name. ``subject`` names the repetition. ``detail`` is the sentence for
-    people, ``duration`` in seconds as far as the program tells it, ``file`` and ``line`` say where the case is written.
+    people, ``duration`` in seconds as far as the program reports it, ``file`` and ``line`` are those of the case.
     """
 
     test: str

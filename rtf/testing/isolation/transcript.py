@@ -6,6 +6,7 @@ again to have its time again, or say too much. Each of these becomes an event, a
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -38,8 +39,8 @@ if TYPE_CHECKING:
 
 #: Beyond this many bytes of events, what only informs is counted and not kept; beyond twice as many, failures too.
 EVENT_BYTES = 64 << 20
-#: So many protocol errors are told, and as many late events; the rest are counted. So much is quoted of each.
-_TOLD = 20
+#: So many protocol errors are reported, and as many late events; the rest are counted. So much is quoted of each.
+_REPORTED = 20
 _QUOTED = 300
 _ORDER = (Phase.LOAD, Phase.SETUP, Phase.RUN, Phase.TEARDOWN, Phase.CLEANUP)
 
@@ -61,6 +62,7 @@ _ALLOWED = (
 )
 
 
+@dataclass(slots=True)
 class Transcript:
     """What one attempt has said so far.
 
@@ -69,40 +71,35 @@ class Transcript:
     are too many. ``earlier`` are the tests that ran in the same process before.
     """
 
-    def __init__(
-        self,
-        job: Job,
-        emit: Callable[[Event], None],
-        *,
-        enter: Callable[[Phase], float | None],
-        finish: Callable[[], None],
-        ask: Callable[[Asked], None],
-        take_case: Callable[[Case], bool],
-        earlier: Collection[str],
-    ) -> None:
-        self.phase = Phase.LOAD
-        self.finished: Finished | None = None
-        self.failures = 0
-        self.errors = 0
-        #: The first thing that went wrong, and whether something did while the test undid what it had done.
-        self.first = ""
-        self.undoing_failed = False
-        self._job = job
-        self._emit = emit
-        self._enter = enter
-        self._finish = finish
-        self._ask = ask
-        self._take_case = take_case
-        self._earlier = earlier
-        self._repetition = 0
-        self._garbled = 0
-        self._late = 0
-        self._bytes = 0
-        self._left_out = 0
-        self._capture = Capture(self._written)
-        self.write = self._capture.feed
+    job: Job
+    emit: Callable[[Event], None]
+    enter: Callable[[Phase], float | None]
+    finish: Callable[[], None]
+    ask: Callable[[Asked], None]
+    take_case: Callable[[Case], bool]
+    earlier: Collection[str] = ()
+    phase: Phase = Phase.LOAD
+    finished: Finished | None = None
+    failures: int = 0
+    errors: int = 0
+    #: The first thing that went wrong, and whether something did while the test undid what it had done.
+    first: str = ""
+    undoing_failed: bool = False
+    _repetition: int = 0
+    _garbled: int = 0
+    _late: int = 0
+    _bytes: int = 0
+    _left_out: int = 0
+    _capture: Capture = field(init=False)
 
-    def hear(self, data: bytes) -> None:
+    def __post_init__(self) -> None:
+        self._capture = Capture(self._written)
+
+    def write(self, stream: str, data: bytes) -> None:
+        """Take what the process wrote into one of its streams."""
+        self._capture.feed(stream, data)
+
+    def take(self, data: bytes) -> None:
         """Take one message."""
         try:
             message = messages.from_child(data)
@@ -111,26 +108,26 @@ class Transcript:
             return
         if isinstance(message, Finished):
             self.finished = message
-            self._finish()
+            self.finish()
         elif not isinstance(message, _ALLOWED):
             self._garble(f"may not say {message.kind if isinstance(message, Event) else 'that'}")
-        elif message.test == self._job.id:
-            if isinstance(message, Case):
-                self._hear_case(message, len(data))
+        elif message.test != self.job.id:
+            if message.test in self.earlier:
+                self._report_late(message, message.test)
             else:
-                self._take(message, len(data))
-        elif message.test in self._earlier:
-            self._say_late(message, message.test)
+                self._garble(f"may not say {_kind(message)} of {message.test[:_QUOTED]!r}")
+        elif isinstance(message, Case):
+            self._take_case(message, len(data))
         else:
-            self._garble(f"may not say {_kind(message)} of {message.test[:_QUOTED]!r}")
+            self._take_event(message, len(data))
 
     def note(self, severity: Severity, title: str, detail: str) -> None:
         """Say something in the name of the test; an error counts."""
-        event = Message(severity=severity, title=title, detail=detail, test=self._job.id, phase=self.phase)
+        event = Message(severity=severity, title=title, detail=detail, test=self.job.id, phase=self.phase)
         if severity is Severity.ERROR:
             self.errors += 1
             self.first = self.first or detail
-        self._emit(event)
+        self.emit(event)
 
     def close(self) -> None:
         """Hand on what was held back, and say how much was left out."""
@@ -139,35 +136,35 @@ class Transcript:
             self.note(Severity.WARNING, "journal", f"{self._left_out} events left out: the test said too much")
 
     def _written(self, stream: str, text: str, omitted: int) -> None:
-        self._emit(OutputCaptured(stream=stream, text=text, test=self._job.id, omitted=omitted))
+        self.emit(OutputCaptured(stream=stream, text=text, test=self.job.id, omitted=omitted))
 
     def _garble(self, what: str) -> None:
         self._garbled += 1
-        if self._garbled <= _TOLD:
+        if self._garbled <= _REPORTED:
             self.note(Severity.ERROR, "protocol", f"the test's process {what}")
         else:
             self._left_out += 1
 
-    def _hear_case(self, case: Case, size: int) -> None:
+    def _take_case(self, case: Case, size: int) -> None:
         """Have a case kept. One that is bad and cannot be kept makes the program fail."""
         self._bytes += size
         bad = not case.verdict.good
-        if self._bytes > (2 * EVENT_BYTES if bad else EVENT_BYTES) or not self._take_case(case):
+        if self._bytes > (2 * EVENT_BYTES if bad else EVENT_BYTES) or not self.take_case(case):
             self._left_out += 1
             self.failures += bad
             self.first = self.first or (f"{case.name}: {case.detail}" if bad else "")
 
-    def _say_late(self, event: Event | Case, test: str) -> None:
+    def _report_late(self, event: Event | Case, test: str) -> None:
         """A thread of an earlier test lives on in the process that this test shares with it."""
         self._late += 1
-        if self._late > _TOLD:
+        if self._late > _REPORTED:
             self._left_out += 1
             return
         text = f"{event.title}: {event.detail}" if isinstance(event, Message) else _kind(event)
         detail = f"said by a thread of the test after the test was over: {text}"[:_QUOTED]
-        self._emit(Message(severity=Severity.WARNING, title="late", detail=detail, test=test))
+        self.emit(Message(severity=Severity.WARNING, title="late", detail=detail, test=test))
 
-    def _take(self, event: Event, size: int) -> None:
+    def _take_event(self, event: Event, size: int) -> None:
         self._bytes += size
         bad = self._weigh(event)
         if isinstance(event, PhaseStarted):
@@ -175,13 +172,13 @@ class Transcript:
                 self._garble(f"may not enter {event.phase} (repetition {event.repetition}) now")
                 return
             self.phase, self._repetition = event.phase, event.repetition
-            event = msgspec.structs.replace(event, limit=self._enter(event.phase))
+            event = msgspec.structs.replace(event, limit=self.enter(event.phase))
         elif self._bytes > (2 * EVENT_BYTES if bad else EVENT_BYTES):
             self._left_out += 1
             return
         elif isinstance(event, Asked):
-            self._ask(event)
-        self._emit(event)
+            self.ask(event)
+        self.emit(event)
 
     def _weigh(self, event: Event) -> bool:
         """Count a failure or an error, whether it is kept or not; says whether it is one."""
@@ -200,7 +197,7 @@ class Transcript:
     def _comes_next(self, event: PhaseStarted) -> bool:
         """Whether this phase may begin now: each begins once and has one limit, so that no test outlives its limits."""
         if event.phase is Phase.RUN and self.phase is Phase.RUN:
-            return self._repetition < event.repetition <= self._job.repetition + 1
+            return self._repetition < event.repetition <= self.job.repetition + 1
         return _ORDER.index(event.phase) > _ORDER.index(self.phase) if event.phase in _ORDER else False
 
 

@@ -16,6 +16,8 @@ from _thread import allocate_lock  # ``threading`` has hooks that cost each fork
 from collections import deque
 from typing import TYPE_CHECKING, NoReturn
 
+from msgspec.structs import asdict
+
 from rtf import clock
 from rtf.testing import plugins
 from rtf.testing.case import TestCase
@@ -225,18 +227,11 @@ def run_test(job: Job, session: Session) -> Finished:
 
 def _load(job: Job, session: Session) -> TestCase:
     case = (_makers.get(job.plugin) or plugins.test_maker(job.plugin))()
-    case.attach_to(session, job.environment)
+    case.attach_to(session, job.use.environment)
     session.cases = job.cases
     require_limits(timeout=case.timeout)
     case.take_fixture_values(job.values)
-    rows = case.resolve_parameters(
-        param=job.param,
-        parameters=job.parameters,
-        overrides=job.overrides,
-        environment=job.environment,
-        place=job.suite_place,
-        folder=job.suite_folder,
-    )
+    rows = case.resolve_parameters(**asdict(job.use))
     for warning in case.parameter_warnings:
         session.message(Severity.WARNING, "parameters", warning, ("", 0))
     if rows:

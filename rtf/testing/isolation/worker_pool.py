@@ -6,6 +6,8 @@ Tests of a file that has several come from a *plug-in server*, a child that has 
 from __future__ import annotations
 
 import contextlib
+import os
+import select
 import signal
 import socket
 from collections import Counter, deque
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
 
     import msgspec
 
-    from rtf.testing.isolation.reactor import Reactor
     from rtf.testing.plugins import PluginRef
 
 _CHUNK = 1 << 18
@@ -45,32 +46,87 @@ class LoadTimeoutError(TestingError, TimeoutError):
         self.stacks = stacks
 
 
-class WorkerPool:
-    """The children of one process that forks, as the runner sees them. One is always asked for ahead of its need.
+class Reactor:
+    """The one wait of a suite worker: for whatever happens first among its files and its deadline.
 
-    ``on_loaded`` is called with the problems of what the process has loaded, ``on_lost`` when it closes its socket.
+    It calls a function for each file that has become readable. Used by one thread; ``wake`` by any, and by signals.
     """
 
-    def __init__(
-        self,
-        client: ForkServerClient,
-        control: socket.socket,
-        *,
-        on_loaded: Callable[[tuple[str, ...]], None],
-        on_lost: Callable[[], None] = lambda: None,
-    ) -> None:
+    def __init__(self) -> None:
+        self._epoll = select.epoll()
+        self._callbacks: dict[int, Callable[[], object]] = {}
+        self._later: dict[Callable[[], None], clock.Deadline] = {}
+        self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self.watch(self._wake, self._woken)
+
+    def watch(self, descriptor: int, callback: Callable[[], object]) -> None:
+        """Call ``callback`` whenever ``descriptor`` is readable or closed by its other end."""
+        self._callbacks[descriptor] = callback
+        self._epoll.register(descriptor, select.EPOLLIN)
+
+    def unwatch(self, descriptor: int) -> None:
+        """Forget a file; to be called before it is closed."""
+        if self._callbacks.pop(descriptor, None) is not None:
+            self._epoll.unregister(descriptor)
+
+    def call_later(self, seconds: float, callback: Callable[[], None]) -> None:
+        """Call ``callback`` once, in so many seconds."""
+        self._later[callback] = clock.Deadline.after(seconds)
+
+    def cancel(self, callback: Callable[[], None]) -> None:
+        """Do not call it later."""
+        self._later.pop(callback, None)
+
+    def run_once(self, deadline: clock.Deadline) -> None:
+        """Wait until something happened or the deadline has come, and call what is to be called."""
+        for moment in self._later.values():
+            deadline = deadline.earliest(moment)
+        remaining = deadline.remaining()
+        timeout = None if remaining == clock.FOREVER else remaining
+        for descriptor, _ in self._epoll.poll(timeout):
+            reader = self._callbacks.get(descriptor)
+            if reader is not None:  # an earlier callback may have unwatched it
+                reader()
+        for callback in [callback for callback, moment in self._later.items() if moment.expired]:
+            if self._later.pop(callback, None) is not None:  # an earlier one may have cancelled it
+                callback()
+
+    def wake(self) -> None:
+        """End the wait. Safe in signal handlers and other threads."""
+        with contextlib.suppress(OSError):
+            os.eventfd_write(self._wake, 1)
+
+    def _woken(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.eventfd_read(self._wake)
+
+    def close(self) -> None:
+        """Give the descriptors back."""
+        self._epoll.close()
+        os.close(self._wake)
+
+
+class WorkerPool:
+    """The children of one process that forks, as the runner sees them. One is always asked for ahead of its need."""
+
+    def __init__(self, client: ForkServerClient, control: socket.socket) -> None:
         self.connected = True
+        self.client = client
         self.reactor = client.reactor
-        self.rouse = client.rouse
-        self.abandon = client.abandon
         self._control = control
-        self._on_loaded = on_loaded
-        self._on_lost = on_lost
         self._frames = Frames()
         self._asked_for: deque[Child] = deque()
         self._living: dict[int, Child] = {}
         self._spare: Child | None = None
         self.reactor.watch(control.fileno(), self._receive)
+
+    def loaded(self, problems: tuple[str, ...]) -> None:
+        """Take note of what could not be loaded."""
+        self.client.problems.extend(problems)
+
+    def lost(self) -> None:
+        """Take note that the process has closed its socket."""
+        self.client.abandon()
 
     def request(self, message: msgspec.Struct, *descriptors: int) -> None:
         """Have the process do something; if it is gone, a later wait notices its loss."""
@@ -120,7 +176,7 @@ class WorkerPool:
             data = b""
         if not data:
             self.disconnect()
-            self._on_lost()
+            self.lost()
         return bool(data)
 
     def _take_in(self, message: Forked | Exited | Loaded) -> None:
@@ -131,7 +187,7 @@ class WorkerPool:
         elif isinstance(message, Exited):
             self._living.pop(message.pid).ended(End(message.status, message.cpu_time, message.max_rss))
         else:
-            self._on_loaded(message.problems)
+            self.loaded(message.problems)
 
     def disconnect(self) -> None:
         """Close the socket, at which the process ends."""
@@ -153,7 +209,7 @@ class WorkerPool:
             child.ended(End(None))
 
 
-class PluginServer:
+class PluginServer(WorkerPool):
     """A child of the fork server that has loaded one file and forks the tests of that file.
 
     ``fixtures`` are the generations that were up when the file was loaded: what it learnt from them holds as long.
@@ -164,32 +220,34 @@ class PluginServer:
         self.process = child
         self._fit: bool | None = None
         job = Job(kind="plugin server", id="", name="", plugin=plugin, folder="", run_folder="")
-        self._pool = WorkerPool(client, child.serve_plugin(job, self._printed), on_loaded=self._loaded)
-        self.take = self._pool.take
-        child.on_end = self._pool.gone
+        super().__init__(client, child.serve_plugin(job, self._printed))
+        child.on_end = self.gone
 
     @property
     def loading(self) -> bool:
         """Whether the file is still being loaded."""
-        return self._fit is None and self._pool.connected
+        return self._fit is None and self.connected
 
     @property
     def usable(self) -> bool:
         """Whether tests can be forked from it."""
-        return bool(self._fit) and self._pool.connected
+        return bool(self._fit) and self.connected
+
+    def loaded(self, problems: tuple[str, ...]) -> None:
+        self.process.drain()
+        if self._fit is None:
+            self._fit = not problems
+
+    def lost(self) -> None:
+        pass  # the next test notices
 
     def dismiss(self) -> None:
         """End it, and wait until nothing of it is left."""
         self.process.dismiss()
-        self._pool.gone()
+        self.gone()
 
     def _printed(self, _stream: str, _data: bytes) -> None:
         self._fit = False  # what the file prints when it is loaded belongs to each test
-
-    def _loaded(self, problems: tuple[str, ...]) -> None:
-        self.process.drain()
-        if self._fit is None:
-            self._fit = not problems
 
 
 class ForkServerClient:
@@ -201,14 +259,13 @@ class ForkServerClient:
 
     def __init__(
         self,
-        reactor: Reactor,
         *,
         preload: Iterable[str] = (),
         uses: Mapping[str, int] | None = None,
         launched: Launched | None = None,
         stop_now: Callable[[], bool] = lambda: False,
     ) -> None:
-        self.reactor = reactor
+        self.reactor = Reactor()
         self.problems: list[str] = []
         self.loading_took = 0.0
         self._preload = tuple(preload)
@@ -222,7 +279,7 @@ class ForkServerClient:
     def start(self) -> WorkerPool:
         """Start the fork server process without waiting for it."""
         self._process, self._launched = self._launched or launch(), None
-        pool = WorkerPool(self, self._process.control, on_loaded=self.problems.extend, on_lost=self.abandon)
+        pool = WorkerPool(self, self._process.control)
         if self._preload:
             pool.request(Preload(self._preload))
         pool.ask_ahead()
@@ -237,7 +294,7 @@ class ForkServerClient:
     ) -> Child:
         """A fresh child, waiting for its job. Raises ForkServerLostError when none is to be had.
 
-        ``plugin`` is what a test will load and ``fixtures`` are the generations it will stand on: where several tests
+        ``plugin`` is what a test will load and ``fixtures`` are the generations that it will use: where several tests
         share the file, the child comes from a plug-in server. Raises LoadTimeoutError when that has not loaded the file
         within ``limit`` seconds; after that, each test loads it for itself. ``loading_took`` says how long it took.
         """
@@ -302,7 +359,10 @@ class ForkServerClient:
                 processes.signal_process(server.process.pid, signal.SIGCONT)
 
     def close(self, timeout: float = 30.0) -> None:
-        """Let the fork server end, with all that it still has; kill it if it does not within ``timeout`` seconds."""
+        """Let the fork server end, with all that it still has; kill it if it does not within ``timeout`` seconds.
+
+        Nothing may be taken, or waited for, after that.
+        """
         self._process, self._launched = self._process or self._launched, None
         self.rouse()
         if self._pool is not None:
@@ -312,6 +372,7 @@ class ForkServerClient:
             if processes.await_exit(self._process.keeper, timeout):
                 self._process = None
         self.abandon()  # also closes the descriptors of the spare: every suite worker has a fork server
+        self.reactor.close()
 
     def abandon(self) -> None:
         """Have the keeper end all that is left of a fork server that is lost or does not do its work, and forget it."""

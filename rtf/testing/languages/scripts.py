@@ -86,14 +86,11 @@ class ScriptTest(RawParameters):
 
     def tell_check(self, place: Place, holds: object, text: str) -> None:
         """Report the text if the condition holds, as a failure if it does not."""
-        self.session.judged()
-        self.session.message(Severity.PASS if holds else Severity.FAILURE, "checks", text, place)
+        self.session.check(holds, text, place)
 
     def fail_unless(self, place: Place, holds: object, shown: str, text: str) -> None:
         """Report a failure if the condition, as ``shown``, does not hold.
 
         This is the ``testFailIf`` of the C++ framework, whose name says the opposite.
         """
-        self.session.judged()
-        if not holds:
-            self.session.message(Severity.FAILURE, f"checking ({shown[:_SHOWN]})", text, place)
+        self.session.check(holds, text, place, title=f"checking ({shown[:_SHOWN]})", quiet=True)

@@ -12,7 +12,7 @@ import os
 import signal
 import sys
 import threading
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
     from rtf.testing.isolation.messages import Job
     from rtf.testing.isolation.worker import Channel
+
+T = TypeVar("T")
 
 #: Seconds to wait for the order in which the fork server has fixtures torn down when the runner is gone: those that
 #: depend on this one enter their safe states first. A fork server that is gone as well makes itself felt at once.
@@ -113,33 +115,22 @@ class Host(Stoppable[msgspec.Struct]):
         self.emit(Doing("nothing"))
 
     def _load(self) -> FixtureManager | None:
-        made: list[FixtureManager] = []
-
-        def load() -> None:
+        def load() -> FixtureManager:
             job = self._job
             manager = plugins.fixture_maker(job.plugin)()
-            manager.attach_to(self, job.environment)
+            manager.attach_to(self, job.use.environment)
             manager.take_fixture_values(job.values)
-            manager.resolve_parameters(
-                param=job.param,
-                parameters=job.parameters,
-                overrides=job.overrides,
-                environment=job.environment,
-                place=job.suite_place,
-                folder=job.suite_folder,
-            )
+            manager.resolve_parameters(**msgspec.structs.asdict(job.use))
             for warning in manager.parameter_warnings:
                 self.message(Severity.WARNING, "parameters", warning)
-            made.append(manager)
+            return manager
 
-        done = self._attempt(load, lambda error: self._raised(error, hopeless=True))
-        return made[0] if done else None
+        return self._attempt(load, lambda error: self._raised(error, hopeless=True))
 
     def _set_up(self, manager: FixtureManager) -> bool:
         """Set the fixture up and say that it is ready. False if it is not."""
-        ready: list[Ready] = []
 
-        def set_up() -> None:
+        def set_up() -> Ready:
             if self.generation > 1:
                 manager.before_restart(self.generation)
             if manager.setup() is False:
@@ -148,14 +139,14 @@ class Host(Stoppable[msgspec.Struct]):
             if missing:
                 raise FixtureUnusable(f"setup() of fixture {self.name!r} did not provide {', '.join(missing)}")
             has_safe_state = type(manager).enter_safe_state is not FixtureManager.enter_safe_state
-            ready.append(Ready(bool(manager.occupies) and has_safe_state, float(manager.stop_limit)))
+            return Ready(bool(manager.occupies) and has_safe_state, float(manager.stop_limit))
 
         self.phase = Phase.SETUP
-        done = self._attempt(set_up, lambda error: self._raised(error, hopeless=isinstance(error, FixtureUnusable)))
-        if not done or self._cause:
+        ready = self._attempt(set_up, lambda error: self._raised(error, hopeless=isinstance(error, FixtureUnusable)))
+        if ready is None or self._cause:
             return False
         self.phase = Phase.CHECK  # first, because a test may break it as soon as it is ready
-        self.emit(ready[0])
+        self.emit(ready)
         return True
 
     def _raised(self, error: BaseException, what: str = "", *, hopeless: bool = False) -> None:
@@ -172,26 +163,20 @@ class Host(Stoppable[msgspec.Struct]):
             kind = "check" if command is None else command.command
             if kind == "teardown":
                 return
-            if kind == "enter_safe_state":
-                self._attempt(manager.enter_safe_state, self._not_safe)
+            if kind == "enter_safe_state":  # one whose state after a test is unknown is as good as gone
+                self._attempt(manager.enter_safe_state, lambda error: self._raised(error, "enter_safe_state() raised "))
             elif not (self.stopped or self._runner_gone or self._cause):
                 self._check(manager)
             if not (self.stopped or self._cause):
                 self.emit(Alive(answered=command is not None))
         if not self.stopped:
-            # without a runner, the fork server says whose turn it is; however the wait ends, the robot is put right
+            # without a runner, the fork server says whose turn it is; however the wait ends, the safe state follows
             self._attempt(lambda: clock.sleep(ORPHAN_PATIENCE), lambda _: None)
-
-    def _not_safe(self, error: BaseException) -> None:
-        """A fixture whose state after a test is unknown is as good as gone."""
-        self.collapse(f"enter_safe_state() raised {named_text_of(error)}", traceback=author_traceback(error))
 
     def _next_command(self) -> Command | None:
         """Wait for a command until the next check is due; None without one."""
-        received: list[Command | None] = []
         # an error: the author's code has closed the channel
-        self._attempt(lambda: received.append(self._receive(self._job.check_period)), lambda _: self.lost_runner())
-        return received[0] if received else None
+        return self._attempt(lambda: self._receive(self._job.check_period), lambda _: self.lost_runner())
 
     def _receive(self, timeout: float) -> Command | None:
         """Wait for a command. Why the fixture has collapsed, where the runner found that out, is kept."""
@@ -239,16 +224,15 @@ class Host(Stoppable[msgspec.Struct]):
 
     # Being stopped from outside ----------------------------------------------------------------------------------
 
-    def _attempt(self, function: Callable[[], object], failed: Callable[[BaseException], object]) -> bool:
-        """Call something that SIGTERM may end; an error goes to ``failed``. Returns whether it came to its end."""
+    def _attempt(self, function: Callable[[], T], failed: Callable[[BaseException], object]) -> T | None:
+        """Return the result of something that SIGTERM may end. An error goes to ``failed``, and None comes back."""
         try:
-            self.run_stoppable(function)
+            return self.run_stoppable(function)
         except TestStopped:
-            return False
+            pass
         except BaseException as error:  # noqa: BLE001 - even sys.exit() must not skip teardown
             failed(error)
-            return False
-        return True
+        return None
 
     def on_signal(self, _signum: int, _frame: FrameType | None) -> None:
         """Leave what is being done, to tear down. Teardown itself is never left."""

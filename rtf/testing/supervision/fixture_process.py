@@ -22,22 +22,16 @@ much, die or refuse to. Whatever it does ends here as an incident, an event or a
 from __future__ import annotations
 
 import signal
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
 
 from rtf import clock
-from rtf.testing.events import FixtureIncident, Message, OutputCaptured, StackDumped
+from rtf.testing.events import FixtureChanged, FixtureIncident, Message, OutputCaptured, StackDumped
 from rtf.testing.isolation import messages, processes
 from rtf.testing.isolation.capture import Capture, Tail
-from rtf.testing.isolation.messages import (
-    SAFE_STATE_LIMIT,
-    Alive,
-    Command,
-    Doing,
-    Provided,
-    Ready,
-)
+from rtf.testing.isolation.messages import SAFE_STATE_LIMIT, STOP_LIMIT, Alive, Command, Doing, Provided, Ready
 from rtf.testing.permission import seconds_to_wait
 from rtf.testing.session import bounded
 from rtf.testing.verdict import FixtureState, Phase, Severity
@@ -45,9 +39,10 @@ from rtf.testing.verdict import FixtureState, Phase, Severity
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rtf.testing.events import Event
     from rtf.testing.isolation.child import Child, End
     from rtf.testing.isolation.messages import Job
-    from rtf.testing.supervision.fixture_record import Fixture, Notes
+    from rtf.testing.suite.model import FixtureEntry
 
 #: Seconds that are allowed where the suite says nothing.
 SETUP_LIMIT = 120.0
@@ -71,6 +66,98 @@ _LAST_STEPS = ("on_collapse()", "enter_safe_state()", "teardown()")
 _NONSENSE_LIMIT = 1000
 
 
+@dataclass(slots=True)
+class Fixture:
+    """One fixture of the plan, over all of its generations, with its plug-in or the reason why there is none."""
+
+    entry: FixtureEntry
+    state: FixtureState = FixtureState.STOPPED
+    generation: int = 0
+    restarts: int = 0
+    #: Why the last generation was lost, so that the next one counts as a restart. One that came down only because
+    #: something below it collapsed has no cause of its own.
+    last_cause: str = ""
+    #: Whether it said itself that trying again is no use.
+    hopeless: bool = False
+    #: Whether a test on it was cut short, and no generation has entered its safe state since.
+    safe_state_due: bool = False
+    #: Whether it puts back something of which there is only one, such as a robot; it says so when it is up.
+    secures_robot: bool = False
+    #: Seconds it may take to come down when the run has to end at once; it says so when it is up.
+    stop_limit: float = STOP_LIMIT
+    process: FixtureProcess | None = None
+    #: Takes an event of the fixture; the supervisor adds the suite and the running test.
+    emit: Callable[[Event], None] = lambda _: None
+
+    @property
+    def name(self) -> str:
+        """The name under which the suite and its tests know it."""
+        return self.entry.name
+
+    @property
+    def ready(self) -> bool:
+        """Whether tests can run on it."""
+        return self.state is FixtureState.READY
+
+    @property
+    def active(self) -> bool:
+        """Whether its end would be a collapse."""
+        return self.state in (FixtureState.STARTING, FixtureState.READY)
+
+    @property
+    def used_up(self) -> bool:
+        """Whether it may not have another generation."""
+        return bool(self.last_cause) and (self.restarts >= self.entry.restarts or self.hopeless)
+
+    @property
+    def failure(self) -> str:
+        """Why it is not usable any more, with the restarts it took."""
+        times = f" ({self.restarts} restart{'s' if self.restarts > 1 else ''} used up)" if self.restarts else ""
+        return f"{self.last_cause}{times}"
+
+    @property
+    def robot_unsafe(self) -> bool:
+        """Whether a robot that exists only once may still be as a test left it."""
+        return self.safe_state_due and self.secures_robot
+
+    def incident(self, cause: str, phase: Phase, end: End | None = None, output: str = "") -> FixtureIncident:
+        """Return what went wrong with this generation; ``end`` is that of its process."""
+        return FixtureIncident(
+            fixture=self.name,
+            suite="",
+            generation=self.generation,
+            phase=phase,
+            cause=cause,
+            exit_status=None if end is None else end.exit_status,
+            signal="" if end is None else end.signal,
+            output=output,
+        )
+
+    def change(self, state: FixtureState, detail: str = "") -> None:
+        """Go over to another state."""
+        self.state = state
+        pid = self.process.pid if self.process else 0
+        self.emit(
+            FixtureChanged(fixture=self.name, suite="", generation=self.generation, state=state, detail=detail, pid=pid)
+        )
+
+    def collapse(self, incident: FixtureIncident) -> None:
+        """Take note that it is no longer usable, if it was up or coming up. The first cause counts."""
+        if self.active:
+            self.last_cause = incident.cause
+            self.report(incident)
+            self.change(FixtureState.COLLAPSED, incident.cause)
+
+    def report(self, incident: FixtureIncident) -> None:
+        """Report what went wrong, in its own name and now."""
+        self.emit(replace(incident, time=clock.now(), fixture=self.name, generation=self.generation))
+
+    def same_as(self, other: Fixture) -> bool:
+        """Whether two entries of suites mean the same thing, so that a fixture kept up for the run serves both."""
+        names = ("found", "problem", "param", "parameters", "environment", "depends")
+        return all(getattr(self.entry, name) == getattr(other.entry, name) for name in names)
+
+
 class FixtureProcess:
     """The process of one generation.
 
@@ -81,14 +168,12 @@ class FixtureProcess:
     def __init__(
         self,
         fixture: Fixture,
-        notes: Notes,
         child: Child,
         wait: Callable[[Callable[[], bool], clock.Deadline], None],
         kill_now: Callable[[], bool],
         stop_by: Callable[[], clock.Deadline] = clock.Deadline,
     ) -> None:
         self._fixture = fixture
-        self._notes = notes
         self._wait = wait
         self._kill_now = kill_now
         self._stop_by = stop_by
@@ -118,7 +203,7 @@ class FixtureProcess:
         child = self._child
         child.mark_as_host()
         self.deadline = clock.Deadline.after(self._limit("setup()"))
-        child.begin(job, self._hear, self._written)
+        child.begin(job, self._take, self._written)
 
     def _limit(self, step: str) -> float:
         """Return the seconds that a step may take."""
@@ -248,14 +333,14 @@ class FixtureProcess:
         if not stacks and self._overdue:
             stacks = "the process did not answer the request for its stacks\n"
         if stacks:
-            self._notes.emit(StackDumped(text=stacks, cause=self._overdue or "crash", fixture=self._fixture.name))
+            self._fixture.emit(StackDumped(text=stacks, cause=self._overdue or "crash", fixture=self._fixture.name))
         for count, what in ((self._left_out, "messages"), (self._nonsense - _COMPLAINTS, "lines of nonsense")):
             if count > 0:
                 self._say(Severity.WARNING, "journal", f"{count} {what} left out: the fixture said too much")
 
     # What it says ------------------------------------------------------------------------------------------------
 
-    def _hear(self, data: bytes) -> None:
+    def _take(self, data: bytes) -> None:
         if self._nonsense >= _NONSENSE_LIMIT:
             return
         try:
@@ -263,17 +348,10 @@ class FixtureProcess:
         except (ValueError, RecursionError) as error:
             self._complain(str(error))
             return
-        fixture = self._fixture
         if isinstance(message, OutputCaptured):
             self._written(message.stream, message.text.encode("utf-8", "backslashreplace"))
-        elif isinstance(message, Message):
-            self._pass_on(message, len(data))
-        elif isinstance(message, FixtureIncident):
-            self._incidents += 1
-            if self._incidents <= _INCIDENTS:
-                self._notes.incident(fixture, self._completed(message))
-            else:
-                self._left_out += 1
+        elif isinstance(message, Message | FixtureIncident):
+            self._take_event(message, len(data))
         elif isinstance(message, Alive):
             self._alive(answered=message.answered)
         elif isinstance(message, Doing):
@@ -283,9 +361,21 @@ class FixtureProcess:
             self.values |= message.values
         elif isinstance(message, Ready):
             self._ready(message)
-        elif fixture.active:
-            fixture.hopeless = message.hopeless
-            self._notes.collapse(fixture, self._completed(message.incident))
+        elif self._fixture.active:
+            self._fixture.hopeless = message.hopeless
+            self._fixture.collapse(self._completed(message.incident))
+
+    def _take_event(self, event: Message | FixtureIncident, size: int) -> None:
+        """Report an event, unless the fixture has said too much already."""
+        self._bytes += size
+        incident = isinstance(event, FixtureIncident)
+        self._incidents += incident
+        if self._incidents > _INCIDENTS if incident else self._bytes > _MESSAGE_BYTES:
+            self._left_out += 1
+        elif isinstance(event, FixtureIncident):
+            self._fixture.report(self._completed(event))
+        else:
+            self._pass_on(event)
 
     def _complain(self, problem: str) -> None:
         self._nonsense += 1
@@ -294,19 +384,15 @@ class FixtureProcess:
         elif self._nonsense == _NONSENSE_LIMIT:
             self._collapse("the fixture's process says only nonsense", self._phase)
 
-    def _pass_on(self, message: Message, size: int) -> None:
-        self._bytes += size
-        if self._bytes > _MESSAGE_BYTES:
-            self._left_out += 1
-        else:
-            self._notes.pass_on(self._fixture, message)
+    def _pass_on(self, event: Message | OutputCaptured) -> None:
+        self._fixture.emit(replace(event, fixture=self._fixture.name))
 
     def _ready(self, message: Ready) -> None:
         fixture = self._fixture
         fixture.secures_robot, fixture.stop_limit = message.secures_robot, message.stop_limit
         if fixture.state is FixtureState.STARTING:
             self._enter("check()", Phase.CHECK)
-            self._notes.change(fixture, FixtureState.READY)
+            fixture.change(FixtureState.READY)
 
     def _alive(self, *, answered: bool) -> None:
         if self._fixture.ready:
@@ -339,14 +425,13 @@ class FixtureProcess:
     # Events --------------------------------------------------------------------------------------------------------
 
     def _collapse(self, cause: str, phase: Phase, end: End | None = None) -> None:
-        self._notes.collapse(self._fixture, self._fixture.incident(cause, phase, end, self._last_lines()))
+        self._fixture.collapse(self._fixture.incident(cause, phase, end, self._last_lines()))
 
     def _problem(self, cause: str, phase: Phase, end: End | None = None) -> None:
-        self._notes.incident(self._fixture, self._fixture.incident(cause, phase, end, self._last_lines()))
+        self._fixture.report(self._fixture.incident(cause, phase, end, self._last_lines()))
 
     def _say(self, severity: Severity, title: str, text: str) -> None:
-        message = Message(severity=severity, title=title, detail=bounded(text), phase=self._phase)
-        self._notes.pass_on(self._fixture, message)
+        self._pass_on(Message(severity=severity, title=title, detail=bounded(text), phase=self._phase))
 
     def _last_lines(self) -> str:
         self._child.drain()
@@ -357,7 +442,7 @@ class FixtureProcess:
         self._capture.feed(stream, data)
 
     def _captured(self, stream: str, text: str, omitted: int) -> None:
-        self._notes.pass_on(self._fixture, OutputCaptured(stream=stream, text=text, omitted=omitted))
+        self._pass_on(OutputCaptured(stream=stream, text=text, omitted=omitted))
 
 
 def _how(end: End) -> str:

@@ -1,4 +1,4 @@
-"""A program that a fixture runs: started without a shell, heard, its end noticed at once, and always ended.
+"""A program that a fixture runs: started without a shell, read, its end noticed at once, and always ended.
 
 For fixture plug-ins. What the program writes goes into the journal, and its end is the collapse of the fixture. It is
 the leader of a session of its own, so that it and what it starts can be signalled together and no terminal reaches it;
@@ -7,7 +7,6 @@ it dies with the thread that started it, which therefore has to be the main thre
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import itertools
 import os
@@ -16,7 +15,6 @@ import signal
 import subprocess
 import threading
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -24,7 +22,6 @@ from rtf import clock
 from rtf.testing.fixture import FixtureUnusable
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.capture import Tail
-from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.languages.program import LineCutter, why_not_started
 from rtf.testing.verdict import FixtureCollapsed
 
@@ -85,7 +82,7 @@ class FixtureProgram:
         self._heard = heard
         self._tail = Tail()
         self._process: subprocess.Popen[bytes] | None = None
-        self._streams: list[_Stream] = []
+        self._streams: dict[IO[bytes], tuple[str, LineCutter]] = {}  # those that are open
         self._pidfd = -1
         self._thread = threading.Thread(target=self._attend, name=f"rtf-program-{self.name}", daemon=True)
         self._ended = threading.Event()
@@ -172,9 +169,9 @@ class FixtureProgram:
             return True
         self._stopping = True
         for number in (signum, signal.SIGCONT):
-            self._signal_group(process.pid, number)
+            processes.signal_group(process.pid, number)
         gently = self._ended.wait(timeout)
-        self._signal_group(process.pid, signal.SIGKILL)  # its children; it is not reaped, so the group is still its own
+        processes.signal_group(process.pid, signal.SIGKILL)  # its children: until it is reaped the group is its own
         for pid in processes.descendants_of(os.getpid()):
             if processes.carries(pid, f"{_MARK}={self._mark}"):  # one that left the group
                 processes.signal_process(pid, signal.SIGKILL)
@@ -190,47 +187,42 @@ class FixtureProgram:
             self._fixture.warn(f"{self.name} did not end within {timeout:g} s of {name}; killed")
         return gently
 
-    @staticmethod
-    def _signal_group(pid: int, signum: int) -> None:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(pid, signum)
-
     # The thread --------------------------------------------------------------------------------------------------
 
     def _attend(self) -> None:
         """Read what it writes until it has ended and its pipes are closed."""
         assert self._process is not None
-        assert self._process.stdout is not None
-        assert self._process.stderr is not None
-        self._streams = [_Stream("stdout", self._process.stdout), _Stream("stderr", self._process.stderr)]
-        self._reactor = Reactor()
-        for stream in self._streams:
-            self._reactor.watch(stream.file.fileno(), partial(self._read, stream))
-        self._reactor.watch(self._pidfd, self._note_end)
+        for name, stream in (("stdout", self._process.stdout), ("stderr", self._process.stderr)):
+            assert stream is not None
+            os.set_blocking(stream.fileno(), False)
+            self._streams[stream] = (name, LineCutter(_LINE_LIMIT))
         while self._streams or self.end is None:
-            self._reactor.run_once(clock.Deadline())
-        self._reactor.close()
+            sources: list[IO[bytes] | int] = [*self._streams]
+            ready, _, _ = select.select(sources if self.end is not None else [self._pidfd, *sources], [], [])
+            if self._pidfd in ready:
+                self._note_end()
+            for stream in self._streams.keys() & ready:
+                self._read(stream)
 
-    def _read(self, stream: _Stream) -> bool:
+    def _read(self, stream: IO[bytes]) -> bool:
         """Read once. False when there is nothing at the moment, or nothing more."""
+        name, lines = self._streams[stream]
         try:
-            data = os.read(stream.file.fileno(), _CHUNK)
+            data = os.read(stream.fileno(), _CHUNK)
         except BlockingIOError:
             return False
-        self._tail.feed(stream.name, data)
-        if lines := [*(stream.lines.feed(data) if data else stream.lines.finish())]:
-            text = "\n".join(lines)
-            self._fixture.output(text, stream.name)
+        self._tail.feed(name, data)
+        if whole := [*(lines.feed(data) if data else lines.finish())]:
+            text = "\n".join(whole)
+            self._fixture.output(text, name)
             self._heard(text)
         if not data:
-            self._reactor.unwatch(stream.file.fileno())
-            stream.file.close()
-            self._streams.remove(stream)
+            del self._streams[stream]
+            stream.close()
         return bool(data)
 
     def _note_end(self) -> None:
         """Look how it ended, without reaping it: until then no other process can get its number."""
-        self._reactor.unwatch(self._pidfd)
         for stream in [*self._streams]:
             for _ in range(_PIPE // _CHUNK):  # what it left in its pipe, and no more: a grandchild may write for ever
                 if not self._read(stream):
@@ -249,13 +241,3 @@ class FixtureProgram:
                 )
         finally:
             self._ended.set()
-
-
-class _Stream:
-    """One of its two streams."""
-
-    def __init__(self, name: str, file: IO[bytes]) -> None:
-        self.name = name
-        self.file = file
-        self.lines = LineCutter(_LINE_LIMIT)
-        os.set_blocking(file.fileno(), False)

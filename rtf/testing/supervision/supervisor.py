@@ -13,7 +13,7 @@ the test runs; the server's program dies: ``watch()``
 emits an incident, and ``lost()`` says so              collapsed #1  ready #1      ready #1
 the test is stopped: *fixture lost*. Nobody knows what
 it left: ``enter_safe_state()`` asks those that are
-up, dependents first; the server owes it               collapsed #1  ready #1      ready #1
+up, dependents first; it is still due at the server    collapsed #1  ready #1      ready #1
 ``bring_up(...)`` before the test is run again: what
 depends on the collapsed one comes down, then itself   stopped #1    stopped #1    ready #1
 after the back-off the server is started, which uses
@@ -27,7 +27,7 @@ safe state and is torn down                            stopped #2    stopped #2 
 =====================================================  ============  ============  ============
 
 A server that collapses again has no restart left and is *failed*: each test on it, or on something that depends on it,
-is blocked. A fixture of a robot that owes its safe state at the end is started once more by ``take_down()``, as long as
+is blocked. A fixture of a robot whose safe state is due at the end is started once more by ``take_down()``, as long as
 it has a restart left. Each generation is a process (``fixture_process``); nothing here runs an author's code.
 """
 
@@ -35,11 +35,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from msgspec.structs import replace
+
 from rtf import clock
+from rtf.testing.events import FixtureChanged, FixtureIncident, Message, OutputCaptured
 from rtf.testing.isolation.messages import STOP_LIMIT
 from rtf.testing.isolation.worker_pool import ForkServerLostError
-from rtf.testing.supervision.fixture_process import FixtureProcess
-from rtf.testing.supervision.fixture_record import Fixture, Notes
+from rtf.testing.supervision.fixture_process import Fixture, FixtureProcess
 from rtf.testing.verdict import FixtureState, Phase
 
 if TYPE_CHECKING:
@@ -71,27 +73,29 @@ class Supervisor:
         *,
         running_test: Callable[[], str],
         stop_now: Callable[[], bool],
-        kill_now: Callable[[], bool] = lambda: False,
-        stop_by: Callable[[], clock.Deadline] = clock.Deadline,
+        kill_now: Callable[[], bool],
+        stop_by: Callable[[], clock.Deadline],
     ) -> None:
         self._fork_server = fork_server
-        self._notes = Notes(emit, running_test)
+        self._emit = emit
+        self._running_test = running_test
+        self._suite = ""
         self._make_job = make_job
         self._stop_now = stop_now
         self._kill_now = kill_now
         self._stop_by = stop_by
         self._fixtures: dict[str, Fixture] = {}
-        self._settling = False  # what a test left is being put right, which only force keeps from being done
-        self._unsettled: set[tuple[str, PluginRef | None]] = set()  # forgotten while they owed a safe state
+        self._settling = False  # a safe state that is due is being entered, which only force prevents
+        self._unsettled: set[tuple[str, PluginRef | None]] = set()  # forgotten while their safe state was due
 
     # What the suite's run asks for -------------------------------------------------------------------------------
 
     def adopt(self, suite: str, fixtures: Iterable[Fixture]) -> None:
         """Take over the fixtures of a suite, in dependency order. One that is known, and the same, stays as it is.
 
-        One of the name and plug-in of one that was forgotten while it owed its safe state owes it instead.
+        One of the name and plug-in of one that was forgotten while its safe state was due enters it instead.
         """
-        self._notes.suite = suite
+        self._suite = suite
         for fixture in fixtures:
             known = self._fixtures.get(fixture.name)
             if known is not None and known.same_as(fixture):
@@ -101,8 +105,17 @@ class Supervisor:
                 self.forget([fixture.name])
             if (fixture.name, fixture.entry.found) in self._unsettled:
                 self._unsettled.remove((fixture.name, fixture.entry.found))
-                fixture.owes_safe_state = fixture.secures_robot = True
+                fixture.safe_state_due = fixture.secures_robot = True
+            fixture.emit = self._complete_and_emit
             self._fixtures[fixture.name] = fixture
+
+    def _complete_and_emit(self, event: Event) -> None:
+        """Emit an event of a fixture, with the suite, and with the test that may feel what went wrong."""
+        if isinstance(event, FixtureIncident):
+            event = replace(event, suite=self._suite, test=self._running_test())
+        elif isinstance(event, FixtureChanged | Message | OutputCaptured):
+            event = replace(event, suite=self._suite)
+        self._emit(event)
 
     def names(self) -> list[str]:
         """The fixtures that are known, in dependency order."""
@@ -141,7 +154,7 @@ class Supervisor:
         return {
             fixture.name: fixture.stop_limit
             for fixture in self._fixtures.values()
-            if fixture.stop_limit > STOP_LIMIT and (fixture.process is not None or fixture.owes_safe_state)
+            if fixture.stop_limit > STOP_LIMIT and (fixture.process is not None or fixture.safe_state_due)
         }
 
     def bring_up(self, names: Iterable[str]) -> str:
@@ -179,18 +192,18 @@ class Supervisor:
         """
         self.watch()
         for name in reversed([*names]):
-            self._fixtures[name].owes_safe_state = True
+            self._fixtures[name].safe_state_due = True
             if not self._in_a_hurry():
                 self._enter_safe_state(name)
 
-    def take_down(self, names: Iterable[str] | None = None) -> None:
-        """Tear down these fixtures (default: all), dependents first; whatever goes wrong with one, all are done.
+    def take_down(self, names: Iterable[str]) -> None:
+        """Tear down these fixtures, dependents first; whatever goes wrong with one, all are done.
 
         One of a robot, which collapsed under a test that was cut short, comes up once more to bring it into its safe
         state, whatever stops the run but force. Where it cannot, an incident says so.
         Raises an ExceptionGroup, after all of them, if the supervision itself failed somewhere.
         """
-        chosen = {*self._fixtures} if names is None else {*names}
+        chosen = {*names}
         fixtures = [fixture for name, fixture in self._fixtures.items() if name in chosen]
         errors = []
         for step, order in ((self._settle, fixtures), (self._stop, reversed(fixtures))):
@@ -203,7 +216,7 @@ class Supervisor:
             raise ExceptionGroup("fixtures could not be taken down in order", errors)
 
     def forget(self, names: Iterable[str]) -> None:
-        """Drop fixtures that are down. What they still owe is remembered for those that :meth:`adopt` gets later."""
+        """Drop fixtures that are down. A safe state that is still due is kept until :meth:`adopt` gets them again."""
         for name in [*names]:
             fixture = self._fixtures.pop(name, None)
             if fixture is not None and fixture.robot_unsafe:
@@ -244,9 +257,9 @@ class Supervisor:
         problem = fixture.entry.problem
         if problem:
             fixture.last_cause = problem
-            self._notes.incident(fixture, fixture.incident(problem, Phase.LOAD))
+            fixture.report(fixture.incident(problem, Phase.LOAD))
         if problem or fixture.used_up:
-            self._notes.change(fixture, FixtureState.FAILED, fixture.failure)
+            fixture.change(FixtureState.FAILED, fixture.failure)
         elif not fixture.last_cause:
             self._start_once(fixture)
         elif self._backed_off(fixture):
@@ -260,14 +273,14 @@ class Supervisor:
             child = self._fork_server.take()
         except ForkServerLostError as error:
             fixture.state = FixtureState.STARTING
-            self._notes.collapse(fixture, fixture.incident(str(error), Phase.SETUP))
+            fixture.collapse(fixture.incident(str(error), Phase.SETUP))
             return
-        process = FixtureProcess(fixture, self._notes, child, self._wait, self._kill_now, self._stop_by)
+        process = FixtureProcess(fixture, child, self._wait, self._kill_now, self._stop_by)
         fixture.process = process
-        self._notes.change(fixture, FixtureState.STARTING)
+        fixture.change(FixtureState.STARTING)
         process.begin(self._make_job(fixture))
         self._wait(lambda: fixture.state is not FixtureState.STARTING or self._no_longer_startable(fixture))
-        if fixture.owes_safe_state:
+        if fixture.safe_state_due:
             self._enter_safe_state(fixture.name)
         if not fixture.ready:
             self._stop(fixture)
@@ -277,7 +290,7 @@ class Supervisor:
         if process is not None:
             process.ask("enter_safe_state")
             self._wait(lambda: process.answered or not process.up or self._stops_waiting())
-            self._fixtures[name].owes_safe_state = not (process.answered and process.up)
+            self._fixtures[name].safe_state_due = not (process.answered and process.up)
 
     def _stops_waiting(self) -> bool:
         """Whether a fixture is not to be waited for that enters its safe state; it does so again when it comes down."""
@@ -301,7 +314,7 @@ class Supervisor:
     # While tests run ---------------------------------------------------------------------------------------------
 
     def deadline(self) -> clock.Deadline:
-        """The moment at which :meth:`watch` has something to do, if nothing is heard before."""
+        """The moment at which :meth:`watch` has something to do, if nothing is received before."""
         deadline = clock.Deadline()
         for fixture in self._fixtures.values():
             if fixture.process is not None and fixture.state is not FixtureState.COLLAPSED:
@@ -328,9 +341,9 @@ class Supervisor:
     # Down --------------------------------------------------------------------------------------------------------
 
     def _settle(self, fixture: Fixture) -> None:
-        """Have a fixture that owes its safe state come up once more for it, and report one that cannot.
+        """Have a fixture whose safe state is due come up once more for it, and report one that cannot.
 
-        One that took over the debt of an earlier suite's, and that no test needed, hands it on without a report.
+        One that took it over from an earlier suite's, and that no test needed, hands it on without a report.
         """
         if not fixture.robot_unsafe or fixture.generation == 0 or fixture.ready:
             return  # one that is up enters its safe state when it is stopped
@@ -342,20 +355,20 @@ class Supervisor:
             finally:
                 self._settling = False
             why = problem if problem not in ("", _INTERRUPTED) else "the run was ended by force"
-        if fixture.owes_safe_state:
+        if fixture.safe_state_due:
             text = f"{fixture.name} did not put back what a test left: {why}"
-            self._notes.incident(fixture, fixture.incident(text, Phase.TEARDOWN))
+            fixture.report(fixture.incident(text, Phase.TEARDOWN))
 
     def _stop(self, fixture: Fixture) -> None:
         process = fixture.process
         if process is None:
             if fixture.state is FixtureState.COLLAPSED:
-                self._notes.change(fixture, FixtureState.STOPPED)
+                fixture.change(FixtureState.STOPPED)
             return
         reason = fixture.last_cause if fixture.state is FixtureState.COLLAPSED else ""
-        self._notes.change(fixture, FixtureState.STOPPING)
+        fixture.change(FixtureState.STOPPING)
         try:
             process.stop(reason)
         finally:
             fixture.process = None
-            self._notes.change(fixture, FixtureState.STOPPED)
+            fixture.change(FixtureState.STOPPED)

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from rtf.testing.events import to_line
-from rtf.testing.isolation.messages import Job
+from rtf.testing.isolation.messages import Job, Use
 from rtf.testing.plugins import PluginRef
 from rtf.testing.session import Session
 from rtf.testing.isolation.worker import run_test
@@ -18,7 +18,7 @@ job = Job(
     plugin=PluginRef("test", Path(path).name, path, language),
     folder=folder,
     run_folder=folder,
-    param=" ".join(param),
+    use=Use(param=" ".join(param)),
 )
 with open(events, "wb", buffering=0) as stream:
     session = Session("suite/test", lambda event: stream.write(to_line(event) if hasattr(event, "seq") else b""), folder=Path(folder), run_folder=Path(folder))

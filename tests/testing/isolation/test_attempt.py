@@ -8,9 +8,8 @@ import pytest
 
 from rtf import clock
 from rtf.testing.events import Event, Message, OutputCaptured, PhaseStarted, StackDumped, TestStarted
-from rtf.testing.isolation.attempt import Attempt, Limits
+from rtf.testing.isolation.attempt import Attempt, Limits, Stop
 from rtf.testing.isolation.child import End
-from rtf.testing.isolation.judge import Stop
 from rtf.testing.isolation.messages import DUMP_SIGNAL, STOP_SIGNAL, Case, Finished, Frames, Job, pack
 from rtf.testing.plugins import PluginRef
 from rtf.testing.verdict import Phase, Severity, Verdict

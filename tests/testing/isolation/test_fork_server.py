@@ -16,8 +16,7 @@ from rtf.testing.isolation import child as child_module
 from rtf.testing.isolation import messages
 from rtf.testing.isolation.child import Child
 from rtf.testing.isolation.fork_server import unfit_because
-from rtf.testing.isolation.messages import Frames, Job
-from rtf.testing.isolation.reactor import Reactor
+from rtf.testing.isolation.messages import Frames, Job, Use
 from rtf.testing.isolation.worker_pool import ForkServerClient, LoadTimeoutError
 from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import Verdict
@@ -158,7 +157,7 @@ class It(TestCase):
         assert "".join(event.text for event in outcome.of(OutputCaptured)).endswith("the end\n")  # type: ignore[attr-defined]
 
     def test_what_a_test_leaves_behind_is_gone_before_the_next_begins(self, tmp_path: Path):
-        """A plug-in server ends strays as the fork server does: whoever a test has started does not live on."""
+        """A plug-in server ends orphans as the fork server does: what a test has started does not live on."""
         code = """
 import os, pathlib, subprocess
 from rtf.testing import TestCase
@@ -199,12 +198,10 @@ def fork_server(tmp_path: Path) -> Iterator[ForkServerClient]:
     """A fork server that expects several tests of each of five files."""
     for name in FILES:
         (tmp_path / f"{name}.py").write_text(WHO_LOADED)
-    reactor = Reactor()
-    made = ForkServerClient(reactor, uses={found(tmp_path, name).path: 3 for name in FILES})
+    made = ForkServerClient(uses={found(tmp_path, name).path: 3 for name in FILES})
     made.start()
     yield made
     made.close()
-    reactor.close()
 
 
 def found(folder: Path, name: str) -> plugins.PluginRef:
@@ -265,8 +262,7 @@ def test_a_job_arrives_as_it_was_sent():
         plugin=ref,
         folder="/f",
         run_folder="/r",
-        parameters=(("a", "1"), ("b", "")),
-        overrides=(("c", "(1 2)"),),
+        use=Use(parameters=(("a", "1"), ("b", "")), overrides=(("c", "(1 2)"),)),
         memory=1 << 40,
         can_ask=True,
         check_period=0.25,
@@ -312,7 +308,7 @@ def test_a_fork_server_that_does_not_end_a_killed_child_is_replaced(
     """What cannot be killed in time must not hold up the run: its fork server is lost with it."""
     monkeypatch.setattr(child_module, "_VANISH", 0.05)
     child = fork_server.take()
-    monkeypatch.setattr(child._pool, "rouse", lambda: None)
+    monkeypatch.setattr(fork_server, "rouse", lambda: None)
     first = parent_of(child)
     os.kill(first, signal.SIGSTOP)
     child.dismiss()

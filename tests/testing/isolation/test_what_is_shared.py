@@ -12,7 +12,6 @@ from harness import run_suite
 from rtf import clock
 from rtf.testing.events import Measured, Message, StackDumped, TestEnded, TestStarted
 from rtf.testing.isolation import processes
-from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.isolation.worker_pool import ForkServerClient
 from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import Severity, Verdict
@@ -168,8 +167,7 @@ class It(TestCase):
 
 def test_lost_fork_servers_leave_no_zombies():
     """However many are lost, with children that run."""
-    reactor = Reactor()
-    client = ForkServerClient(reactor)
+    client = ForkServerClient()
     before = processes.children_of(os.getpid())
     for _ in range(5):
         children = [client.take() for _ in range(3)]
@@ -177,8 +175,7 @@ def test_lost_fork_servers_leave_no_zombies():
         os.kill(parent, signal.SIGKILL)
         deadline = clock.Deadline.after(10.0)
         while children[0].end is None and not deadline.expired:
-            reactor.run_once(deadline)
+            client.reactor.run_once(deadline)
         assert all(child.end is not None and child.end.status is None for child in children)
         assert processes.children_of(os.getpid()) == before
     client.close()
-    reactor.close()

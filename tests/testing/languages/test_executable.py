@@ -10,12 +10,12 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from rtf.testing.events import Attached, Message
-from rtf.testing.isolation.messages import Case, Finished, Job
+from rtf.testing.isolation.messages import Case, Finished, Job, Use
 from rtf.testing.isolation.worker import run_test
 from rtf.testing.languages.case_report import wanted_cases
 from rtf.testing.languages.executable import ExecutableTest
@@ -69,7 +69,9 @@ def write(tmp_path: Path):
 def run(tmp_path: Path, write: Callable[..., Path]):
     """Run a program, given by its path or the body of a shell script, as a worker does."""
 
-    def carry_out(program: Path | str, mode: str = "", param: str = "", **more: object) -> Ran:
+    def carry_out(
+        program: Path | str, mode: str = "", param: str = "", how: dict[str, Any] | None = None, **more: Any
+    ) -> Ran:
         path = write(f"#!/bin/sh\n{program}\n") if isinstance(program, str) else program
         events: list[object] = []
         language = f"executable:{mode}" if mode else "executable"
@@ -80,8 +82,8 @@ def run(tmp_path: Path, write: Callable[..., Path]):
             plugin=PluginRef("test", path.name, str(path), language),
             folder=str(tmp_path / "files"),
             run_folder=str(tmp_path),
-            param=param,
-            **more,
+            use=Use(param=param, **more),
+            **(how or {}),
         )
         session = Session(job.id, events.append, folder=Path(job.folder), run_folder=tmp_path)
         return Ran(run_test(job, session), events)
@@ -192,7 +194,8 @@ def test_death_by_a_signal_is_an_error_with_its_name(run: Callable[..., Ran], mo
 def test_each_repetition_runs_the_program_anew(run: Callable[..., Ran], tmp_path: Path):
     """With a JUnit file of its own."""
     ran = run(
-        f"echo x >> {tmp_path}/runs; echo \"<testsuite><testcase name='a'/></testsuite>\" > $RTF_JUNIT", repetition=2
+        f"echo x >> {tmp_path}/runs; echo \"<testsuite><testcase name='a'/></testsuite>\" > $RTF_JUNIT",
+        how={"repetition": 2},
     )
     assert len((tmp_path / "runs").read_text()) / 2 == 3
     assert ran.outcome == "passed"
@@ -363,7 +366,7 @@ def test_no_time_that_a_program_writes_is_too_long(run: Callable[..., Ran]):
 
 def test_a_program_is_told_which_cases_are_wanted(run: Callable[..., Ran], tmp_path: Path):
     """By a variable of ours and by that of GoogleTest, in whose filter some characters stand for any."""
-    run(f"env > {tmp_path}/env", cases=("Joint.Stops", "a-b:c (2)"))
+    run(f"env > {tmp_path}/env", how={"cases": ("Joint.Stops", "a-b:c (2)")})
     text = (tmp_path / "env").read_text()
     assert "RTF_CASES=Joint.Stops\na-b:c (2)\na-b:c\n" in text
     assert "GTEST_FILTER=Joint.Stops:a?b?c (2):a?b?c\n" in text

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from rtf.testing.events import Message, ParametersResolved, SubResultEnded, TestRenamed
-from rtf.testing.isolation.messages import Finished, Job
+from rtf.testing.isolation.messages import Finished, Job, Use
 from rtf.testing.isolation.worker import run_test
 from rtf.testing.languages import legacy_python
 from rtf.testing.plugins import PluginRef
@@ -44,7 +44,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.delitem(sys.modules, legacy_python.MODULE, raising=False)
 
-    def carry_out(script: Path | str, param: str = "", **more: object) -> Ran:
+    def carry_out(script: Path | str, param: str = "", how: dict[str, Any] | None = None, **more: Any) -> Ran:
         if isinstance(script, str):
             path = tmp_path / "script.py"
             path.write_text(script)
@@ -58,8 +58,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
             plugin=PluginRef("test", path.name, str(path), "python"),
             folder=str(tmp_path / "files"),
             run_folder=str(tmp_path),
-            param=param,
-            **more,
+            use=Use(param=param, **more),
+            **(how or {}),
         )
         session = Session(job.id, events.append, folder=Path(job.folder), run_folder=tmp_path)
         return Ran(run_test(job, session), events)
@@ -224,7 +224,7 @@ def test_added_parameters_stand_behind_the_string(run: Callable[..., Ran]):
         "--a 1",
         parameters=(("b", "2 3"), ("c", "4")),
         overrides=(("c", "5"), ("flag", "")),
-        suite_place="s.xml:3",
+        place="s.xml:3",
     )
     assert ran.told("info") == [("reports", '--a 1 --b "2 3" --c 5 --flag')]
     (event,) = ran.of(ParametersResolved)
@@ -247,7 +247,7 @@ class TestCase:
         self.count += 1
         robottestingframework.testCheck(self.count != 2, "not the second")
 """,
-        repetition=2,
+        how={"repetition": 2},
     )
     assert [str(part.verdict) for part in ran.of(SubResultEnded)] == ["passed", "failed", "passed"]
     assert ran.told("info").count(("reports", "setup")) == 1

@@ -6,14 +6,14 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 pytest.importorskip("lupa", reason="Lua tests need lupa")
 
 from rtf.testing.events import Measured, Message, Progressed, TestRenamed
-from rtf.testing.isolation.messages import Finished, Job
+from rtf.testing.isolation.messages import Finished, Job, Use
 from rtf.testing.isolation.worker import run_test
 from rtf.testing.languages import lua_plugin
 from rtf.testing.plugins import PluginError, PluginRef
@@ -47,7 +47,7 @@ class Ran:
 def run(tmp_path: Path):
     """Run a script, given by its path or its text, as a worker does."""
 
-    def carry_out(script: Path | str | bytes, param: str = "", **more: object) -> Ran:
+    def carry_out(script: Path | str | bytes, param: str = "", **more: Any) -> Ran:
         if isinstance(script, Path):
             path = script
         else:
@@ -61,8 +61,7 @@ def run(tmp_path: Path):
             plugin=PluginRef("test", path.name, str(path), "lua"),
             folder=str(tmp_path / "files"),
             run_folder=str(tmp_path),
-            param=param,
-            **more,
+            use=Use(param=param, **more),
         )
         session = Session(job.id, events.append, folder=Path(job.folder), run_folder=tmp_path)
         return Ran(run_test(job, session), events)

@@ -13,8 +13,7 @@ from rtf.testing.isolation.child import End
 from rtf.testing.isolation.messages import DUMP_SIGNAL, SAFE_STATE_LIMIT, Command, Doing, Frames, Job, Ready, pack
 from rtf.testing.plugins import PluginRef
 from rtf.testing.suite.model import FixtureEntry
-from rtf.testing.supervision.fixture_process import TEARDOWN_LIMIT, FixtureProcess
-from rtf.testing.supervision.fixture_record import Fixture, Notes
+from rtf.testing.supervision.fixture_process import TEARDOWN_LIMIT, Fixture, FixtureProcess
 from rtf.testing.verdict import FixtureState
 
 if TYPE_CHECKING:
@@ -94,14 +93,13 @@ def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[]
     """Take a generation down that is up. Returns the causes of its incidents."""
     monkeypatch.setattr(clock, "monotonic", lambda: child.time)
     events: list[Event] = []
-    fixture = Fixture(FixtureEntry(name="fx", plugin="fx", found=PLUGIN))
-    notes = Notes(events.append, lambda: "")
+    fixture = Fixture(FixtureEntry(name="fx", plugin="fx", found=PLUGIN), emit=events.append)
 
     def wait(until: Callable[[], bool], limit: clock.Deadline) -> None:
         while not until():
             child.run_once(limit.earliest(generation.deadline))
 
-    generation = FixtureProcess(fixture, notes, child, wait, kill_now)  # type: ignore[arg-type]
+    generation = FixtureProcess(fixture, child, wait, kill_now)  # type: ignore[arg-type]
     fixture.process = generation
     fixture.state = FixtureState.STARTING
     generation.begin(Job(kind="fixture", id="fx", name="fx", plugin=PLUGIN, folder="", run_folder=""))
