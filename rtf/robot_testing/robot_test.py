@@ -174,6 +174,8 @@ class RobotTest(TestCase):
         carrier = "tcp" if isinstance(self.clock, LockstepClock) else "fast_tcp"
         place = f"/{self.robot_name}/{name}"
         moves = self.safety is not Safety.STILL
+        if moves and (reason := MotionLedger().unrestored(place)):
+            raise RobotError(f"it could not be restored after an earlier test, and is not moved: {reason}")
         if moves and not is_simulated(self.network, self.robot_name, name):
             self._ask_for_permission()  # a simulator answers for the robot, but does not serve this part
         board = (connect if moves else connect_read_only)(place, carrier=carrier, network=self.network)
