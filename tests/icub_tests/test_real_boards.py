@@ -60,19 +60,23 @@ BEYOND_LIMITS, RUNAWAY, FAR = 2, 0, 15.0
 class Board(FakeBoard):
     """A board that keeps the moments of what it is told, with joints that go or are where they should not.
 
-    With a fault it can also report gears of ratio 0, or refuse to have limits restored.
+    With a fault it can also report gears of ratio 0, refuse to have limits restored, be at its target at once, or
+    accept a position command in PWM mode.
     """
 
     def __init__(self, *arguments, fault="", **named):
         super().__init__(*arguments, **named)
         self.told = []
         self.fault = fault
+        self.accepted = {}  # targets that were accepted in PWM mode, deg
 
     def fill_state(self, state):
         """See IStateSource."""
         time = super().fill_state(state)
         if self.fault in ("beyond-limits", "no-gears"):
             state.joint_positions[BEYOND_LIMITS] = 300.0
+        elif self.fault == "jumps":
+            state.joint_positions[:] = self.target_positions()
         elif self.fault == "runaway":
             state.torques += 1e-3 * np.sin(1e4 * time)  # somebody measures them
             if self.control_modes(RUNAWAY)[0] is ControlMode.TORQUE:
@@ -88,6 +92,19 @@ class Board(FakeBoard):
         if self.fault == "keeps-limits" and (minimum, maximum) != CHANGED:
             raise RefusedError(f"joint {joint} keeps its limits")
         super().set_limits(joint, minimum, maximum)
+
+    def position_move(self, targets, joints=None):
+        """See IPositionControl."""
+        chosen = self._chosen(joints)
+        if self.fault == "any-mode" and self.control_modes(chosen)[0] is ControlMode.PWM:
+            self.accepted = dict(zip(chosen, targets, strict=True))
+        super().position_move(targets, joints)
+
+    def target_positions(self, joints=None):
+        """See IPositionControl."""
+        chosen = self._chosen(joints)
+        targets = super().target_positions(chosen)
+        return np.array([self.accepted.get(joint, target) for joint, target in zip(chosen, targets, strict=True)])
 
     def _note(self, what, joints):
         self.told.append((clock.now(), what, [joints] if isinstance(joints, int) else joints))
@@ -238,3 +255,27 @@ def test_a_part_that_cannot_be_restored_costs_its_own_tests_only(tmp_path):
     (incident,) = outcome.of(FixtureIncident)
     assert "teardown() raised FixtureCollapsed: /bot/arm could not be restored" in incident.cause
     assert outcome.exit_code == ExitCode.FAILURES
+
+
+def test_a_board_that_is_at_its_target_by_its_first_state_passes(tmp_path):
+    """A step is one from where the joint was before the command, whatever was recorded first."""
+    outcome, _ = run(tmp_path, entry("motors", "MotorTest", distance=2), "jumps")
+    assert outcome.verdict("motors") is Verdict.PASSED, outcome.detail("motors")
+
+
+def test_a_command_that_its_mode_does_not_take_is_not_called_lost(tmp_path):
+    """The board took a position in PWM mode: its firmware is the cause."""
+    outcome, _ = run(tmp_path, entry("references", "MovementReferences", joints="(0)"), "any-mode")
+    assert outcome.verdict("references") is Verdict.FAILED
+    (failure,) = outcome.of(Message, severity=Severity.FAILURE)
+    assert "joint0: target position after a move in PWM mode is " in failure.detail
+    assert failure.detail.endswith("likely: firmware that breaks the rules of the control modes")
+
+
+def test_torque_control_that_is_not_reported_is_not_counted_against_a_board(tmp_path):
+    """Its joints become compliant, and nobody knows whether they should; that is a warning."""
+    outcome, told = run(tmp_path, entry("modes", "ControlModes", joints="(0)", faults="false"))
+    assert outcome.verdict("modes") is Verdict.PASSED, outcome.detail("modes")
+    (warning,) = outcome.of(Message, severity=Severity.WARNING)
+    assert "arm does not report which joints have torque control: torque mode is not tested" in warning.detail
+    assert InteractionMode.COMPLIANT in {what for _, what, _ in told}
