@@ -17,6 +17,7 @@ from rtf.robot_testing.failure_causes import likely_causes
 from rtf.robot_testing.failure_recording import FailureRecording
 from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
 from rtf.robot_testing.ledger import MotionLedger
+from rtf.robot_testing.name_server import await_name_server
 from rtf.robot_testing.parameter_checks import refuse, wrong_fault, wrong_lists
 from rtf.robot_testing.part import Part
 from rtf.robot_testing.read_only_board import connect_read_only
@@ -110,6 +111,7 @@ class RobotTest(TestCase):
         self._cpu_pressure = CpuPressure()
         self.robot_name = self._name_of_robot()
         self.network = default_network()
+        await_name_server(self.network, self.warn)
         self._report_other_robot()
         self._parts = {}
         self.clock = clock_from_environment(self.network)
