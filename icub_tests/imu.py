@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -115,7 +115,7 @@ class Imu(StreamTest):
         try:
             infos = sensors_of(self.network, f"{self.server}{MEASURES}")
         except RtfError as error:
-            self.assert_error(f"{self.server} does not report its units: {error}")
+            self.assert_error(f"{self.server} does not report its units: {error}{self._other_servers()}")
         places = [{info.name: k for k, info in enumerate(infos[category])} for category in _CATEGORIES]
         found = [
             _Unit(info.name, info.frame, k, places[0].get(info.name), places[1].get(info.name))
@@ -133,6 +133,15 @@ class Imu(StreamTest):
                 f"{unit.name} measures in the frame {unit.frame!r}, which is not a link of {self.kinematics.place}",
             )
         return found
+
+    def _other_servers(self) -> str:
+        """Return which other servers have units with an orientation, for the end of an error text; "" without any."""
+        found = []
+        for stream in self.known_ports(MEASURES):
+            with suppress(RtfError):  # one that does not answer cannot be used instead
+                if sensors_of(self.network, stream)[SensorCategory.ORIENTATION]:
+                    found.append(stream.removesuffix(MEASURES))
+        return f"; inertial units are at {', '.join(found)}: set the parameter port" if found else ""
 
     def _moved(self) -> list[tuple[Part, int]]:
         """Return the joints to move: those that carry a unit and, if ``axes`` is given, are in it."""

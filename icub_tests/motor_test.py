@@ -130,9 +130,9 @@ class MotorTest(JointsTest):
             part.wait(_AFTER, pace=_PACE)
         if ways.max() < _SHORTEST:
             begun = True
-        for joint, way in zip(moved, ways, strict=True):
+        for joint, first in zip(moved, start, strict=True):
             with self.subresult(f"{part.names[joint]} {kind}"):
-                self._judge(joint, float(targets[joint]), float(way), trace, begin, kind)
+                self._judge(joint, float(first), float(targets[joint]), trace, begin, kind)
         with self.subresult(f"{self._who(moved)} {kind}"):
             self.check_fail_if_false(done, f"{self._who(moved)}: the motion is not done {limit + _ENDS:.1f} s later")
             none = f"{self._who(moved)}: no motion began within {_STARTS:g} s"
@@ -153,14 +153,14 @@ class MotorTest(JointsTest):
         here = self.robot_part.board.encoders(joints) + away[joints]
         return bool(((here >= self.low[joints]) & (here <= self.high[joints])).all())
 
-    def _judge(self, joint: int, target: float, way: float, trace: Trace, begin: float, kind: str) -> None:
-        name = self.robot_part.names[joint]
+    def _judge(self, joint: int, start: float, target: float, trace: Trace, begin: float, kind: str) -> None:
+        name, way = self.robot_part.names[joint], abs(target - start)
         time, positions = trace.local_time - begin, trace.positions[:, joint]
         targets = np.full(time.shape, target)
         self.record(f"{kind} move", time=(time, "s"), position=(positions, "deg"), target=(targets, "deg"))
         low, high = self.low[joint] - self.targets[joint], self.high[joint] - self.targets[joint]
         if way >= _SHORTEST:
-            found = step_response(time, positions, float(positions[0]), target, max(-low, high))
+            found = step_response(time, positions, start, target, max(-low, high))
             if math.isfinite(found.rise_time):
                 self.measure("rise", found.rise_time, "s")
             if math.isfinite(found.settling_time):
@@ -169,7 +169,7 @@ class MotorTest(JointsTest):
             hint = f"{name} goes {beyond:.2f} deg beyond its target of {target:.2f} deg; {likely_causes('overshoot')}"
             self.measure("overshoot", beyond, "deg", high=self.overshoot, hint=hint)
         error = float(positions[-_LAST:].mean()) - target
-        moved = abs(float(positions[-1] - positions[0]))
+        moved = abs(float(positions[-1]) - start)
         finding = "does not move" if moved < _SHORTEST else "weak"
         hint = (
             f"{name} ends {error:+.2f} deg from its target of {target:.2f} deg, after it moved {moved:.2f} deg; "

@@ -41,7 +41,7 @@ class OpenLoopConsistency(JointsTest):
     def _with_those_that_share_motors(self, joints: list[int]) -> list[int]:
         """Add all coupled joints: the controller of one joint would drive the motor of another."""
         part = self.robot_part
-        chosen = set[int]().union(*map(Transmission.read(part.board).coupled, joints))
+        chosen = set[int]().union(*map(Transmission.read_couplings(part.board).coupled, joints))
         if added := sorted(chosen - {*joints}):
             self.report(f"driven, too, as they share motors: {', '.join(part.names[joint] for joint in added)}")
         return sorted(chosen)

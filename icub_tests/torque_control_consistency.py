@@ -59,7 +59,7 @@ class TorqueControlConsistency(RobotTest):
         super().setup()
         self.robot_part = part = self.open_part(self.part)
         self.chosen = torque_joints(self, part, self.joints)
-        self.transmission = Transmission.read(part.board)
+        self.transmission = Transmission.read_couplings(part.board)
         self.transmission.warn_if_unknown(self, part.name)
         zeros: list[float | None] = [*self.per_joint("zero", self.zero, self.chosen)] if self.zero else []
         self.places = [

@@ -78,7 +78,7 @@ class TorqueControlStiffDampCheck(RobotTest):
         self.robot_part = part = self.open_part(self.part)
         self.pushed = is_simulated(self.network, self.robot_name, self.part)
         self.chosen = torque_joints(self, part, self.joints)
-        self.transmission = Transmission.read(part.board)
+        self.transmission = Transmission.read_couplings(part.board)
         self.transmission.warn_if_unknown(self, part.name)
         homes: list[float | None] = [*self.per_joint("home", self.home, self.chosen)] if self.home else []
         self.homes = [

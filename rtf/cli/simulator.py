@@ -38,6 +38,7 @@ exit codes:
   4 usage
 """
 _FASTEST = float("inf")
+_HIGHEST_RATE = 1000.0  # Hz: that of the simulated boards
 
 
 def _told(command: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], int]:
@@ -68,6 +69,8 @@ def simulator(words: Sequence[str]) -> int:
             lockstep=options.lockstep,
             factor=options.realtime_factor,
             cameras=options.cameras,
+            state_rate=options.state_rate,
+            camera_rate=options.camera_rate,
             collision=options.collision,
             clock=options.clock,
             dialect=None if options.dialect is None else Dialect(options.dialect),
@@ -105,6 +108,10 @@ def _parser() -> Parser:
         default="no",
         help="with the eyes; auto: where pictures can be made",
     )
+    for name, what, usual in (("state", "messages of each part", 100), ("camera", "pictures", 30)):
+        parser.add_argument(
+            f"--{name}-rate", metavar="HZ", type=_rate, help=f"{what} a second (default: {usual}, at most 1000)"
+        )
     parser.add_argument(
         "--collision",
         choices=("capsules", "hulls", "none"),
@@ -139,12 +146,12 @@ def _port(text: str) -> str:
 
 
 def _parts(text: str) -> tuple[str, ...]:
-    from rtf.simulator.axes import PARTS
+    from rtf.simulator.axes import SERVED
 
     parts = tuple(part.strip() for part in text.split(",") if part.strip())
-    unknown = [part for part in parts if part not in PARTS]
+    unknown = [part for part in parts if part not in SERVED]
     if unknown or not parts:
-        raise argparse.ArgumentTypeError(f"there is no part {', '.join(unknown)!r}; there are {', '.join(PARTS)}")
+        raise argparse.ArgumentTypeError(f"there is no part {', '.join(unknown)!r}; there are {', '.join(SERVED)}")
     return tuple(dict.fromkeys(parts))
 
 
@@ -158,6 +165,18 @@ def _factor(text: str) -> float:
     if not SLOWEST <= factor <= _FASTEST:
         raise argparse.ArgumentTypeError(f"{text!r} is no factor; write a number from {SLOWEST:g} on, or inf")
     return factor
+
+
+def _rate(text: str) -> float:
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = 0.0
+    if not 0 < rate <= _HIGHEST_RATE:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no rate; write a number of Hz above 0, {_HIGHEST_RATE:g} at most"
+        )
+    return rate
 
 
 # What can be broken ----------------------------------------------------------------------------------------------

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from rtf.clock import Clock
     from rtf.robot.client.control_board import RemoteControlBoard
-    from rtf.robot.interfaces import Pid
+    from rtf.robot.interfaces import FloatArray, Pid
     from rtf.robot_testing.contacts import ContactWatch
 
 #: Speed at which joints are moved back, deg/s, and the most time for it, s.
@@ -186,9 +186,14 @@ class MotionGuard:
         return dict.fromkeys(others, why)
 
     def coupled_with(self, joint: int) -> list[int]:
-        """Return the joints coupled with ``joint``: many boards change their modes together."""
+        """Return the joints coupled with ``joint``: many boards change their modes together.
+
+        If the board does not report its couplings, or invalid ones, there are none, which is reported once.
+        """
         if self._coupling is None:
-            self._coupling = Transmission.read(self.board)
+            self._coupling = Transmission.read_couplings(self.board)
+            if self._coupling.unknown:
+                self._report(f"the couplings of {self.name} are unknown, and taken for none: {self._coupling.unknown}")
         return [one for one in self._coupling.coupled(joint) if one != joint]
 
     # While joints move -----------------------------------------------------------------------------------------------
@@ -515,17 +520,24 @@ class MotionGuard:
 
     def _away(self, joints: Sequence[int]) -> list[int]:
         """Return the joints that are not at their positions in the snapshot. Raises GuardError without a position."""
-        here, before = self.board.encoders(), self.snapshot.positions
+        here = self.board.encoders()
         for joint in joints:
             if np.isnan(here[joint]):
                 raise GuardError(f"{self._names[joint]} has no position, and cannot be brought back", joint)
-        return [joint for joint in joints if abs(here[joint] - before[joint]) > _ARRIVED]
+        away = np.minimum(np.abs(here - self.snapshot.positions), np.abs(here - self._home))
+        return [joint for joint in joints if away[joint] > _ARRIVED]
+
+    @property
+    def _home(self) -> FloatArray:
+        """The positions in the snapshot; for a joint that was outside of its limits the nearest position within."""
+        positions, limits = self.snapshot.positions, np.array(self.snapshot.limits)
+        return np.clip(positions, limits[:, 0], limits[:, 1]) if limits.size else positions
 
     def _send_home(self, joints: Sequence[int]) -> None:
         board = self.board
         board.set_control_modes([ControlMode.POSITION] * len(joints), joints)
         board.set_reference_speeds([PARKING_SPEED] * len(joints), joints)
-        board.position_move(self.snapshot.positions[joints], joints)
+        board.position_move(self._home[joints], joints)
 
     def _restore_modes(self, problems: ErrorCollector) -> None:
         board, before = self.board, self.snapshot

@@ -78,6 +78,17 @@ class MotionLedger:
         """Save the state of a part before the first test that moves it."""
         self._append({"place": place, "snapshot": snapshot.to_record()})
 
+    def record_unrestored(self, place: str, reason: str) -> None:
+        """Record that a part answers, but could not be restored; "" for a part that was restored later."""
+        self._append({"place": place, "unrestored": reason})
+
+    def unrestored(self, place: str) -> str:
+        """Return why a part could not be restored since the run was begun or resumed; "" if there is no reason."""
+        reasons = [
+            entry["unrestored"] for entry in self._recent() if entry.get("place") == place and "unrestored" in entry
+        ]
+        return reasons[-1] if reasons else ""
+
     def discard_snapshot(self, place: str) -> None:
         """Record that a part was restored: its snapshot is no longer needed."""
         self._append({"place": place, "snapshot": None})

@@ -17,6 +17,7 @@ from rtf.robot_testing.failure_causes import likely_causes
 from rtf.robot_testing.failure_recording import FailureRecording
 from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
 from rtf.robot_testing.ledger import MotionLedger
+from rtf.robot_testing.name_server import await_name_server
 from rtf.robot_testing.parameter_checks import refuse, wrong_fault, wrong_lists
 from rtf.robot_testing.part import Part
 from rtf.robot_testing.read_only_board import connect_read_only
@@ -110,6 +111,7 @@ class RobotTest(TestCase):
         self._cpu_pressure = CpuPressure()
         self.robot_name = self._name_of_robot()
         self.network = default_network()
+        await_name_server(self.network, self.warn)
         self._report_other_robot()
         self._parts = {}
         self.clock = clock_from_environment(self.network)
@@ -174,6 +176,8 @@ class RobotTest(TestCase):
         carrier = "tcp" if isinstance(self.clock, LockstepClock) else "fast_tcp"
         place = f"/{self.robot_name}/{name}"
         moves = self.safety is not Safety.STILL
+        if moves and (reason := MotionLedger().unrestored(place)):
+            raise RobotError(f"it could not be restored after an earlier test, and is not moved: {reason}")
         if moves and not is_simulated(self.network, self.robot_name, name):
             self._ask_for_permission()  # a simulator answers for the robot, but does not serve this part
         board = (connect if moves else connect_read_only)(place, carrier=carrier, network=self.network)

@@ -56,8 +56,10 @@ def step_response(
     """Evaluate a step response; ``time`` is relative to the step from ``start`` to ``target``. ``band`` is one-sided.
 
     ``noise`` is the standard deviation of the measurement; deviations that it explains do not count. Raises ValueError
-    for fewer than ten points after the step, and for values that are not finite.
+    for a step of no height, for fewer than ten points after it, and for values that are not finite.
     """
+    if start == target:
+        raise ValueError(f"a step from {start:g} to {target:g} has no response")
     t, v = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if missing := int((~np.isfinite(v)).sum()):
         raise ValueError(f"{missing} of {v.size} values are not finite")

@@ -28,7 +28,7 @@ class Transmission:
     """The transmission ``rotor = gearbox * (coupling @ joint)``, in deg; rows are motors, columns joints of the part.
 
     ``blocks`` has for each joint the joints of its board, which may be coupled. ``unknown`` is the reason why the
-    couplings are unknown; "" if the board reports them.
+    couplings are unknown; "" if the board reports them. The ratios are NaN if only the couplings were read.
     """
 
     gearbox: FloatArray
@@ -49,8 +49,21 @@ class Transmission:
         try:
             blocks = board.variable(COUPLING_VARIABLE)
         except (NotSupportedError, RefusedError) as error:
-            return cls(gearbox, np.eye(axes), tuple((joint,) for joint in range(axes)), str(error))
+            return cls(gearbox, *_uncoupled(axes), str(error))
         return cls(gearbox, *block_diagonal(blocks, axes))
+
+    @classmethod
+    def read_couplings(cls, board: RemoteControlBoard) -> Self:
+        """Read which joints are coupled, without the ratios; invalid couplings are unknown, and so there are none.
+
+        Raises NoAnswerError if the board does not answer.
+        """
+        axes = board.axes()
+        ratios = np.full(axes, np.nan)
+        try:
+            return cls(ratios, *block_diagonal(board.variable(COUPLING_VARIABLE), axes))
+        except (NotSupportedError, RefusedError) as error:
+            return cls(ratios, *_uncoupled(axes), str(error))
 
     def warn_if_unknown(self, test: TestCase, part: str) -> None:
         """Warn that the joints of a part are assumed to be uncoupled, if its couplings are unknown."""
@@ -112,6 +125,10 @@ class Transmission:
         column = np.sign(self.gearbox) * self.coupling[:, joint]
         own = column[joint]
         return float(np.asarray(duties, dtype=np.float64) @ column / own) if own else 0.0
+
+
+def _uncoupled(axes: int) -> tuple[FloatArray, tuple[tuple[int, ...], ...]]:
+    return np.eye(axes), tuple((joint,) for joint in range(axes))
 
 
 def block_diagonal(blocks: Bottle, axes: int) -> tuple[FloatArray, tuple[tuple[int, ...], ...]]:

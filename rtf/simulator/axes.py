@@ -173,6 +173,10 @@ PARTS: dict[str, tuple[Axis, ...]] = {
     "right_leg": _in_part("right_leg", _leg_axes("r", -1)),
 }
 
+#: The part that is not simulated by physics, and all parts that a simulated robot can serve.
+FACE = "face"
+SERVED: tuple[str, ...] = (*PARTS, FACE)
+
 #: All axes; the actuators of the model are in this order.
 AXES: tuple[Axis, ...] = tuple(chain.from_iterable(PARTS.values()))
 

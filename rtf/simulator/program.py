@@ -45,6 +45,8 @@ class Settings:
     lockstep: bool = False
     factor: float = 1.0
     cameras: str = "no"
+    state_rate: float | None = None  # Hz; that of the robot
+    camera_rate: float | None = None  # likewise
     collision: Collision = "capsules"
     clock: str = CLOCK
     dialect: Dialect | None = None
@@ -172,18 +174,20 @@ def _simulated(settings: Settings, network: Network, *, cameras: bool) -> Simula
         from rtf.simulator.rendering import rendering_back_end
 
         rendering_back_end()  # so that a missing package is reported before the model is built
-    from rtf.simulator.axes import PARTS
-    from rtf.simulator.icub import SimulatedIcub
+    from rtf.simulator.axes import SERVED
+    from rtf.simulator.icub import CAMERA_RATE, STATE_RATE, SimulatedIcub
     from rtf.simulator.model import Options
 
     return SimulatedIcub(
         settings.robot,
         network=network,
-        parts=settings.parts or tuple(PARTS),
+        parts=settings.parts or SERVED,
         seed=settings.seed,
         lockstep=settings.lockstep,
         factor=None if settings.factor == math.inf else settings.factor,
         cameras=cameras,
+        state_rate=settings.state_rate or STATE_RATE,
+        camera_rate=settings.camera_rate or CAMERA_RATE,
         options=Options(collision=settings.collision, cameras=cameras),
         clock=settings.clock,
     )

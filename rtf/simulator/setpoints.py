@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 #: The number of steps of a block.
 BLOCK = 64
+#: Seconds after a position command in which the motion is not done, even to where the axis stands: trajectories of
+#: boards have a least duration, and clients take an early *done* for that of the move before.
+LEAST_MOVE = 0.05
 _DEGREE = 5
 #: The greatest acceleration of a minimum-jerk move from rest, as a factor of distance / duration².
 _GREATEST = 10 / np.sqrt(3)
@@ -53,6 +56,7 @@ class Setpoints:
         self._from = np.zeros(count)  # the step at which the polynomial begins
         self._duration = np.zeros(count)  # s
         self._line = np.zeros(count)  # deg/s after its end
+        self._busy = np.zeros(count)  # s from the begin until the motion is done
         self.begin = begin
         self._positions = np.empty((BLOCK, count))
         self._velocities = np.empty((BLOCK, count))
@@ -92,10 +96,13 @@ class Setpoints:
         within = bounded == position
         return bounded, velocity * within, acceleration * (moving & within)
 
-    def _begin(self, axes: NDArray[np.intp], now: int, duration: FloatArray, line: FloatArray) -> None:
+    def _begin(
+        self, axes: NDArray[np.intp], now: int, duration: FloatArray, line: FloatArray, least: float = 0.0
+    ) -> None:
         self._from[axes] = now
         self._duration[axes] = duration
         self._line[axes] = line
+        self._busy[axes] = np.maximum(duration, least)
 
     def _refresh(self, axes: NDArray[np.intp], now: int) -> None:
         """Recompute the rest of the block for axes with a new trajectory."""
@@ -129,7 +136,7 @@ class Setpoints:
         c[3, axes] = (20 * distance - 12 * velocity * t - 3 * acceleration * t**2) / (2 * t**3)
         c[4, axes] = (-30 * distance + 16 * velocity * t + 3 * acceleration * t**2) / (2 * t**4)
         c[5, axes] = (12 * distance - 6 * velocity * t - acceleration * t**2) / (2 * t**5)
-        self._begin(axes, now, duration, np.zeros(len(axes)))
+        self._begin(axes, now, duration, np.zeros(len(axes)), LEAST_MOVE)
         self._refresh(axes, now)
 
     def run(self, axes: NDArray[np.intp], velocities: FloatArray, accelerations: FloatArray, now: int) -> None:
@@ -146,8 +153,8 @@ class Setpoints:
         self._refresh(axes, now)
 
     def done(self, axes: NDArray[np.intp] | int, now: int) -> NDArray[np.bool_]:
-        """Return which axes have reached the ends of their trajectories."""
-        ended: NDArray[np.bool_] = (now - self._from[axes]) * self._step >= self._duration[axes]
+        """Return which axes have reached the ends of their trajectories, after ``LEAST_MOVE`` at the earliest."""
+        ended: NDArray[np.bool_] = (now - self._from[axes]) * self._step >= self._busy[axes]
         return ended
 
     def within_limits(self, axes: NDArray[np.intp], positions: FloatArray) -> FloatArray:

@@ -51,7 +51,7 @@ _WELL, _FORCE_TORQUE, _CATEGORIES = SensorStatus.OK, SensorCategory.FORCE_TORQUE
 _DRAWN = 256
 
 
-class _Sensor(Device):
+class SimulatedSensor(Device):
     """Base class of the sensors, which live as long as the simulation.
 
     ``deviation`` has the standard deviation of each number of a reading.
@@ -80,11 +80,15 @@ class _Sensor(Device):
         row = next(self._noise, None)
         if row is None:
             size = self._deviation.size
-            rows = self._deviation * self.simulation.noise(_DRAWN * size).reshape(_DRAWN, size)
+            rows = self._deviation * self._draw(_DRAWN * size).reshape(_DRAWN, size)
             rows -= self._zero
             self._noise = iter(rows)
             row = next(self._noise)
         return row
+
+    def _draw(self, count: int) -> FloatArray:
+        """Return ``count`` standard normal random numbers."""
+        return self.simulation.noise(count)
 
     def open(self, configuration: Property) -> None:
         """Do nothing: it is open from its construction."""
@@ -93,7 +97,7 @@ class _Sensor(Device):
         """Do nothing: there are no resources."""
 
 
-class SimulatedForceTorque(_Sensor, IAnalogSensor):
+class SimulatedForceTorque(SimulatedSensor, IAnalogSensor):
     """A force-torque sensor: three forces (N) and three torques (Nm), minus the zero offset."""
 
     def __init__(self, sensor: FtSensor, simulation: Simulation) -> None:
@@ -168,7 +172,7 @@ class SimulatedForceTorques(Device, IMultipleAnalogSensors, IMeasurementsSource)
         return self._sensors[index]
 
 
-class SimulatedImu(_Sensor, IMultipleAnalogSensors, IMeasurementsSource):
+class SimulatedImu(SimulatedSensor, IMultipleAnalogSensors, IMeasurementsSource):
     """The inertial unit of the head."""
 
     def __init__(self, simulation: Simulation) -> None:

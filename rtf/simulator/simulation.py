@@ -58,7 +58,7 @@ class Simulation:
         self._without_sensors = int(mujoco().mjtDisableBit.mjDSBL_SENSOR)
         self._queue: list[tuple[int, int, Callable[[], None], bool]] = []
         self._order = itertools.count()
-        self._publishers: dict[int, list[Publisher]] = {}  # by their periods
+        self._publishers: dict[float, list[Publisher]] = {}  # by their periods
         self._halfway = False  # the physics are between the halves of a step, and unchanged since
         self._paced: tuple[float, float, float] | None = None  # a moment of the machine's clock, the time at it, factor
 
@@ -91,21 +91,22 @@ class Simulation:
         self.at(self.boards.tick + max(1, round(seconds / TIMESTEP)), happening, looks=looks)
 
     def publish_regularly(self, publisher: Publisher) -> None:
-        """Call a publisher at every multiple of its period from now on."""
-        period = max(1, round(publisher.period / TIMESTEP))
+        """Call a publisher at every multiple of its period from now on, each rounded to a step."""
+        period = max(1.0, publisher.period / TIMESTEP)  # in steps
         publishers = self._publishers.get(period)
         if publishers is not None:
             publishers.append(publisher)
             return
         publishers = self._publishers[period] = [publisher]
+        times = itertools.count(math.ceil(self.boards.tick / period))
 
         def happening() -> None:
             now = self.now
             for each in publishers:
                 each.publish(now)
-            self.at(self.boards.tick + period, happening, looks=True)
+            self.at(round(next(times) * period), happening, looks=True)
 
-        self.at(-(-self.boards.tick // period) * period, happening, looks=True)
+        self.at(round(next(times) * period), happening, looks=True)
 
     def advance(self, until: float) -> float:
         """Advance the time to ``until`` seconds; return the time.

@@ -70,6 +70,11 @@ class TestStarting:
         assert simulator(["--cameras", "--realtime-factor", "inf"]) == 0
         assert (started[0].cameras, started[0].factor) == ("yes", float("inf"))
 
+    def test_rates_are_those_of_the_robot_unless_others_are_given(self, started: list[program.Settings]):
+        """Of states and of pictures, each by itself."""
+        assert simulator(["--state-rate", "50"]) == simulator(["--camera-rate", "60"]) == 0
+        assert [(one.state_rate, one.camera_rate) for one in started] == [(50.0, None), (None, 60.0)]
+
     @pytest.mark.parametrize(
         ("words", "hint"),
         [
@@ -79,6 +84,8 @@ class TestStarting:
             ("--realtime-factor nan", "write a number from 0.1 on, or inf"),
             ("--realtime-factor fast", "write a number from 0.1 on, or inf"),
             ("--lockstep --realtime-factor 2", "not allowed with"),
+            ("--state-rate 0", "write a number of Hz above 0, 1000 at most"),
+            ("--camera-rate fast", "write a number of Hz above 0, 1000 at most"),
             ("--seed -1", "must not be negative"),
             ("--robot /", "is no name of a robot"),
             ("--clock clock", "is not a port name"),

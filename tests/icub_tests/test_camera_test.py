@@ -93,3 +93,12 @@ def test_what_is_no_camera_fails(outcome):
     assert "are no pictures" in outcome.detail("no-picture")
     assert outcome.verdict("absent") is Verdict.FAILED
     assert "/icubSim/cam/middle" in outcome.detail("absent")
+
+
+def test_the_rate_of_pictures_is_a_setting(outcome, run_on_robot, measured):
+    """The original simulator has 60 a second, and its suites expect them."""
+    del outcome  # skips where nothing can be rendered
+    rate = '<parameter name="expected_frequency">60</parameter> <parameter name="tolerance">1</parameter>'
+    fast = run_on_robot(f'<test name="fast"> {rate} CameraTest </test>', cameras="yes", parts="head", camera_rate=60)
+    assert fast.verdict("fast") is Verdict.PASSED, fast.detail("fast")
+    assert [event.value for event in measured(fast, "fast", "rate")] == pytest.approx([60.0] * 2, abs=0.5)

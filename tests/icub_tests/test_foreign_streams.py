@@ -28,6 +28,7 @@ CAMERAS = {
     "twice": lambda n: n // 2,
     "halting": lambda n: n - min(n % 100, 55),
     "blinking": lambda n: n - min(n % 100, 4),
+    "line": lambda n: n + n // 3 + 1,  # no multiple of 4
 }
 #: One that is coarse in two channels, one that counts, and one that is broken.
 REPEATING = {
@@ -61,7 +62,7 @@ SUITE = "".join([
 
 
 class Camera(FakeFrameGrabber):
-    """A camera that shows some pictures again; its time is that of their numbers."""
+    """A camera that shows some pictures again, or nothing but one line; its time is that of their numbers."""
 
     count = 0
 
@@ -72,7 +73,7 @@ class Camera(FakeFrameGrabber):
     def image(self):
         """See IFrameGrabber."""
         self.count += 1
-        pixels = self._background.copy()
+        pixels = np.zeros_like(self._background) if self.shown is CAMERAS["line"] else self._background.copy()
         pixels[self.shown(self.count) % self._height, :, 2] = 255
         return Image(pixels, "rgb"), self.count * PERIOD
 
@@ -159,6 +160,7 @@ def failures(outcome, test):
         ("twice", {"repeated pictures"}),
         ("halting", {"repeated pictures", "same picture in a row"}),
         ("blinking", {"same picture in a row"}),
+        ("line", set()),
     ],
 )
 def test_no_two_pictures_of_a_real_camera_are_the_same(outcome, measured, camera, failed):
@@ -168,6 +170,12 @@ def test_no_two_pictures_of_a_real_camera_are_the_same(outcome, measured, camera
     assert {one.name for one in found} == {*what}
     assert {one.name for one in found if one.verdict is MeasurementVerdict.FAILED} == failed
     assert verdicts(outcome, "cameras")[f"/bot/cam/{camera}"] is (Verdict.FAILED if failed else Verdict.PASSED)
+
+
+def test_one_bright_line_is_a_picture(outcome, measured):
+    """Every pixel counts, wherever the line is."""
+    (contrast,) = measured(outcome, "cameras", "contrast", "/line")
+    assert contrast.value > 5.0
 
 
 def test_a_load_that_nobody_knows_is_not_passed(outcome, measured):

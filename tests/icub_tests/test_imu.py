@@ -37,6 +37,7 @@ def outcome(run_on_robot, tmp_path_factory):
             case("model", model=model),
             case("unknown", sensors="(head_imu_7)"),
             case("parts", parts="(head)"),
+            case("elsewhere", port="/icubSim/inertials"),
         ]
     )
     return run_on_robot(suite, parts="head,torso")
@@ -106,3 +107,10 @@ def test_what_cannot_be_tested_is_an_error(outcome):
     assert "head_imu_7" in outcome.detail("unknown")
     assert outcome.verdict("parts") is Verdict.ERROR
     assert "torso_yaw" in outcome.detail("parts")
+
+
+def test_units_that_are_elsewhere_are_named(outcome):
+    """Robots have them at other ports: the error names the servers of sensors that are registered."""
+    assert outcome.verdict("elsewhere") is Verdict.ERROR
+    assert "/icubSim/inertials does not report its units" in outcome.detail("elsewhere")
+    assert "; inertial units are at /icubSim/inertial: set the parameter port" in outcome.detail("elsewhere")

@@ -36,7 +36,7 @@ def test_a_healthy_robot_passes(outcome, measured):
     """All streams of the robot are judged without naming any, and in lockstep their rate is exact."""
     assert outcome.verdict("healthy") is Verdict.PASSED
     rates = measured(outcome, "healthy", "rate")
-    assert len(rates) == 2 + 6 + 1 + 1 + 1
+    assert len(rates) == 2 + 6 + 2 + 1 + 1 + 1
     assert {round(event.value, 6) for event in rates} == {100.0}
 
 
@@ -62,3 +62,17 @@ def test_what_cannot_be_tested_is_an_error(outcome):
     assert "/icubSim/head/state:o" in outcome.detail("short")
     assert outcome.verdict("nobody") is Verdict.ERROR
     assert "/nobody" in outcome.detail("nobody")
+
+
+#: Streams in lists for real robots, and the rate of the original simulator's states.
+OTHERS = [*((f"/icubSim/face/{one}", 50) for one in ("state:o", "stateExt:o")), ("/icubSim/head/state:o", 50)]
+OTHERS += [(f"/icubSim/{side}_hand/analog:o", 100) for side in ("left", "right")]
+
+
+def test_face_and_hands_are_there_and_the_rate_of_states_is_a_setting(run_on_robot, measured):
+    """Each stream has its rate exactly."""
+    lines = " ".join(f"({name} {rate} 0.01)" for name, rate in OTHERS)
+    suite = f'<test name="others"> <parameter name="PORTS">({lines})</parameter> PortsFrequency </test>'
+    outcome = run_on_robot(suite, parts="head,face", state_rate=50)
+    assert outcome.verdict("others") is Verdict.PASSED, outcome.detail("others")
+    assert [(one.subject, round(one.value, 6)) for one in measured(outcome, "others", "rate")] == OTHERS

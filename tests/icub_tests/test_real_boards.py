@@ -12,8 +12,9 @@ from rtf.middleware.naming.configuration import find_network
 from rtf.middleware.naming.server import NameServer
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.testing.events import Asked, Message, SubResultEnded
-from rtf.testing.verdict import Severity, Verdict
+from rtf.robot.errors import RefusedError
+from rtf.testing.events import Asked, FixtureIncident, Message, SubResultEnded
+from rtf.testing.verdict import ExitCode, Severity, Verdict
 from served import served
 
 
@@ -34,28 +35,76 @@ SUITE = "".join([
 ])  # fmt: skip
 BEYOND_LIMITS_SUITE = entry("beyond-limits", "MotorStiction", joints="(0 2)", outputMax=2, outputStep=1)
 RUNAWAY_SUITE = entry("runaway", "TorqueControlConsistency", joints="(0)")
+MOVERS = """
+import os, signal
+from rtf.robot_testing import Safety
+from rtf.robot_testing.joints_test import JointsTest
+
+class BringsHome(JointsTest):
+    safety = Safety.MOTION
+    def run(self):
+        self.bring_home()
+
+class Dies(JointsTest):
+    safety = Safety.MOTION
+    def run(self):
+        self.robot_part.board.set_limits(0, *CHANGED)
+        os.kill(os.getpid(), signal.SIGKILL)
+"""
+#: Limits of a joint that a test leaves changed, deg.
+CHANGED = (-1.0, 1.0)
 #: A joint that is far outside of its limits, and one that goes far in torque mode: by so many deg.
 BEYOND_LIMITS, RUNAWAY, FAR = 2, 0, 15.0
 
 
 class Board(FakeBoard):
-    """A board that keeps the moments of what it is told, with joints that go or are where they should not."""
+    """A board that keeps the moments of what it is told, with joints that go or are where they should not.
+
+    With a fault it can also report gears of ratio 0, refuse to have limits restored, be at its target at once, or
+    accept a position command in PWM mode.
+    """
 
     def __init__(self, *arguments, fault="", **named):
         super().__init__(*arguments, **named)
         self.told = []
         self.fault = fault
+        self.accepted = {}  # targets that were accepted in PWM mode, deg
 
     def fill_state(self, state):
         """See IStateSource."""
         time = super().fill_state(state)
-        if self.fault == "beyond-limits":
+        if self.fault in ("beyond-limits", "no-gears"):
             state.joint_positions[BEYOND_LIMITS] = 300.0
+        elif self.fault == "jumps":
+            state.joint_positions[:] = self.target_positions()
         elif self.fault == "runaway":
             state.torques += 1e-3 * np.sin(1e4 * time)  # somebody measures them
             if self.control_modes(RUNAWAY)[0] is ControlMode.TORQUE:
                 state.joint_positions[RUNAWAY] += FAR
         return time
+
+    def gearbox_ratio(self, motor):
+        """See IMotor."""
+        return 0.0 if self.fault == "no-gears" else super().gearbox_ratio(motor)
+
+    def set_limits(self, joint, minimum, maximum):
+        """See IControlLimits."""
+        if self.fault == "keeps-limits" and (minimum, maximum) != CHANGED:
+            raise RefusedError(f"joint {joint} keeps its limits")
+        super().set_limits(joint, minimum, maximum)
+
+    def position_move(self, targets, joints=None):
+        """See IPositionControl."""
+        chosen = self._chosen(joints)
+        if self.fault == "any-mode" and self.control_modes(chosen)[0] is ControlMode.PWM:
+            self.accepted = dict(zip(chosen, targets, strict=True))
+        super().position_move(targets, joints)
+
+    def target_positions(self, joints=None):
+        """See IPositionControl."""
+        chosen = self._chosen(joints)
+        targets = super().target_positions(chosen)
+        return np.array([self.accepted.get(joint, target) for joint, target in zip(chosen, targets, strict=True)])
 
     def _note(self, what, joints):
         self.told.append((clock.now(), what, [joints] if isinstance(joints, int) else joints))
@@ -82,8 +131,9 @@ class Board(FakeBoard):
 
 
 def run(folder, suite, fault=""):
-    """Run tests on ``/bot/arm``, which may move; how they ended, and what its board was told."""
-    write_files(folder, {"suite.xml": f'<suite name="s">{suite}</suite>'})
+    """Run tests on ``/bot/arm`` and ``/bot/head``, which may move; how they ended, and what the arm was told."""
+    movers = MOVERS.replace("CHANGED", repr(CHANGED))
+    write_files(folder, {"suite.xml": f'<suite name="s">{suite}</suite>', "movers.py": movers})
     with pytest.MonkeyPatch.context() as patch, ExitStack() as opened:
         patch.setenv("YARP_CONFIG_HOME", str(folder / "user"))
         configuration.write_place(opened.enter_context(NameServer()).contact)
@@ -91,6 +141,7 @@ def run(folder, suite, fault=""):
         opened.callback(network.names.close)
         board = Board("arm", network=network, fault=fault)
         opened.enter_context(served(board, "/bot/arm", network=network, period=0.01))
+        opened.enter_context(served(Board("head", network=network), "/bot/head", network=network, period=0.01))
         words = ("--suite", "suite.xml", "--allow-motion", "--answer", "yes")
         return run_command(folder, *words, YARP_ROBOT_NAME="bot", RTF_CLOCK="", YARP_CLOCK=""), board.told
 
@@ -170,3 +221,61 @@ def test_a_joint_that_runs_away_by_what_should_hold_it_fails(tmp_path):
     assert outcome.verdict("runaway") is (Verdict.INCONCLUSIVE if busy else Verdict.FAILED)
     assert "joint0 moved by 15.0 deg at torques within 0.1 Nm of its holding torque" in detail
     assert [what for _, what, _ in told if isinstance(what, ControlMode)][-1] is ControlMode.POSITION
+
+
+def mover(name, test, part):
+    """One of the tests above on a part."""
+    return f'<test name="{name}"><parameter name="part">{part}</parameter> movers.py::{test} </test>'
+
+
+def test_a_joint_outside_of_its_limits_costs_its_part_only_whatever_its_gears_are(tmp_path):
+    """The test of that part says so, though the board knows no couplings and has no gears; the head is tested."""
+    suite = mover("arm", "BringsHome", "arm") + mover("head", "BringsHome", "head")
+    outcome, told = run(tmp_path, suite, "no-gears")
+    detail = outcome.detail("arm")
+    busy = "this machine is too busy" in detail
+    assert outcome.verdict("arm") is (Verdict.INCONCLUSIVE if busy else Verdict.FAILED), detail
+    assert "joint2 (/bot/arm joint 2) is at 300.0 deg, beyond its limits; it was stopped" in detail
+    assert outcome.verdict("head") is Verdict.PASSED, outcome.detail("head")
+    assert outcome.of(FixtureIncident) == []
+    last = [what for _, what, joints in told if isinstance(what, ControlMode) and joints in (None, [BEYOND_LIMITS])][-1]
+    assert last is ControlMode.IDLE
+
+
+def test_a_part_that_cannot_be_restored_costs_its_own_tests_only(tmp_path):
+    """Its further tests say why, those of other parts are run, and the run does not pass."""
+    suite = mover("dies", "Dies", "arm") + mover("arm", "BringsHome", "arm") + mover("head", "BringsHome", "head")
+    outcome, _ = run(tmp_path, suite, "keeps-limits")
+    assert [outcome.verdict(name) for name in ("dies", "arm", "head")] == [Verdict.ERROR, Verdict.ERROR, Verdict.PASSED]
+    assert (
+        "/bot/arm cannot be opened: it could not be restored after an earlier test, and is not moved: "
+        "/bot/arm could not be restored: " in outcome.detail("arm")
+    )
+    assert "/bot/arm refused '[set] [llim] 0 0.0 100.0'" in outcome.detail("arm")
+    (incident,) = outcome.of(FixtureIncident)
+    assert "teardown() raised FixtureCollapsed: /bot/arm could not be restored" in incident.cause
+    assert outcome.exit_code == ExitCode.FAILURES
+
+
+def test_a_board_that_is_at_its_target_by_its_first_state_passes(tmp_path):
+    """A step is one from where the joint was before the command, whatever was recorded first."""
+    outcome, _ = run(tmp_path, entry("motors", "MotorTest", distance=2), "jumps")
+    assert outcome.verdict("motors") is Verdict.PASSED, outcome.detail("motors")
+
+
+def test_a_command_that_its_mode_does_not_take_is_not_called_lost(tmp_path):
+    """The board took a position in PWM mode: its firmware is the cause."""
+    outcome, _ = run(tmp_path, entry("references", "MovementReferences", joints="(0)"), "any-mode")
+    assert outcome.verdict("references") is Verdict.FAILED
+    (failure,) = outcome.of(Message, severity=Severity.FAILURE)
+    assert "joint0: target position after a move in PWM mode is " in failure.detail
+    assert failure.detail.endswith("likely: firmware that breaks the rules of the control modes")
+
+
+def test_torque_control_that_is_not_reported_is_not_counted_against_a_board(tmp_path):
+    """Its joints become compliant, and nobody knows whether they should; that is a warning."""
+    outcome, told = run(tmp_path, entry("modes", "ControlModes", joints="(0)", faults="false"))
+    assert outcome.verdict("modes") is Verdict.PASSED, outcome.detail("modes")
+    (warning,) = outcome.of(Message, severity=Severity.WARNING)
+    assert "arm does not report which joints have torque control: torque mode is not tested" in warning.detail
+    assert InteractionMode.COMPLIANT in {what for _, what, _ in told}

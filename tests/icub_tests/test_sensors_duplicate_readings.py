@@ -35,7 +35,7 @@ def outcome(run_on_robot):
 def test_a_healthy_robot_passes(outcome, measured):
     """Nothing is repeated on a robot whose sensors have noise."""
     assert outcome.verdict("healthy") is Verdict.PASSED
-    assert len(measured(outcome, "healthy", "values that came twice")) == 9
+    assert len(measured(outcome, "healthy", "values that came twice")) == 11
     assert all(event.value == 0 for event in measured(outcome, "healthy", "values that came twice"))
 
 

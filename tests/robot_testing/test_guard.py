@@ -44,6 +44,7 @@ class WrongBoard(FakeBoard):
     refuses: frozenset[tuple[str, int]] = frozenset()  # methods that are refused, each for a joint
     together: frozenset[int] = frozenset()  # joints whose modes change together
     slides: frozenset[int] = frozenset()  # joints that do not turn
+    gears: float | None = None  # the ratio of all gearboxes, if not the usual one
 
     def __init__(self, name: str, *, network: Network) -> None:
         super().__init__(name, network=network)
@@ -62,6 +63,10 @@ class WrongBoard(FakeBoard):
     def joint_type(self, joint: int) -> JointType:
         """See IAxisInfo."""
         return JointType.PRISMATIC if joint in self.slides else super().joint_type(joint)
+
+    def gearbox_ratio(self, motor: int) -> float:
+        """See IMotor."""
+        return super().gearbox_ratio(motor) if self.gears is None else self.gears
 
     def _may(self, method: str, joints: Sequence[int] | int) -> None:
         for joint in [joints] if isinstance(joints, int) else joints:
@@ -723,6 +728,43 @@ def test_where_couplings_are_not_told_what_was_excluded_stays_idle(bench: Bench)
     with pytest.raises(RobotError, match=r"on the way back joint1 \(/fake joint 1\) had been left idle"):
         bench.restore(guard)
     assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
+
+
+@pytest.mark.parametrize("ratio", [0.0, math.nan])
+def test_gears_that_are_none_are_nothing_to_the_guard(bench: Bench, ratio: float):
+    """It needs to know what is coupled, not by what ratio: there are boards that report 0."""
+    bench.device.gears = ratio
+    guard = bench.guard()
+    assert guard.exclude_coupled(1, "which has to be stopped") == {2: "is coupled with joint1, which has to be stopped"}
+    bench.restore(guard)
+
+
+def test_invalid_couplings_are_reported_once_and_nothing_is_coupled(bench: Bench):
+    """What a joint did is the message that matters, and the part is restored."""
+    bench.device.set_variable("kinematic_mj", Bottle([Bottle([1.0, 2.0])]))
+    guard = bench.guard()
+    guard.exclude(1, "it runs away")
+    assert guard.exclude_coupled(1, "which has to be stopped") == {}
+    bench.publish()
+    bench.restore(guard)
+    (said,) = (text for text in bench.said if "couplings" in text)
+    assert said.startswith("the couplings of /fake are unknown, and taken for none: block 0 of kinematic_mj has 2")
+
+
+def test_a_joint_that_was_outside_of_its_limits_is_brought_back_to_the_nearest_one(bench: Bench):
+    """Boards refuse a target outside, which kept the whole part from being restored."""
+    bench.device.position_move([50.0], [0])
+    bench.time.sleep(10.0)
+    bench.device.set_limits(0, -20.0, 20.0)
+    bench.publish()
+    guard = bench.guard()
+    bench.restore(guard)
+    assert bench.device.encoders([0]) == pytest.approx(50.0)  # nobody has moved it
+    bench.device.position_move([0.0], [0])
+    bench.time.sleep(10.0)
+    bench.publish()
+    bench.restore(guard)
+    assert bench.device.encoders([0]) == pytest.approx(20.0, abs=2.0)
 
 
 def test_without_a_state_what_was_excluded_stays_idle(bench: Bench):

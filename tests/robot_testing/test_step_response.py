@@ -106,6 +106,12 @@ def test_too_few_points_are_refused():
         step_response(TIME[:59], np.zeros(59), 0.0, 1.0, band=0.1)
 
 
+def test_a_step_of_no_height_is_refused():
+    """There is nothing to compare its numbers with."""
+    with pytest.raises(ValueError, match="a step from 2 to 2 has no response"):
+        step_response(TIME, np.full_like(TIME, 2.0), 2.0, 2.0, band=0.1)
+
+
 def test_the_spread_is_that_between_repetitions():
     """Shifted copies are as far apart as their shifts deviate; a single one has no spread."""
     base = first_order(0.0, 1.0, 0.1)

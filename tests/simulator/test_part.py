@@ -20,6 +20,7 @@ from rtf.robot.interfaces import IInteractionMode, IRemoteVariables, PidType
 from rtf.simulator.axes import AXES, COUPLINGS, PARTS, joint_to_motor, part_slice
 from rtf.simulator.icub import SimulatedIcub
 from rtf.simulator.part import SimulatedPart
+from rtf.simulator.setpoints import LEAST_MOVE
 
 from ..robot.contract import ControlBoardContract  # noqa: TID252 - test folders are no packages
 from .rig import Rig
@@ -206,3 +207,23 @@ class TestPart:
         assert part.encoder(2) == pytest.approx(1.0, abs=0.1)
         assert part.pid_references(PidType.POSITION, 2) == pytest.approx([1.0])
         assert part.pid_errors(PidType.POSITION, 2) == pytest.approx([0.0], abs=0.1)
+
+
+def test_a_motion_is_not_done_in_the_first_period_after_its_command(rig: Rig):
+    """Also where the joint stands on its target, for single joints and for many; a stop is done at once."""
+    rig.simulation.reset()
+    part = rig.part("left_arm")
+    rig.run(0.1)
+    assert part.motion_done()
+    here = part.target_positions()
+    part.position_move(here)
+    rig.run(0.01)
+    assert not part.motion_done()
+    assert not part.motion_done(3)
+    rig.run(LEAST_MOVE)
+    assert part.motion_done()
+    part.position_move(here[3], 3)
+    assert not part.motion_done([3, 4])
+    assert part.motion_done(4)
+    part.stop(3)
+    assert part.motion_done(3)

@@ -132,10 +132,17 @@ def test_it_opens_says_what_and_is_ready(lab: Lab):
     program = lab.ready("robot='bot', parts=('head', 'left_arm')")
     line = next(line for line in program.said.splitlines() if line.startswith("READY"))
     assert line.startswith("READY bot in ")
-    assert "2 parts, 13 streams, 0 cameras, clock /clock (factor 1), control /bot/simulator/rpc:i" in line
+    assert "2 parts, 15 streams, 0 cameras, clock /clock (factor 1), control /bot/simulator/rpc:i" in line
     assert "/bot/left_arm: rpc:i command:i state:o stateExt:o" in program.said
     expected = {f"/bot/{part}/{port}" for part in ("head", "left_arm") for port in ("rpc:i", "command:i", "state:o")}
-    assert {*expected, "/bot/simulator/rpc:i", "/clock", "/bot/inertial", "/bot/FTs/measures:o"} <= set(lab.names)
+    assert {
+        *expected,
+        "/bot/simulator/rpc:i",
+        "/clock",
+        "/bot/inertial",
+        "/bot/FTs/measures:o",
+        "/bot/left_hand/analog:o",
+    } <= set(lab.names)
     assert program.end(signal.SIGTERM) == 0
     assert lab.names == []
 

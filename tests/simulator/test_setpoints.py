@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtf.simulator.setpoints import BLOCK, Setpoints
+from rtf.simulator.setpoints import BLOCK, LEAST_MOVE, Setpoints
 
 STEP = 1e-3
 AXES = np.arange(3)
@@ -97,10 +97,12 @@ class TestMoves:
         assert np.isfinite(setpoints.at(5, AXES)[0]).all()
 
     def test_a_target_where_the_reference_is_changes_nothing(self, setpoints: Setpoints):
-        """A move of no length is done at the next step."""
+        """A move of no length is done after the least duration of a move, and not before."""
         setpoints.move(AXES, np.array([0.0, 10.0, -20.0]), same(10.0), 3)
         assert setpoints.at(4, AXES)[0] == pytest.approx([0.0, 10.0, -20.0])
-        assert setpoints.done(AXES, 4).all()
+        end = 3 + round(LEAST_MOVE / STEP)
+        assert not setpoints.done(AXES, end - 1).any()
+        assert setpoints.done(AXES, end).all()
 
     def test_a_move_from_motion_stays_within_the_limits(self, setpoints: Setpoints):
         """Anyone who is fast near a limit and told to end there slowly does not swing beyond it."""

@@ -88,3 +88,40 @@ def test_what_was_made_zero_is_taken_off_at_once(rig: Rig):
     assert np.mean(found, axis=0) == pytest.approx(np.zeros(6), abs=0.02)
     assert np.std(found, axis=0)[:3] == pytest.approx(np.full(3, FORCE_NOISE), rel=0.15)
     assert len({one.tobytes() for one in found}) == MANY, "noise comes again"
+
+
+#: Channels of a hand, and counts of an open joint and of one that is bent by 45 deg.
+INDEX_FINGER, LAST_FINGERS, OPEN, HALF = slice(3, 6), slice(9, 15), 240.0, 130.0
+
+
+def test_the_sensors_of_the_fingers_follow_the_joints_of_the_model(rig: Rig):
+    """By fifteen bytes: one axis bends two or six of the joints, each by its share; the other hand stays open."""
+    from rtf.simulator.hand_sensors import SimulatedFingers
+
+    left, right = (SimulatedFingers(side, rig.simulation) for side in "lr")
+    assert left.channels() == left.read().values.size == 15
+    assert left.read().values == pytest.approx(np.full(15, OPEN), abs=5.0)
+    arm = rig.part("left_arm")
+    joints = [arm.axis_names().index(f"l_{name}") for name in ("index_proximal", "index_distal", "pinky")]
+    arm.set_reference_speeds([100.0] * 3, joints)
+    arm.position_move([45.0, 90.0, 135.0], joints)
+    rig.run(3.0)
+    values = left.read().values
+    assert values[INDEX_FINGER] == pytest.approx(np.full(3, HALF), abs=8.0)
+    assert values[LAST_FINGERS] == pytest.approx(np.full(6, HALF), abs=8.0)
+    assert right.read().values == pytest.approx(np.full(15, OPEN), abs=5.0)
+    assert values.tolist() == [round(value) for value in values]
+    rig.run(0.001)
+    assert left.read().values.tolist() != values.tolist(), "there is noise"
+
+
+def test_a_finger_that_is_held_shows_where(rig: Rig):
+    """It is the joint that is measured, not the command."""
+    from rtf.simulator.hand_sensors import SimulatedFingers
+
+    fingers, arm = SimulatedFingers("l", rig.simulation), rig.part("left_arm")
+    joint = arm.axis_names().index("l_index_proximal")
+    rig.push("l_index_proximal", -5.0)  # more than its motor has
+    arm.position_move(80.0, joint)
+    rig.run(2.0)
+    assert fingers.read().values[INDEX_FINGER.start] > OPEN - 12.0

@@ -1,0 +1,59 @@
+"""The face of the simulated robot: eyelids and lips by kinematics alone, as they move hardly any mass."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.bottle import Property
+from rtf.robot.devices.fake_board import FakeBoard
+from rtf.simulator.setpoints import LEAST_MOVE
+
+if TYPE_CHECKING:
+    from rtf.robot.devices.fake_axes import FakeAxes
+    from rtf.robot.interfaces import AxisSelection, FloatArray, Values
+    from rtf.simulator.simulation import Simulation
+
+#: The axes in the order of the robot's board, with their limits (deg), which hold the positions of its test files.
+_AXES = {
+    "eyelids": (-10.0, 60.0),
+    "jaw": (-25.0, 10.0),
+    "lip_upper_left": (-30.0, 30.0),
+    "lip_upper_right": (-30.0, 30.0),
+    "lip_lower_left": (-30.0, 30.0),
+    "lip_lower_right": (-30.0, 30.0),
+}
+
+
+class SimulatedFace(FakeBoard):
+    """The control board of the face, in the time of a simulation; it is open from its construction."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        super().__init__("face")
+        self._simulation = simulation
+        low, high = (" ".join(f"{limits[end]:g}" for limits in _AXES.values()) for end in (0, 1))
+        self.open(
+            Property.parse(
+                f"(GENERAL (Joints {len(_AXES)}) (AxisName ({' '.join(_AXES)}))) (LIMITS (Min ({low})) (Max ({high})))"
+            )
+        )
+        simulation.on_reset.append(lambda: self._start(self._axes.minima, self._axes.maxima))
+
+    def _start(self, minima: FloatArray, maxima: FloatArray) -> None:
+        with self._lock:
+            super()._start(minima, maxima)
+            self._axes.time = self._simulation.now
+            self._commanded = np.full(self._axes.count, -np.inf)  # when positions were commanded, s
+
+    def _now(self) -> FakeAxes:
+        self._axes.advance(self._simulation.now)
+        return self._axes
+
+    def position_move(self, targets: Values, joints: AxisSelection = None) -> None:
+        super().position_move(targets, joints)
+        self._commanded[self._chosen(joints)] = self._simulation.now
+
+    def motion_done(self, joints: AxisSelection = None) -> bool:
+        since = self._simulation.now - self._commanded[self._chosen(joints)]
+        return bool((since >= LEAST_MOVE).all()) and super().motion_done(joints)
