@@ -1,8 +1,9 @@
 """Recognition and parsing of numbers, as YARP and the C library do.
 
 A word is a number if it begins with a digit, a sign or a point (or is ``inf``, ``-inf``, ``nan``) and consists of
-digits, points, signs and ``e``; after an ``x`` among the leading zeros and signs also of hexadecimal letters. Its value
-is what the C library parses from its beginning: ``1-2`` is 1, ``-`` and ``-x`` are 0, ``08`` is 0 because it is octal.
+digits, points, signs and ``e``; after an ``x`` among the leading zeros and signs also of hexadecimal letters. An
+integer is what the C library parses from the beginning: ``1-2`` is 1, ``-`` and ``-x`` are 0, ``08`` is 0 because it
+is octal. With a point or an exponent the whole word has to be a number, or it is 0.0: ``1.5-2``, ``1e``.
 """
 
 from __future__ import annotations
@@ -51,8 +52,6 @@ def _integer(word: str) -> int:
 
 
 def _float(word: str) -> float:
-    match = _HEXADECIMAL_FLOAT.match(word)
-    if match is not None:
-        return float.fromhex(match[0])
-    match = _FLOAT.match(word)
-    return float(match[0]) if match is not None else 0.0
+    if _HEXADECIMAL_FLOAT.fullmatch(word):
+        return float.fromhex(word)
+    return float(word) if _FLOAT.fullmatch(word) else 0.0

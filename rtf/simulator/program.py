@@ -144,14 +144,21 @@ def _network(settings: Settings, opened: ExitStack) -> Network:
 
         place = configuration.read_place()
         contact = place.contact if place else Contact(configuration.namespaces()[0], "127.0.0.1", 0)
+        number = contact.port or configuration.base_port()
         try:
             server = NameServer(
-                contact.host, contact.port or configuration.base_port(), namespace=contact.name or "/root"
+                contact.host,
+                number,
+                namespace=contact.name or "/root",
+                discovery=number if number == configuration.base_port() else 0,
             )
         except ConnectError as error:
             raise ConnectError(f"{error}; where a name server runs already, leave out --nameserver") from None
         opened.callback(server.close)
-        _say(f"name server {server.contact.name} at {server.contact.host}:{server.contact.port}")
+        _say(
+            f"name server {server.contact.name} at {server.contact.host}:{server.contact.port}; other programs find it"
+            f" after 'yarp conf {server.contact.host} {server.contact.port}' (or 'rtf conf', or 'yarp detect --write')"
+        )
     network = configuration.find_network()
     if settings.dialect is not None:
         network.dialect = settings.dialect

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rtf.bottle import Bottle
 from rtf.bottle.numbers import read_number
 
+DATA = Path(__file__).parents[1] / "data"
 INTEGERS = {
     "0": 0, "5": 5, "-7": -7, "+5": 5, "-": 0, "+": 0, "-x": 0, "007": 7, "010": 8, "08": 0, "-010": -8,
     "0x1f": 31, "0X1F": 31, "-0x10": -16, "0xffffffff": 4294967295, "0x1e": 30, "0x": 0, "00x5": 0, "0x-5": 0,
@@ -18,7 +21,8 @@ INTEGERS = {
     "-9223372036854775808": -(2**63), "-99999999999999999999": -(2**63), "0777777777777777777777": 2**63 - 1,
 }  # fmt: skip
 FLOATS = {
-    "1.": 1.0, ".5": 0.5, "-.5": -0.5, "1e3": 1000.0, "1E3": 1000.0, "1e": 1.0, "1e-5": 1e-5, "1e999": math.inf,
+    "1.": 1.0, ".5": 0.5, "-.5": -0.5, "1e3": 1000.0, "1E3": 1000.0, "1e": 0.0, "1e+": 0.0, "1.5e-": 0.0,
+    "1.5-2": 0.0, "1e5-3": 0.0, "1e-5": 1e-5, "1e999": math.inf,
     "-1e999": -math.inf, "-.": 0.0, ".e": 0.0, "0x1.8": 1.5, "007.5": 7.5, "inf": math.inf, "-inf": -math.inf,
 }  # fmt: skip
 STRINGS = [
@@ -52,6 +56,14 @@ def test_not_a_number_is_a_number():
 def test_strings(word: str):
     """Everything else is a string."""
     assert read_number(word) is None
+
+
+def test_words_are_read_as_by_yarp():
+    """What ``yarp read`` of 3.12.3 printed for words of digits, signs, points, ``e`` and ``x``."""
+    lines = (DATA / "numbers_of_yarp_3.12.3.tsv").read_text("utf-8").splitlines()
+    differing = [line for line in lines if Bottle.parse(line.partition("\t")[0]).to_text() != line.partition("\t")[2]]
+    assert len(lines) > 500
+    assert differing == []
 
 
 @given(st.integers(-(2**63), 2**63 - 1))

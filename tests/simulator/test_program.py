@@ -233,6 +233,7 @@ def test_it_can_be_the_name_server_itself(lab: Lab):
         configuration.write_place(gone.contact)
     program = lab.ready("parts=('head',), nameserver=True")
     assert f"name server /root at 127.0.0.1:{gone.contact.port}" in program.said
+    assert f"'yarp conf 127.0.0.1 {gone.contact.port}'" in program.said
     with SimulatorControl(network=lab.network) as control:
         assert control.status().parts == ("head",)
     assert program.end(signal.SIGINT) == 0

@@ -9,6 +9,7 @@ from rtf.cli.network.options import contact, make_network, make_parser
 from rtf.cli.network.terminal import complain, say
 from rtf.middleware.errors import ConnectError, MiddlewareError
 from rtf.middleware.ports import remote
+from rtf.middleware.wire.contact import Contact
 from rtf.middleware.wire.name_server_lines import command
 from rtf.testing.verdict import ExitCode
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
     from rtf.cli.parser import Parser
     from rtf.middleware.ports.network import Network
-    from rtf.middleware.wire.contact import Contact
 
 #: Carriers by which the receiver calls the sender.
 _PULL = ("mjpeg",)
@@ -76,8 +76,12 @@ def disconnect(words: Sequence[str]) -> ExitCode:
     options = parser.parse_args(words)
     source, target = _both(parser, options)
     network = make_network()
+    persistent = options.persist and (source.name, target.name) in _subscriptions(network)
     if options.persist:
         network.names.command(command("unsubscribe", source.name, target.name))
+    if persistent and not _connected(network, source, target):
+        say(f"Success: {source.name} is no longer connected to {target.name} when both are there")
+        return ExitCode.PASSED
     if _find(network, source, "source") is None:
         return ExitCode.FAILURES
     try:
@@ -117,6 +121,26 @@ def _subscribe(network: Network, source: Contact, target: Contact, options: Name
         return ExitCode.FAILURES
     say(f"Success: {source.name} is connected to {target.name} whenever both are there")
     return ExitCode.PASSED
+
+
+def _subscriptions(network: Network) -> set[tuple[str, str]]:
+    """Return the names of source and target of all persistent connections."""
+    groups = Bottle.parse(" ".join(network.names.command("subscribe")))
+    return {
+        (Contact.parse(as_string(group.find("src"))).name, Contact.parse(as_string(group.find("dest"))).name)
+        for group in groups
+        if isinstance(group, Bottle) and group.check("src") and group.check("dest")
+    }
+
+
+def _connected(network: Network, source: Contact, target: Contact) -> bool:
+    """Return whether a port is there and sends to another one."""
+    if network.resolve(source) is None:
+        return False
+    try:
+        return remote.connection(network, source, target) is not None
+    except MiddlewareError:
+        return False
 
 
 def _list_subscriptions(network: Network) -> ExitCode:

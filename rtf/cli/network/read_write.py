@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rtf import clock
 from rtf.bottle import Bottle, as_float, as_int
 from rtf.cli.network.options import add_carrier, contact, make_network, make_parser, own_name
-from rtf.cli.network.terminal import Bell, complain, opened, progress, say, typed
+from rtf.cli.network.terminal import Bell, complain, opened, progress, say, typed, typed_bottle
 from rtf.cli.parser import seconds
 from rtf.middleware.naming.configuration import opening
 from rtf.middleware.ports import remote
@@ -183,7 +183,7 @@ def write(words: Sequence[str]) -> ExitCode:
             complain(f"{port.name} has no reader after {options.await_reader:g} s", f"rtf connect {port.name} /READER")
             return ExitCode.FAILURES
         for line in typed():
-            port.write(Bottle.parse(line))
+            port.write(typed_bottle(line))
     return ExitCode.PASSED
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Vocab, to_string
 from rtf.cli.network.options import add_timeout, contact, make_network, make_parser, own_name
-from rtf.cli.network.terminal import ENDING, Bell, complain, opened, progress, say, typed
+from rtf.cli.network.terminal import ENDING, Bell, complain, opened, progress, say, typed, typed_bottle
 from rtf.middleware.carriers.tcp import Tcp
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError
 from rtf.middleware.ports.dialect_probe import dialect_of_reader
@@ -65,7 +65,7 @@ def _converse(parser: Parser, words: Sequence[str], key: str) -> ExitCode:
             if not question.strip():
                 continue
             try:
-                answer = caller.ask(key, Bottle.parse(question), options.timeout)
+                answer = caller.ask(key, typed_bottle(question), options.timeout)
             except MiddlewareError as error:
                 complain(
                     f"{options.port.name} did not answer {question!r}: {error}", "'rtf ping' says whether it lives"
@@ -200,7 +200,7 @@ class _Desk:
             with self._lock:
                 if self._open is not None:
                     self._open.discard(question)
-            question.settle(Bottle.parse(answer))
+            question.settle(typed_bottle(answer))
 
     def close(self) -> None:
         """Nobody waits here any more."""

@@ -14,7 +14,7 @@ import sys
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, NoReturn, TypeVar
 
-from rtf.bottle import is_complete
+from rtf.bottle import Bottle, Dialect, is_complete
 from rtf.errors import RtfError
 from rtf.middleware.errors import NameNotFoundError
 from rtf.testing.verdict import ExitCode
@@ -192,6 +192,11 @@ def typed(prompt: str = "") -> Iterator[str]:
             text = ""
     if text:
         yield text
+
+
+def typed_bottle(text: str) -> Bottle:
+    """Read what was typed. A long vocab is whole for ports of YARP 4; to others its first four letters are sent."""
+    return Bottle.parse(text, dialect=Dialect.YARP4)
 
 
 def _edited(prompt: str) -> Iterator[str]:

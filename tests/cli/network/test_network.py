@@ -85,6 +85,15 @@ class TestConnections:
         assert net.run("connect", "--list-subs").stdout == ""
         assert writer.wait() == 0
 
+    def test_persistent_connection_of_absent_ports(self, net: Net):
+        """It ends, too; without one there is nothing to end, which is an error."""
+        assert net.run("connect", "--persist", "/absent", "fast_tcp://gone").process.returncode == 0
+        done = net.run("disconnect", "--persist", "/absent", "/gone")
+        assert (done.process.returncode, done.stderr) == (0, "")
+        assert done.stdout.startswith("Success: ")
+        assert net.run("connect", "--list-subs").stdout == ""
+        assert net.run("disconnect", "--persist", "/absent", "/gone").process.returncode == 1
+
     def test_waiting_in_vain(self, net: Net):
         """The time is bounded where it is asked for, and what was waited for is named."""
         done = net.run("wait", "/never", "--timeout", "50ms")
