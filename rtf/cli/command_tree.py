@@ -101,6 +101,7 @@ _NETWORK = (
     _network("read", "/PORT ...", "open a port and print what comes to it", "read_write:read"),
     _network("write", "/PORT ...", "open a port and send it the lines that are typed", "read_write:write"),
     _network("rpc", "/PORT ...", "put questions to a port and print the answers", "rpc:rpc"),
+    _network("yarp-check", "", "our ports against the 'yarp' that is installed", "yarp_check:yarp_check"),
     _network("rpcserver", "/PORT", "open a port and type the answers to its questions", "rpc:rpcserver"),
     _network("admin", "/PORT ...", "put questions of administration to a port", "rpc:admin"),
     _network("connect", "/FROM /TO", "have a port send to another one", "connect:connect"),

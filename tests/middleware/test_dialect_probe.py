@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 import socket
 import struct
-import subprocess
 import threading
 from typing import TYPE_CHECKING, Self
 
@@ -210,25 +208,3 @@ class TestSettingOfTheEnvironment:
         """Anything else is named."""
         with pytest.raises(AddressError, match="RTF_DIALECT"):
             find_dialect({"RTF_DIALECT": text})
-
-
-@pytest.mark.skipif(shutil.which("yarp") is None, reason="no yarp on PATH")
-def test_real_reader(network: Network) -> None:
-    """``yarp read`` of the installed version prints the numbers that were written."""
-    from rtf.middleware.naming.server import NameServer
-    from rtf.middleware.ports.network import Network as OwnNetwork
-
-    with NameServer() as server:
-        environment = {"YARP_CONFIG_HOME": "/nonexistent", "PATH": "/usr/bin:/bin"}
-        address = f"{server.contact.host} {server.contact.port}"
-        subprocess.run(["yarp", "conf", *address.split()], check=True, env=environment, timeout=30)
-        with (
-            subprocess.Popen(["yarp", "read", "/reader"], stdout=subprocess.PIPE, env=environment) as reader,
-            Port("/writer", network=OwnNetwork(server.names)) as writer,
-        ):
-            eventually(lambda: server.names.query("/reader"), "the reader does not register", limit=30)
-            writer.add_output("/reader")
-            assert writer.write(NUMBERS) == 1
-            assert reader.stdout is not None
-            assert reader.stdout.readline() == b"1.0 2.5 3.5\n"
-            reader.kill()

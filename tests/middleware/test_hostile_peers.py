@@ -333,3 +333,16 @@ class Schedule:
         """End the ports."""
         for port in (*self.writers, self.reader):
             port.close()
+
+
+@pytest.mark.parametrize("header", [b"UNIX_STR", b"UNIX_ACK", framing.header(0), framing.header(131)])
+def test_callers_that_are_gone_after_the_handshake(network: Network, header: bytes):
+    """A caller that resets the connection at any point of the handshake ends its own connection only."""
+    with Port("/reader", lambda message: message.read(), network=network) as port:
+        for _ in range(50):
+            with socket.create_connection((port.contact.host, port.contact.port)) as peer:
+                peer.sendall(header + framing.sender("/gone"))
+                peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        with Port("/writer", network=network) as writer:
+            writer.add_output("/reader")
+            assert writer.write(Bottle([1.5])) == 1

@@ -247,9 +247,13 @@ class Udp(Datagrams):
         """Answer with the UDP port number to send to."""
         sender, modifiers = read_sender(stream)
         receiving = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        receiving.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
-        receiving.bind((stream.socket.getsockname()[0] or port.contact.host, 0))
-        receiving.connect(stream.socket.getpeername()[:2])
+        try:
+            receiving.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+            receiving.bind((stream.socket.getsockname()[0] or port.contact.host, 0))
+            receiving.connect(stream.socket.getpeername()[:2])
+        except OSError:  # the caller is gone
+            receiving.close()
+            raise
         return DatagramInput(self, receiving, sender, modifiers, reply=framing.yarp_number(receiving.getsockname()[1]))
 
     def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:

@@ -20,7 +20,7 @@ from rtf.middleware.carriers import authentication, registry
 from rtf.middleware.carriers.base import CarrierPort, PollableInputLink
 from rtf.middleware.carriers.socket_watcher import SocketWatcher
 from rtf.middleware.carriers.stream import CHUNK, Stream, StreamClosedError
-from rtf.middleware.errors import ProtocolError
+from rtf.middleware.errors import ConnectError, ProtocolError
 from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.outputs import Output
 from rtf.middleware.ports.qos import Connection
@@ -188,7 +188,10 @@ class Input(Connection):
             raise ProtocolError(f"{header!r} is not the header of a known carrier")
         if not carrier.keeps_header:
             stream.skip(_HEADER)
-        return carrier.accept(stream, self.port)
+        try:
+            return carrier.accept(stream, self.port)
+        except OSError as error:  # such as a caller that is gone
+            raise ConnectError(f"the handshake by {carrier.name} failed: {error.strerror or error}") from None
 
     def _receive_all(self, link: InputLink, message: Message) -> bool:
         """Handle messages, starting with this one. Return whether the connection continues in another thread."""
