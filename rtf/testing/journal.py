@@ -226,13 +226,13 @@ class _Parts:
     def __init__(self) -> None:
         self.results = RunResult()
         self.last = 0
-        self._again: dict[str, int] = {}  # tests that were not finished when this part began, and run again
+        self._finished: list[frozenset[str]] = []  # for each part but the last, the tests that were finished by its end
         self._replaced: dict[str, int] = {}  # suites and tests that this part took out of the run, or changed
 
     def begin(self) -> None:
         """Begin a part."""
         self.last += 1
-        self._again |= dict.fromkeys(self.results.tests.keys() - self.results.finished(), self.last)
+        self._finished.append(self.results.finished())
 
     def take_out(self, ids: Iterable[str]) -> None:
         """Make void what the parts before tell of suites and tests."""
@@ -246,7 +246,7 @@ class _Parts:
         if any(part < self._replaced.get(gone, 0) for gone in (test, getattr(event, "suite", ""))):
             return True
         planned = isinstance(event, TestPlanned) and not event.parent
-        return not planned and part < self._again.get(test, 0)
+        return bool(test) and not planned and part < self.last and test not in self._finished[part]
 
 
 def as_one_run(path: Path, *, resuming: bool = False, void: Collection[str] = ()) -> Iterator[Event]:
