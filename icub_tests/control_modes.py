@@ -33,7 +33,7 @@ from rtf.testing import Parameter
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
 
@@ -43,7 +43,7 @@ class _Command(NamedTuple):
 
     name: str
     modes: frozenset[ControlMode]
-    send: Callable[[RemoteControlBoard, list[int], FloatArray], None]
+    send: Callable[[RemoteBoard, list[int], FloatArray], None]
 
 
 class ControlModes(JointsTest):
@@ -384,17 +384,17 @@ _STEP, _SPEED, _EFFORT = 3.0, 20.0, 10.0
 _TORQUE, _CURRENT = 0.5, 0.1
 
 
-def _torque(board: RemoteControlBoard, joints: list[int], way: FloatArray) -> None:
+def _torque(board: RemoteBoard, joints: list[int], way: FloatArray) -> None:
     most = [greatest_torque(board, joint) for joint in joints]
     efforts = np.array([_TORQUE if one is None else _EFFORT / 100.0 * one for one in most])
     board.set_reference_torques(efforts * way, joints)
 
 
-def _current(board: RemoteControlBoard, joints: list[int], way: FloatArray) -> None:
+def _current(board: RemoteBoard, joints: list[int], way: FloatArray) -> None:
     board.set_reference_currents(np.array([_current_of(board, joint) for joint in joints]) * way, joints)
 
 
-def _current_of(board: RemoteControlBoard, joint: int) -> float:
+def _current_of(board: RemoteBoard, joint: int) -> float:
     found = answered(partial(board.current_range, joint))
     return _CURRENT if found is None else _EFFORT / 100.0 * found[1]
 

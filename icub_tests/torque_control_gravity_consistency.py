@@ -84,7 +84,7 @@ class TorqueControlGravityConsistency(RobotTest):
         self.others = [self.open_part(name) for name in _PARTS if name != self.part and self._is_there(name)]
 
     def _is_there(self, name: str) -> bool:
-        return self.network.names.query(f"/{self.robot_name}/{name}/rpc:i") is not None
+        return self.network.names.query(f"/{self.robot_name}/{name}/stateExt:o") is not None
 
     def run(self) -> None:
         """Measure all postures; then judge joint by joint."""

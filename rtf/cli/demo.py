@@ -291,7 +291,7 @@ def _wait_for(ready: Path, simulator: subprocess.Popen[bytes]) -> None:
 
 def _command(network: Network, runs: Path) -> list[str]:
     from rtf.middleware.clocks.network_clock import LockstepClock
-    from rtf.robot.client.control_board import connect
+    from rtf.robot.client.boards import connect
 
     began = clock.monotonic()
     with clock.use(LockstepClock("/clock", "demonstration", network=network)) as time:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from rtf.middleware.ports.network import Network
     from rtf.middleware.wire.incoming_message import IncomingMessage
-    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.extended_state import ExtendedState
     from rtf.robot.interfaces import FloatArray
 
@@ -154,7 +154,7 @@ class ContactWatch:
     ``forces`` are those of the limb's ``force_port``.
     """
 
-    def __init__(self, board: RemoteControlBoard, forces: Forces) -> None:
+    def __init__(self, board: RemoteBoard, forces: Forces) -> None:
         self.forces = forces
         self._load = _LOADS[_limb(forces.source.removesuffix(_SENSOR))]
         self._inertial = InertialForce(self._load)

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
 
     from rtf.clock import Clock
-    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.interfaces import FloatArray, Pid
     from rtf.robot_testing.contacts import ContactWatch
 
@@ -99,7 +99,7 @@ class MotionGuard:
 
     def __init__(
         self,
-        board: RemoteControlBoard,
+        board: RemoteBoard,
         name: str,
         *,
         clock: Clock,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.guard import Limits
 
@@ -102,7 +102,7 @@ class MonitoredSpeed(MonitoredQuantity):
     The commanded speeds are read from the board when a joint would be too fast without them.
     """
 
-    def __init__(self, board: RemoteControlBoard, place: MonitoredPart, share: float, fastest: FloatArray) -> None:
+    def __init__(self, board: RemoteBoard, place: MonitoredPart, share: float, fastest: FloatArray) -> None:
         sentence = "turns at {:.0f} deg/s, too fast: more than {:.0f} deg/s"
         super().__init__("speed", place, board.encoder_speeds, fastest, sentence)
         self._ask = board.reference_speeds
@@ -122,7 +122,7 @@ class MonitoredSpeed(MonitoredQuantity):
 
 
 def state_quantities(
-    board: RemoteControlBoard,
+    board: RemoteBoard,
     place: MonitoredPart,
     limits: Limits,
     fastest: FloatArray,
@@ -143,7 +143,7 @@ def state_quantities(
     return [one for one in found if one.limited]
 
 
-def temperatures(board: RemoteControlBoard, place: MonitoredPart, limits: Limits) -> MonitoredQuantity | None:
+def temperatures(board: RemoteBoard, place: MonitoredPart, limits: Limits) -> MonitoredQuantity | None:
     """Return the motor temperatures, which need a request to the board; None without a limit."""
     if limits.temperature is None:
         return None
@@ -153,7 +153,7 @@ def temperatures(board: RemoteControlBoard, place: MonitoredPart, limits: Limits
     return found if found.limited else None
 
 
-def greatest(board: RemoteControlBoard, request: Callable[[int], float]) -> FloatArray:
+def greatest(board: RemoteBoard, request: Callable[[int], float]) -> FloatArray:
     """Return the limits of all joints that ``request`` reads from the board; infinite if there is none.
 
     Boards answer 0, or refuse, for joints without such a limit; some support no such limits at all.
@@ -171,6 +171,6 @@ def greatest(board: RemoteControlBoard, request: Callable[[int], float]) -> Floa
         return np.full(board.axes(), np.inf)
 
 
-def greatest_speeds(board: RemoteControlBoard) -> FloatArray:
+def greatest_speeds(board: RemoteBoard) -> FloatArray:
     """Return the greatest speeds of all joints by their board (deg/s); infinite if it has none."""
     return greatest(board, lambda joint: board.velocity_limits(joint)[1])

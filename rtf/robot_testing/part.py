@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from rtf.clock import Clock
-    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.guard import MotionGuard
     from rtf.robot_testing.routines import Routine
@@ -53,7 +53,7 @@ class Part:
     ``guard`` is None for tests that do not move the robot: a command raises UndeclaredMotionError then.
     """
 
-    def __init__(self, name: str, board: RemoteControlBoard, clock: Clock, guard: MotionGuard | None) -> None:
+    def __init__(self, name: str, board: RemoteBoard, clock: Clock, guard: MotionGuard | None) -> None:
         self.name = name
         self.board = board
         self.clock = clock

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from rtf.bottle import Property
+from rtf.bottle import Dialect, Property
 from rtf.robot.client.board_requests import CALIBRATION_DONE, plain
+from rtf.robot.client.boards import version_of
 from rtf.robot.client.control_board import RemoteControlBoard
-from rtf.robot.client.control_board_link import ControlBoardLink
+from rtf.robot.client.control_board_service import ControlBoardServiceClient
+from rtf.robot.client.control_board_stub import BoardStub
 from rtf.robot.client.rpc import BoardRpc
+from rtf.robot.client.service_rpc import ServiceRpc
 from rtf.robot.client.settings import unique_local
 from rtf.testing.verdict import TestProblem
 
@@ -16,8 +19,12 @@ if TYPE_CHECKING:
     from rtf.bottle import Value
     from rtf.middleware.ports.network import Network
     from rtf.robot.client.board_requests import Request
-    from rtf.robot.client.settings import ClientSettings
     from rtf.robot.interfaces import AxisSelection, Values
+    from rtf.robot.service_rows import Message
+
+
+#: How the names of functions begin that change nothing.
+_QUERIES = ("get", "is", "check", "calibrationDone")
 
 
 class UndeclaredMotionError(TestProblem):
@@ -30,7 +37,7 @@ class UndeclaredMotionError(TestProblem):
         )
 
 
-class _ReadOnlyRpc(BoardRpc):
+class _ReadOnlyWords(BoardRpc):
     """Refuses commands before they are sent, until commands are allowed."""
 
     commands_allowed = False
@@ -49,20 +56,34 @@ class _ReadOnlyRpc(BoardRpc):
             raise UndeclaredMotionError(self.board, f"'{plain((request, ())).to_text()}' would be sent")
 
 
-class ReadOnlyBoard(RemoteControlBoard):
+class _ReadOnlyService(ServiceRpc):
+    """The same for boards of YARP 4."""
+
+    commands_allowed = False
+
+    def call(self, message: Message, *arguments: object) -> Any:
+        self._check(message)
+        return super().call(message, *arguments)
+
+    def call_slowly(self, message: Message, *arguments: object) -> Any:
+        self._check(message)
+        return super().call_slowly(message, *arguments)
+
+    def _check(self, message: Message) -> None:
+        if not (self.commands_allowed or message.name.startswith(_QUERIES)):
+            raise UndeclaredMotionError(self.board, f"{message.name} would be sent")
+
+
+class ReadOnlyBoard(BoardStub[Any]):
     """A remote control board that answers queries only: commands raise UndeclaredMotionError."""
 
-    _asking: _ReadOnlyRpc
+    @property
+    def _asking(self) -> _ReadOnlyWords | _ReadOnlyService:
+        return self._link.rpc  # type: ignore[no-any-return]  # what ``rpc`` of the subclasses makes
 
     def allow_commands(self) -> None:
         """Send commands from now on: a guard watches."""
         self._asking.commands_allowed = True
-
-    def _connect(self, settings: ClientSettings) -> ControlBoardLink[BoardRpc]:
-        link = ControlBoardLink[BoardRpc](settings, self.network, _ReadOnlyRpc)
-        assert isinstance(link.rpc, _ReadOnlyRpc)
-        self._asking = link.rpc
-        return link
 
     def _stream(self, method: str, values: Values, axes: AxisSelection) -> None:
         if not self._asking.commands_allowed:
@@ -70,8 +91,17 @@ class ReadOnlyBoard(RemoteControlBoard):
         super()._stream(method, values, axes)
 
 
+class _ReadOnlyBoard3(ReadOnlyBoard, RemoteControlBoard):
+    rpc = _ReadOnlyWords
+
+
+class _ReadOnlyBoard4(ReadOnlyBoard, ControlBoardServiceClient):
+    rpc = _ReadOnlyService
+
+
 def connect_read_only(remote: str, *, carrier: str, network: Network) -> ReadOnlyBoard:
     """Open a read-only client of a board such as ``/icub/left_arm``. Raises DeviceError."""
-    board = ReadOnlyBoard(remote, network=network)
+    kind = _ReadOnlyBoard4 if version_of(remote, network) is Dialect.YARP4 else _ReadOnlyBoard3
+    board = kind(remote, network=network)
     board.open(Property({"remote": remote, "local": unique_local(remote), "carrier": carrier}))
     return board

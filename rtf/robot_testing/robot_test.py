@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, NoReturn
 from rtf import clock
 from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, LockstepClock, clock_from_environment
 from rtf.middleware.ports.network import default_network
-from rtf.robot.client.control_board import connect
+from rtf.robot.client.boards import connect
 from rtf.robot.errors import RefusedError, RobotError, StaleStateError
 from rtf.robot_testing.contacts import ContactWatch, listen_to_forces
 from rtf.robot_testing.failure_causes import likely_causes
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from rtf.clock import Clock
     from rtf.middleware.ports.network import Network
-    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.part import Arrival
     from rtf.testing.session import Session
@@ -205,7 +205,7 @@ class RobotTest(TestCase):
         self.add_cleanup(recording.take)
         return part
 
-    def _await_state(self, board: RemoteControlBoard) -> None:
+    def _await_state(self, board: RemoteBoard) -> None:
         """Wait for the first state of a board. Raises StaleStateError after ``_LATEST_STATE`` seconds."""
         end = self.now() + _LATEST_STATE
         while True:

@@ -21,6 +21,7 @@ def is_simulated(network: Network, robot: str, part: str = "") -> bool:
     doubt, such as no answer, the robot counts as real.
     """
     names = [control_port(robot), *(f"/{robot}/{part}/{end}" for end in BOARD_ENDS if part)]
+    needed = {control_port(robot), *([f"/{robot}/{part}/command:i"] if part else [])}
     try:
         with SimulatorControl(robot, network=network, patience=PATIENCE) as control:
             own = {(contact.name, contact.host, contact.port) for contact in control.serves(part)}
@@ -28,4 +29,6 @@ def is_simulated(network: Network, robot: str, part: str = "") -> bool:
     except RtfError:
         return False
     there = {(contact.name, contact.host, contact.port) for contact in found if contact is not None}
-    return len(there) == len(names) and there <= own and len({host for _, host, _ in there}) == 1
+    known = {name for name, _, _ in there}
+    asked = known - needed  # a board of YARP 3, of YARP 4, or both, has a port for requests
+    return needed <= known and (bool(asked) or not part) and there <= own and len({host for _, host, _ in there}) == 1

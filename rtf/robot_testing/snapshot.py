@@ -15,7 +15,7 @@ from rtf.robot.interfaces import JointType, Pid, PidType
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.interfaces import FloatArray
 
 _T = TypeVar("_T")
@@ -36,7 +36,7 @@ class Snapshot:
     impedances: list[tuple[float, float] | None] = field(default_factory=list)
 
     @classmethod
-    def take(cls, board: RemoteControlBoard) -> Snapshot:
+    def take(cls, board: RemoteBoard) -> Snapshot:
         """Read everything from a board. Raises RobotError if it does not even report positions and modes."""
         joints = range(board.axes())
         pids = answered(partial(board.pids, PidType.POSITION))
@@ -94,7 +94,7 @@ def answered(request: Callable[[], _T]) -> _T | None:
         return None
 
 
-def sliding_joints(board: RemoteControlBoard) -> frozenset[int]:
+def sliding_joints(board: RemoteBoard) -> frozenset[int]:
     """Return the prismatic joints, by their board; joints of unknown type count as revolute."""
     return frozenset(
         joint for joint in range(board.axes()) if answered(partial(board.joint_type, joint)) is JointType.PRISMATIC

@@ -16,7 +16,7 @@ from rtf.robot_testing.snapshot import answered
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.part import Part
     from rtf.robot_testing.robot_test import RobotTest
@@ -62,7 +62,7 @@ def torque_flags(part: Part) -> list[bool]:
     return flags
 
 
-def greatest_torque(board: RemoteControlBoard, joint: int) -> float | None:
+def greatest_torque(board: RemoteBoard, joint: int) -> float | None:
     """Return the greatest torque of a joint (Nm); None if the board does not report it, as is common."""
     return answered(lambda: max(map(abs, board.torque_range(joint)))) or None
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from rtf.bottle import Bottle
-    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.control_modes import ControlMode
     from rtf.robot.interfaces import FloatArray
     from rtf.testing import TestCase
@@ -37,7 +37,7 @@ class Transmission:
     unknown: str = ""
 
     @classmethod
-    def read(cls, board: RemoteControlBoard) -> Self:
+    def read(cls, board: RemoteBoard) -> Self:
         """Read the transmission from a board; without a reported coupling there is none.
 
         Raises RobotError for invalid ratios or matrices.
@@ -53,7 +53,7 @@ class Transmission:
         return cls(gearbox, *block_diagonal(blocks, axes))
 
     @classmethod
-    def read_couplings(cls, board: RemoteControlBoard) -> Self:
+    def read_couplings(cls, board: RemoteBoard) -> Self:
         """Read which joints are coupled, without the ratios; invalid couplings are unknown, and so there are none.
 
         Raises NoAnswerError if the board does not answer.
@@ -115,7 +115,7 @@ class Transmission:
         apart: FloatArray = (np.asarray(rotors, dtype=np.float64) - self.rotors(joints)) / self.factors
         return apart
 
-    def went_along(self, board: RemoteControlBoard, joint: int, mode: ControlMode) -> list[int]:
+    def went_along(self, board: RemoteBoard, joint: int, mode: ControlMode) -> list[int]:
         """Return the joints coupled with ``joint`` that are in ``mode``, too, after only ``joint`` was set to it."""
         others = [one for one in self.coupled(joint) if one != joint]
         return [one for one in others if board.control_mode(one) is mode]

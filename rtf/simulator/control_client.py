@@ -27,7 +27,7 @@ SLOWEST = 0.1
 WORKS = "works"
 #: Suffix of the control port, and suffixes of the ports by which a board gets commands.
 CONTROL = "/simulator/rpc:i"
-BOARD_ENDS = ("rpc:i", "command:i")
+BOARD_ENDS = ("rpc:i", "nws/rpc:i", "command:i")
 
 
 def control_port(name: str) -> str:

@@ -30,7 +30,7 @@ from rtf.middleware.types import Stamp
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.client.analog import AnalogClient
 from rtf.robot.client.analog_sensors import AnalogSensorsClient
-from rtf.robot.client.control_board import connect
+from rtf.robot.client.boards import connect
 from rtf.robot.client.inertial import InertialClient
 
 if TYPE_CHECKING:

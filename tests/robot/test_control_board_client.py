@@ -14,7 +14,8 @@ from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.qos import Qos
 from rtf.middleware.wire.contact import Contact
-from rtf.robot.client.control_board import RemoteControlBoard, connect
+from rtf.robot.client.boards import connect
+from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.device import make_device
 from rtf.robot.errors import (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.control_board import connect
+from rtf.robot.client.boards import connect
 from waiting import eventually
 
 from .contract import ControlBoardContract

@@ -14,7 +14,7 @@ import pytest
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.control_board import connect
+from rtf.robot.client.boards import connect
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import (
     NoAnswerError,

@@ -20,7 +20,7 @@ from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types import VECTOR
-from rtf.robot.client.control_board import connect
+from rtf.robot.client.boards import connect
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PipelinedOutlets

@@ -13,7 +13,8 @@ from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.control_board import RemoteControlBoard, connect
+from rtf.robot.client.boards import connect
+from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError, RobotError, StaleStateError

@@ -19,7 +19,8 @@ from rtf import clock
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.control_board import RemoteControlBoard, connect
+from rtf.robot.client.boards import connect
+from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RobotError
 from rtf.simulator.axes import INDEX
@@ -51,7 +52,7 @@ with SimulatedIcub(network=network, parts=("head",), factor=2.0):
         clock.sleep(60.0)
 """
 _CLIENT = f"""{_NETWORK}
-from rtf.robot.client.control_board import connect
+from rtf.robot.client.boards import connect
 from rtf.robot.control_modes import ControlMode
 
 client = connect("/icubSim/left_arm", carrier="tcp", network=network)

@@ -8,24 +8,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rtf.bottle import Bottle, Property, Value, Vocab
+from rtf.bottle import Bottle, Value, Vocab
 from rtf.robot import vocabulary_kinds as kinds
 from rtf.robot.client.board_requests import CALIBRATE, CALIBRATION_DONE, GETTING, KEEP_CALIBRATION, SETTING
-from rtf.robot.client.control_board_link import ControlBoardLink
 from rtf.robot.client.control_board_stub import INTEGER, SLOW, BoardStub
 from rtf.robot.client.rpc import BoardRpc
-from rtf.robot.client.settings import TIMEOUT, unique_local
 from rtf.robot.errors import RefusedError
-from rtf.robot.forwarded_board import ForwardedBoard
 from rtf.robot.interfaces import IMotor, IMotorEncoders, IRemoteVariables
 from rtf.robot.vocabulary import Shape
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.middleware.ports.network import Network
     from rtf.robot.client.board_requests import Request, RequestsByShape
-    from rtf.robot.client.settings import ClientSettings
     from rtf.robot.forwarded_board import Plural
     from rtf.robot.interfaces import AxisSelection, CalibrationParameters, Pid, PidType
 
@@ -36,7 +31,7 @@ _NUMBERS = {int, float}
 _CALIBRATE, _KEEP = 3, 4
 
 
-class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
+class RemoteControlBoard(BoardStub[BoardRpc]):
     """``remote_controlboard``: a board of another process. The parameters are those of :class:`ClientSettings`.
 
     A lost board raises NoAnswerError, or StaleStateError for measurements, and the next call tries to reconnect; see
@@ -48,8 +43,7 @@ class RemoteControlBoard(BoardStub[BoardRpc], ForwardedBoard, IRemoteVariables):
     change the control mode to make joints stand still.
     """
 
-    def _connect(self, settings: ClientSettings) -> ControlBoardLink[BoardRpc]:
-        return ControlBoardLink(settings, self.network, BoardRpc)
+    rpc = BoardRpc
 
     # Requests: one joint, a group and all joints each have a form of their own ----------------------------------------
 
@@ -236,21 +230,3 @@ def _listed(numbers: list[int]) -> Bottle:
 def _together(elements: Sequence[Value]) -> tuple[Bottle, ...]:
     """Return the values of the axes as one list; nothing if there are no values."""
     return (Bottle.adopt([*elements]),) if elements else ()
-
-
-def connect(
-    remote: str,
-    *,
-    local: str | None = None,
-    carrier: str = "fast_tcp",
-    network: Network | None = None,
-    timeout: float = TIMEOUT,
-) -> RemoteControlBoard:
-    """Open a client of a board such as ``/icub/left_arm``. A ``with`` statement closes it.
-
-    ``local`` is the prefix of its port names, by default a unique one. Raises DeviceError.
-    """
-    board = RemoteControlBoard(remote, network=network)
-    parameters = {"remote": remote, "local": local or unique_local(remote), "carrier": carrier, "timeout": timeout}
-    board.open(Property(parameters))
-    return board

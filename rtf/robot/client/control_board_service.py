@@ -9,19 +9,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rtf.bottle import Bottle, as_string
-from rtf.robot.client.control_board_link import ControlBoardLink
 from rtf.robot.client.control_board_stub import SLOW, BoardStub
 from rtf.robot.client.service_rpc import ServiceRpc
 from rtf.robot.control_board_messages import BY_METHOD, BY_NAME, in_its_dialect
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError
-from rtf.robot.forwarded_board import ForwardedBoard
-from rtf.robot.interfaces import IPidControl, IRemoteVariables
+from rtf.robot.interfaces import IPidControl
 from rtf.robot.service_rows import Style
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.robot.client.settings import ClientSettings
+    from rtf.middleware.ports.network import Network
     from rtf.robot.forwarded_board import Plural
     from rtf.robot.interfaces import AxisSelection, CalibrationParameters, Pid, PidType, Values
     from rtf.robot.service_rows import Message
@@ -30,7 +28,7 @@ R = TypeVar("R")
 _PARK_JOINT = BY_NAME["parkSingleJointRPC"]
 
 
-class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVariables):
+class ControlBoardServiceClient(BoardStub[ServiceRpc]):
     """``controlBoard_nwc_yarp``: a board of another process.
 
     The parameters are those of :class:`ClientSettings`, with the default carrier fast_tcp. The behaviour after a lost
@@ -39,8 +37,11 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc], ForwardedBoard, IRemoteVa
 
     carrier = "fast_tcp"
 
-    def _connect(self, settings: ClientSettings) -> ControlBoardLink[ServiceRpc]:
-        return ControlBoardLink(settings, in_its_dialect(self.network), ServiceRpc)
+    rpc = ServiceRpc
+
+    @property
+    def _board_network(self) -> Network:
+        return in_its_dialect(self.network)
 
     # Requests -------------------------------------------------------------------------------------------------------
 

@@ -8,8 +8,7 @@ implements all other requests.
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from typing import TYPE_CHECKING, ClassVar, Generic
+from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 import numpy as np
 
@@ -23,7 +22,8 @@ from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError, RefusedError
 from rtf.robot.extended_state import Field
-from rtf.robot.interfaces import values_for
+from rtf.robot.forwarded_board import ForwardedBoard
+from rtf.robot.interfaces import IRemoteVariables, values_for
 from rtf.robot.vocabulary import Shape
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from rtf.bottle import Property
+    from rtf.middleware.ports.network import Network
     from rtf.robot.client.state_reader import Observer
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
 
@@ -43,16 +44,23 @@ _CONTROL_MODES: Mapping[int, ControlMode] = {int(mode): mode for mode in Control
 _INTERACTION_MODES: Mapping[int, InteractionMode] = {int(mode): mode for mode in InteractionMode}
 
 
-class BoardStub(Device, Generic[Rpc]):
+class BoardStub(Device, ForwardedBoard, IRemoteVariables, Generic[Rpc]):
     """A board at the other end of a link. Its methods raise DeviceError while it is not open."""
 
     #: The default carrier of the state and the streamed commands.
     carrier: ClassVar[str] = "udp"
     _opened: ControlBoardLink[Rpc] | None = None
 
-    @abstractmethod
+    #: The connection by which requests are sent; a subclass may refuse some of them.
+    rpc: ClassVar[type[Any]]
+
+    @property
+    def _board_network(self) -> Network:
+        """The network of the client's ports."""
+        return self.network
+
     def _connect(self, settings: ClientSettings) -> ControlBoardLink[Rpc]:
-        """Open the connections to the board. Raises DeviceError."""
+        return ControlBoardLink(settings, self._board_network, self.rpc)
 
     @property
     def _link(self) -> ControlBoardLink[Rpc]:

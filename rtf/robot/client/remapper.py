@@ -5,17 +5,16 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from rtf.bottle import Bottle, Dialect, Property
+from rtf.bottle import Bottle, Property
 from rtf.robot import parameters
-from rtf.robot.device import Device, find_device
+from rtf.robot.client.boards import make_client
+from rtf.robot.device import Device
 from rtf.robot.devices.remapper import RemappedBoard, find_axes, read_axis_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 _OPTIONS = "REMOTE_CONTROLBOARD_OPTIONS"
-#: The device type of a board's client, by the dialect of the network.
-_CLIENTS = {Dialect.YARP3: "remote_controlboard", Dialect.YARP4: "controlBoard_nwc_yarp"}
 
 
 class RemoteControlBoardRemapper(RemappedBoard, Device):
@@ -46,13 +45,12 @@ class RemoteControlBoardRemapper(RemappedBoard, Device):
 
     def _connect(self, remotes: Sequence[str], prefix: str, options: Bottle, opened: ExitStack) -> dict[str, Device]:
         """Open a client for each board; ``opened`` closes it."""
-        make = find_device(_CLIENTS[self.network.dialect])
-        boards = {}
+        boards: dict[str, Device] = {}
         for remote in remotes:
             configuration = Property.from_bottle(options)
             configuration.put("remote", remote)
             configuration.put("local", f"{prefix}{remote}")
-            board = make(remote, network=self.network)
+            board = make_client(remote, self.network)
             board.open(configuration)
             opened.callback(board.close)
             boards[remote] = board
