@@ -71,6 +71,8 @@ def robotinterface(words: Sequence[str]) -> int:
 
 
 def _parser() -> Parser:
+    from rtf.cli.network.options import add_access
+
     parser = Parser(
         prog="rtf robotinterface",
         usage="rtf robotinterface --config ROBOT.xml [options] [--KEY VALUE ...]",
@@ -100,6 +102,7 @@ def _parser() -> Parser:
     parser.add_argument(
         "--move-patience", metavar="S", type=seconds, help="how long a calibration or parking may take (default 300)"
     )
+    add_access(parser)
     parser.add_argument("--verbose", action="store_true", help="also say what is only for those who look for a mistake")
     parser.add_argument(
         "--KEY", metavar="VALUE", dest="_key", help="any other: the value of parameters that ask for it by extern-name"
@@ -150,6 +153,7 @@ def _draw(reading: ReadResult, picture: Path | None, log: ConsoleLog) -> int:
 
 def _run(reading: ReadResult, options: argparse.Namespace, log: ConsoleLog) -> int:
     from rtf.cli.network.options import make_network
+    from rtf.middleware.ports.access import Access
     from rtf.robot.interface.device_thread import Patience
     from rtf.robot.interface.program import run_program
 
@@ -159,9 +163,11 @@ def _run(reading: ReadResult, options: argparse.Namespace, log: ConsoleLog) -> i
     if options.move_patience is not None:
         patience = replace(patience, move=options.move_patience)
     try:
+        network = make_network()
+        network.writers, network.admins = Access.parse(options.allow), Access.parse(options.allow_admin)
         code, hanging = run_program(
             reading.robot,
-            network=make_network(),
+            network=network,
             log=log,
             patience=patience,
             autoclose=options.autocloseAfterStart,

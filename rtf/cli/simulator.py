@@ -75,12 +75,16 @@ def simulator(words: Sequence[str]) -> int:
             clock=options.clock,
             dialect=None if options.dialect is None else Dialect(options.dialect),
             nameserver=options.nameserver,
+            allow=tuple(options.allow),
+            allow_admin=tuple(options.allow_admin),
             ready_file=options.ready_file,
         )
     )
 
 
 def _parser() -> Parser:
+    from rtf.cli.network.options import add_access
+
     parser = Parser(
         prog="rtf simulator",
         usage="rtf simulator [options] | faults | status | inject | clear ...",
@@ -122,6 +126,7 @@ def _parser() -> Parser:
     parser.add_argument(
         "--nameserver", action="store_true", help="be the name server, too, at the place that the configuration says"
     )
+    add_access(parser)
     parser.add_argument("--ready-file", metavar="FILE", type=Path, help="write a file when it is ready")
     return parser
 

@@ -14,6 +14,7 @@ from rtf import clock
 from rtf.errors import RtfError
 from rtf.middleware.errors import ConnectError
 from rtf.middleware.naming import configuration
+from rtf.middleware.ports.access import Access
 from rtf.middleware.ports.remote import exists
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.interface.signals import signal_listener
@@ -51,6 +52,8 @@ class Settings:
     clock: str = CLOCK
     dialect: Dialect | None = None
     nameserver: bool = False
+    allow: tuple[str, ...] = ()  # who may command; everyone
+    allow_admin: tuple[str, ...] = ()  # who may change connections; everyone
     ready_file: Path | None = None
 
 
@@ -162,6 +165,7 @@ def _network(settings: Settings, opened: ExitStack) -> Network:
     network = configuration.find_network()
     if settings.dialect is not None:
         network.dialect = settings.dialect
+    network.writers, network.admins = Access.parse(settings.allow), Access.parse(settings.allow_admin)
     return network
 
 

@@ -41,7 +41,7 @@ def network(said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     """A network of this process, of which nothing is left afterwards."""
     monkeypatch.setenv("YARP_RUNTIME_DIR", str(tmp_path / "runtime"))
     with nothing_left():
-        yield Network(LocalNames(), report=said.append)
+        yield Network(LocalNames(), patience=30, report=said.append)
 
 
 @pytest.fixture(scope="class")
@@ -49,7 +49,7 @@ def shared_network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network
     """The same for all tests of a class, which bring what they use back to how it began."""
     with pytest.MonkeyPatch.context() as patch, nothing_left():
         patch.setenv("YARP_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
-        yield Network(LocalNames())
+        yield Network(LocalNames(), patience=30)
 
 
 @pytest.fixture

@@ -274,7 +274,7 @@ slow = settings(max_examples=60, deadline=None, suppress_health_check=[HealthChe
 @given(st.one_of(bottles, st.lists(st.sampled_from(["getMetadata", "help", "get", 0, ""]), max_size=3).map(Bottle)))
 def test_any_question_is_answered(question: Bottle):
     """With the description, with help, or with a failure."""
-    network = Network(LocalNames())
+    network = Network(LocalNames(), patience=30)
     with (
         closing(AnalogSensorsServer(ScriptedSensors(), "/imu", network=network, period=1.0)),
         RpcClient("/rpc", "/imu/rpc:o", network=network) as rpc,

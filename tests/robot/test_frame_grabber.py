@@ -320,7 +320,7 @@ bottles = st.lists(
 def test_any_question_is_answered(question: Bottle):
     """The port answers whatever it is asked, and an unknown error is never what a question causes."""
     said: list[str] = []
-    network = Network(LocalNames(), report=said.append)
+    network = Network(LocalNames(), patience=30, report=said.append)
     camera = make_camera()
     assert (
         with_error_replies(CameraResponder(camera, camera, 1.0).answer, port="/cam/rpc", network=network)(question)
@@ -382,7 +382,7 @@ ANSWERS = st.one_of(
 @given(st.lists(ANSWERS, min_size=6, max_size=6))
 def test_any_answer(answers: list[Bottle]):
     """Whatever a server answers, the client gives something of the right kind or an error of robots."""
-    network = Network(LocalNames())
+    network = Network(LocalNames(), patience=30)
     left = iter(answers)
     with (
         RpcServer("/cam/rpc", lambda question: next(left), network=network),

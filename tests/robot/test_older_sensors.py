@@ -185,7 +185,7 @@ questions = st.builds(
 def test_any_question_and_any_answer(question: Bottle, answer: Bottle):
     """The server answers each; the client takes each for what it is, or for an error of robots."""
     said: list[str] = []
-    network = Network(LocalNames(), report=said.append)
+    network = Network(LocalNames(), patience=30, report=said.append)
     sensor = FakeAnalogSensor("ft")
     sensor.open(Property())
     with (

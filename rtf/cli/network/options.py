@@ -12,12 +12,26 @@ from rtf.middleware.wire.contact import Contact
 if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
 
-__all__ = ["add_carrier", "add_timeout", "contact", "make_network", "make_parser", "own_name"]
+__all__ = ["add_access", "add_carrier", "add_timeout", "contact", "make_network", "make_parser", "own_name"]
 
 
 def add_carrier(parser: Parser) -> None:
     """The carrier of a connection, for names that bring none."""
     parser.add_argument("--carrier", metavar="C", default="", help="how it is made: tcp (default), fast_tcp, udp …")
+
+
+def add_access(parser: Parser) -> None:
+    """Who may command the boards that are served, and who may change connections."""
+    for option, what in (("--allow", "send commands to boards"), ("--allow-admin", "change connections")):
+        parser.add_argument(
+            option,
+            action="append",
+            default=[],
+            metavar="PEER",
+            help=f"who may {what}: an address such as 10.0.0.0/24"
+            + ("" if "admin" in option else ", or a port's name such as '/tester/*'")
+            + "; may be given more than once (default: everyone who can connect)",
+        )
 
 
 def add_timeout(parser: Parser, default: float | None, what: str) -> None:

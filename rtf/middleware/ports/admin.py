@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Value
 
 _OK, _FAIL = Vocab("ok"), Vocab("fail")
+_CHANGING = frozenset({"add", "del", "set", "atch", "dtch"})
 _COMMANDS = (
     ("[help]", "this list"),
     ("[ver]", "the version of this protocol"),
@@ -46,6 +47,18 @@ class AdministeredPort(describe.Connectable, Protocol):
     def rpc(self) -> bool: ...
     @property
     def promise(self) -> str: ...
+
+
+#: The reply to a caller that may not change connections.
+NOT_ALLOWED = Bottle([_FAIL, describe.NOT_ALLOWED])
+
+
+def changes(request: Bottle) -> bool:
+    """Return whether a request changes connections, their settings or priorities."""
+    command = _word(request.get(0))
+    if command == "prop":
+        return _word(request.get(1)) == "set" and as_string(request.get(2)).startswith("/")
+    return command in _CHANGING
 
 
 def answer(port: AdministeredPort, request: Bottle) -> Bottle:

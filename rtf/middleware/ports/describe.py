@@ -54,7 +54,14 @@ _HELP = (
 )
 _UNKNOWN = ("Port command not understood.", "Type d to send data to the port's owner.", "Type ? for help.")
 
+#: The reply to a caller that may not change connections.
+NOT_ALLOWED = "Not allowed: this port takes such commands only from the machines that it is told."
 _UNREACHABLE = "Cannot connect to "
+
+
+def changes(key: str, text: str) -> bool:
+    """Return whether a text command makes or ends connections."""
+    return key in ("/", "!", "~") or ":/" in text
 
 
 def answer(port: Connectable, key: str, text: str) -> str:

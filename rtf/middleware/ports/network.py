@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from rtf.bottle import Dialect
 from rtf.middleware.carriers.tcp_connection import open_stream
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
+from rtf.middleware.ports.access import Access
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,6 +60,9 @@ class Network:
         self.notice = notice or _say_nothing
         self.key = key
         self._opening = opening
+        #: Who may send to the guarded ports of this process, and who may change the connections of all of them.
+        self.writers = Access()
+        self.admins = Access()
 
     @property
     def dialect(self) -> Dialect:

@@ -20,8 +20,8 @@ from rtf.bottle.binary import encode
 from rtf.middleware.carriers import local, registry
 from rtf.middleware.carriers.listener import SHARED
 from rtf.middleware.carriers.stream import Stream
-from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError
-from rtf.middleware.ports import admin, describe
+from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError, ProtocolError
+from rtf.middleware.ports import access, admin, describe
 from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.disconnect_sources import disconnect_sources
 from rtf.middleware.ports.inputs import Input
@@ -62,6 +62,7 @@ class Port:
     network that the port belongs to; None: that of the process. ``inputs`` and ``outputs`` allow the directions;
     ``rpc`` declares that the port is for requests and replies. ``nonblocking`` promises that ``receive`` returns at
     once, because it only stores the message; it may then be called in a thread that reads other connections, too.
+    ``guarded``: only the network's ``writers`` may send messages to it, as to a port whose messages move a robot.
     Raises AddressError, and ConnectError if the name server or the address cannot be used.
     """
 
@@ -76,6 +77,7 @@ class Port:
         rpc: bool = False,
         nonblocking: bool = False,
         promise: str = "",
+        guarded: bool = False,
     ) -> None:
         from rtf.middleware.ports.network import default_network
 
@@ -85,6 +87,7 @@ class Port:
         self.rpc = rpc
         self.nonblocking = nonblocking
         self.promise = promise
+        self.guarded = guarded
         self.properties = Property()
         self.interrupted = False
         self.interruptions = 0  # lets a waiting thread notice an interruption that is already over
@@ -398,6 +401,8 @@ class Port:
         link = caller.link
         assert link is not None
         if key in _DATA:
+            if self.guarded and not self.network.writers.allows(link.sender, caller.socket):
+                raise ProtocolError("it is not among the allowed writers of this port")
             asks, in_lines, own = key == "d", link.carrier.text, len(data) > link.reuses
             delivery = IncomingMessage(link.sender, text, data, caller.dialect, asks, in_lines, own)
             self.deliver(delivery)
@@ -406,10 +411,24 @@ class Port:
             return delivery.answer or (_NO_REPLY if asks and not in_lines else ())
         if key == "a":
             delivery = IncomingMessage(link.sender, "", data, caller.dialect, wants_reply=True, text=link.carrier.text)
-            delivery.reply(admin.answer(self, delivery.read()))
+            request = delivery.read()
+            allowed = not admin.changes(request) or self._may_administer(caller)
+            delivery.reply(admin.answer(self, request) if allowed else admin.NOT_ALLOWED)
             return delivery.answer
-        answer = describe.answer(self, key, text)
+        allowed = not describe.changes(key, text) or self._may_administer(caller) or self._ends_own(caller, text)
+        answer = describe.answer(self, key, text) if allowed else f"{describe.NOT_ALLOWED}\r\n"
         return (answer.encode("utf-8", "surrogateescape"),) if link.carrier.text else ()
+
+    def _may_administer(self, caller: Input) -> bool:
+        """Return whether a caller may change connections: by its address, as callers for that have no names."""
+        return self.network.admins.allows("", caller.socket)
+
+    def _ends_own(self, caller: Input, text: str) -> bool:
+        """Return whether a caller ends a connection from its own machine, as senders of datagrams do."""
+        own = access.address_of(caller.socket)
+        return text[:1] == "~" and any(
+            one.sender == text[1:] and access.address_of(one.socket) == own for one in self.inputs
+        )
 
     def hand_over(self, sender: str, message: OutgoingMessage) -> tuple[object, Codec[object]] | None:
         """Deliver an object from a port of this process, in that port's thread. Return the reply and its codec."""

@@ -28,9 +28,16 @@ class RpcServer(Port):
     own. An error in ``handle`` ends that client's connection.
     """
 
-    def __init__(self, name: str, handle: Callable[[Bottle], object], *, network: Network | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        handle: Callable[[Bottle], object],
+        *,
+        network: Network | None = None,
+        guarded: bool = False,
+    ) -> None:
         self._handle = handle
-        super().__init__(name, self._answer, network=network, outputs=False, rpc=True)
+        super().__init__(name, self._answer, network=network, outputs=False, rpc=True, guarded=guarded)
 
     def _answer(self, delivery: IncomingMessage) -> None:
         delivery.reply(self._handle(delivery.read()))

@@ -57,9 +57,9 @@ class ControlBoardServer:
         requests = ControlBoardRequests(device, report)
         commands = StreamedCommands(device, report)
         with ExitStack() as opened:
-            rpc = RpcServer(f"{name}/rpc:i", requests.answer, network=network)
+            rpc = RpcServer(f"{name}/rpc:i", requests.answer, network=network, guarded=True)
             opened.callback(rpc.close)
-            streamed = Port(f"{name}/command:i", commands.take, network=network, outputs=False)
+            streamed = Port(f"{name}/command:i", commands.take, network=network, outputs=False, guarded=True)
             opened.callback(streamed.close)
             self._state = StateStreams(device, device.axes(), name, network=network, outlets=outlets)
             opened.callback(self._state.close)

@@ -53,11 +53,15 @@ class ControlBoardServiceServer:
                 self._streams = ControlBoardServer(device, name, network=network, period=period, outlets=outlets)
             else:
                 commands = StreamedCommands(device, lambda sentence: network.report(f"{name}: {sentence}"))
-                opened.enter_context(Port(f"{name}/command:i", commands.take, network=streaming, outputs=False))
+                opened.enter_context(
+                    Port(f"{name}/command:i", commands.take, network=streaming, outputs=False, guarded=True)
+                )
                 self._streams = StateStreams(device, device.axes(), name, network=streaming, outlets=outlets)
             opened.callback(self._streams.close)
             service = BoardService(device, name, network=network)
-            opened.enter_context(RpcServer(f"{name}/nws/rpc:i", service.answer, network=in_its_dialect(network)))
+            opened.enter_context(
+                RpcServer(f"{name}/nws/rpc:i", service.answer, network=in_its_dialect(network), guarded=True)
+            )
             self._opened = opened.pop_all()
 
     def publish(self, now: float) -> None:
