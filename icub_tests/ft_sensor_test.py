@@ -97,16 +97,15 @@ class FtSensorTest(RateTest):
     def _judge(self, name: str) -> None:
         found = self.judged(self.listener.recorders[name].messages, self.time, name)
         stream = self.judge(found, self.frequency, self.frequency_tolerance)
-        contents = [message.data for message in stream.messages]
         if name.endswith(MEASURES):
-            self._judge_many(name, contents, stream)
+            self._judge_many(name, stream)
         else:
-            values = readings_of(name, contents, self.network.dialect)
+            values = readings_of(name, stream.messages)
             self._judge_sensor(name, self._place(name), values, stream)
 
-    def _judge_many(self, port: str, contents: list[bytes], stream: Stream) -> None:
+    def _judge_many(self, port: str, stream: Stream) -> None:
         """Judge each sensor of a message of several sensors."""
-        sensors = sensors_in(port, contents, self.network.dialect, SensorCategory.FORCE_TORQUE)
+        sensors = sensors_in(port, stream.messages, SensorCategory.FORCE_TORQUE)
         self.assert_true(sensors, f"the messages of {port} have no force-torque sensor")
         names = self._names(port)
         if len(names) != len(sensors):

@@ -225,7 +225,7 @@ class Imu(StreamTest):
         self, unit: _Unit, messages: Sequence[Message], times: FloatArray, angles: dict[str, FloatArray]
     ) -> _Felt:
         """Return the measurements of a unit during the recorded states, with the expected orientations."""
-        read = [SENSOR_MESSAGE.decode(one.data, self.network.dialect) for one in messages]
+        read = [SENSOR_MESSAGE.decode(one.data, one.dialect) for one in messages]
         stamps = np.array([values[SensorCategory.ORIENTATION][unit.orientation].time for values in read])
         used = [place for place in each_once(stamps) if times[0] <= stamps[place] <= times[-1]]
         self.assert_true(

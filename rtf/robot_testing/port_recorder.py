@@ -8,25 +8,24 @@ from __future__ import annotations
 
 import math
 import zlib
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING, NamedTuple, Self
 
+from rtf.bottle import Dialect
 from rtf.errors import RtfError
 from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.middleware.ports import remote
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types import Stamp
-from rtf.middleware.types.codecs import TextCodec
+from rtf.middleware.types.codecs import BOTTLE, RAW
 from rtf.middleware.wire.contact import Contact
 from rtf.robot_testing.real_time_checks import CpuPressure
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
-    from rtf.bottle import Dialect
     from rtf.clock import Clock
     from rtf.middleware.ports.network import Network
-    from rtf.middleware.types.codecs import Buffer
     from rtf.middleware.wire.incoming_message import IncomingMessage
 
 #: Seconds of the robot's time between two steps. In lockstep this is the resolution of arrival times; otherwise it only
@@ -40,24 +39,12 @@ _STALL = 0.02
 _MOST_KEPT = 1 << 28
 
 
-class _RawCodec(TextCodec[bytes]):
-    """Codec of raw bytes."""
-
-    def encode(self, value: bytes, dialect: Dialect) -> Sequence[Buffer]:  # noqa: ARG002 - the same in both
-        return (value,)
-
-    def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[bytes, int]:  # noqa: ARG002
-        return bytes(data), len(data)
-
-
-_RAW = _RawCodec()
-
-
 class Message(NamedTuple):
     """A recorded message: number and time of its stamp (-1 and NaN without one), arrival time, and size in bytes.
 
     Times are of the robot's clock, in s. ``digest`` is equal for equal contents. ``content`` is the result of the
-    recorder's ``look``, or the bytes if they are kept, or None.
+    recorder's ``look``, or the bytes if they are kept, or None. ``dialect`` is that of the connection, for bytes that
+    are kept.
     """
 
     number: int
@@ -66,6 +53,7 @@ class Message(NamedTuple):
     size: int
     digest: int
     content: object
+    dialect: Dialect = Dialect.YARP3
 
     @property
     def data(self) -> bytes:
@@ -110,10 +98,15 @@ class PortRecorder:
         remote.connect(self._network, Contact.parse(self.source), Contact.parse(self._port.name), carrier)
 
     def _receive(self, delivery: IncomingMessage) -> None:
-        data = delivery.read(_RAW)
+        data = delivery.read(RAW)
         stamp = Stamp.parse(delivery.envelope) or Stamp(time=math.nan)
-        content = self._content(data)
-        self.messages.append(Message(stamp.count, stamp.time, self._now(), len(data), zlib.crc32(data), content))
+        content, now = self._content(data), self._now()
+        if self._keep:
+            with suppress(RtfError):  # finds out the dialect of the connection; what is wrong shows when it is used
+                delivery.read(BOTTLE)
+        self.messages.append(
+            Message(stamp.count, stamp.time, now, len(data), zlib.crc32(data), content, delivery.dialect)
+        )
 
     def _content(self, data: bytes) -> object:
         if self._look is not None:

@@ -16,45 +16,45 @@ from rtf.robot.sensor_message import SENSOR_MESSAGE
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.bottle import Dialect
     from rtf.middleware.ports.network import Network
     from rtf.robot.interfaces import FloatArray, SensorInfo, SensorReading
     from rtf.robot.sensor_message import Measurements
+    from rtf.robot_testing.port_recorder import Message
 
 #: The suffix of the stream of a server with several sensors.
 MEASURES = "/measures:o"
 _RPC_TIMEOUT = 3.0
 
 
-def readings_of(port: str, contents: Sequence[bytes], dialect: Dialect) -> FloatArray:
-    """Return the measurements of messages as rows.
+def readings_of(port: str, messages: Sequence[Message]) -> FloatArray:
+    """Return the measurements of messages, whose bytes were kept, as rows.
 
     Raises ValueError if the messages have different numbers of values, or cannot be decoded.
     """
     if port.endswith(MEASURES):
-        rows = [_flat(SENSOR_MESSAGE.decode(content, dialect)) for content in contents]
+        rows = [_flat(SENSOR_MESSAGE.decode(one.data, one.dialect)) for one in messages]
     else:
-        rows = [VECTOR.decode(content, dialect) for content in contents]
+        rows = [VECTOR.decode(one.data, one.dialect) for one in messages]
     if len({row.size for row in rows}) > 1:
         raise ValueError(f"{port}: the number of values differs between messages: {sorted({row.size for row in rows})}")
     return np.array(rows, dtype=np.float64)
 
 
-def sensors_in(port: str, contents: Sequence[bytes], dialect: Dialect, category: SensorCategory) -> list[FloatArray]:
+def sensors_in(port: str, messages: Sequence[Message], category: SensorCategory) -> list[FloatArray]:
     """Return the measurements of each sensor of a category, as rows; errors as for ``readings_of``.
 
     For messages of several sensors. A device may have sensors of several categories in one message, such as the
     gyroscope and the thermometer of a force sensor.
     """
-    rows = [[one.values for one in _of_category(content, dialect, category)] for content in contents]
+    rows = [[one.values for one in _of_category(message, category)] for message in messages]
     kinds = {tuple(values.size for values in row) for row in rows}
     if len(kinds) > 1:
         raise ValueError(f"{port}: the number of {category.name} values differs between messages: {sorted(kinds)}")
     return [np.array(values, dtype=np.float64) for values in zip(*rows, strict=True)]
 
 
-def _of_category(content: bytes, dialect: Dialect, category: SensorCategory) -> list[SensorReading]:
-    found = SENSOR_MESSAGE.decode(content, dialect)
+def _of_category(message: Message, category: SensorCategory) -> list[SensorReading]:
+    found = SENSOR_MESSAGE.decode(message.data, message.dialect)
     return found[category] if category < len(found) else []
 
 

@@ -47,7 +47,8 @@ class SimulatedIcub:
     """A robot on the network, from its construction to ``close``.
 
     ============================== ================================================================================
-    ``/NAME/PART/rpc:i`` …         each part's control board: requests, commands, ``state:o``, ``stateExt:o``
+    ``/NAME/PART/rpc:i`` …         each part's control board: requests (YARP 4: ``nws/rpc:i``), commands, ``state:o``,
+                                   ``stateExt:o``
     ``/NAME/PART/analog:o``        its force-torque sensor (arms, legs, ``left_foot``, ``right_foot``)
     ``/NAME/left_hand/analog:o`` … the sensors in the fingers of a hand, fifteen numbers
     ``/NAME/FTs/measures:o``       all of them in one message, and ``rpc:o``

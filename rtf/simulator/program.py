@@ -17,6 +17,7 @@ from rtf.middleware.naming import configuration
 from rtf.middleware.ports.access import Access
 from rtf.middleware.ports.remote import exists
 from rtf.middleware.wire.contact import Contact
+from rtf.robot.client.boards import REQUESTS
 from rtf.robot.interface.signals import signal_listener
 from rtf.simulator.control_client import control_port
 from rtf.simulator.errors import RenderingError
@@ -124,8 +125,9 @@ class _Program:
     def _tell_ready(self, robot: SimulatedIcub, opened: ExitStack) -> None:
         """Print the ports and READY, and write the ready file if one was requested."""
         settings, name, streams = self._settings, robot.name, robot.outlets.by_name
+        rpc = REQUESTS[robot.network.dialect]
         for part in robot.parts:
-            _say(f"/{name}/{part}: rpc:i command:i state:o stateExt:o")
+            _say(f"/{name}/{part}:{rpc.replace('/', ' ', 1)} command:i state:o stateExt:o")
         of_parts = {f"/{name}/{part}/{stream}" for part in robot.parts for stream in ("state:o", "stateExt:o")}
         _say(f"sensors: {' '.join(sorted(set(streams) - of_parts))}")
         pace = "lockstep" if settings.lockstep else f"factor {settings.factor:g}"
