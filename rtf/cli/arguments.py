@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import rtf
 from rtf.cli.command_tree import EXIT_CODES, TESTRUNNER
 from rtf.cli.device import add_device_options
-from rtf.cli.parser import Parser, count, key_value, port, seconds
+from rtf.cli.parser import Parser, add_dialect, count, key_value, port, seconds
 from rtf.errors import did_you_mean
 
 if TYPE_CHECKING:
@@ -187,6 +187,7 @@ def _how(group: argparse._ArgumentGroup) -> None:
         help="answer operator questions with this, instead of asking ('default': their defaults)",
     )
     group.add_argument("--allow-empty", action="store_true", help="exit with 0 even when no test was run")
+    add_dialect(group)
     group.add_argument("--robot", metavar="NAME", default="", help="name of the robot, for the record")
     group.add_argument(
         "--station", metavar="NAME", default="", help="name of the test station, for the record (default: host name)"

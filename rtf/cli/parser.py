@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import textwrap
 from typing import NoReturn
@@ -41,7 +42,34 @@ class Parser(argparse.ArgumentParser):
 def make_parser(word: str, description: str, example: str) -> Parser:
     """A parser of a command of ``rtf`` whose help ends with an example: commands, a line each."""
     epilog = "example:\n" + textwrap.indent(textwrap.dedent(example).strip(), "  ")
-    return Parser(prog=f"rtf {word}", description="\n".join(textwrap.wrap(description, 100)), epilog=epilog)
+    parser = Parser(prog=f"rtf {word}", description="\n".join(textwrap.wrap(description, 100)), epilog=epilog)
+    add_dialect(parser)
+    return parser
+
+
+def add_dialect(group: argparse._ActionsContainer) -> None:
+    """Add the option that sets the dialect of this process and of the processes it starts, as RTF_DIALECT does."""
+    group.add_argument(
+        "--dialect",
+        action=_SetDialect,
+        choices=(3, 4),
+        type=int,
+        help="the major version of YARP that all ports speak (default: RTF_DIALECT, else each port is asked)",
+    )
+
+
+class _SetDialect(argparse.Action):
+    """Sets the variable, because plug-ins, fixtures and their programs find the network by the environment."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,  # noqa: ARG002 - of the base class
+        namespace: argparse.Namespace,
+        values: object,
+        option_string: str | None = None,  # noqa: ARG002
+    ) -> None:
+        setattr(namespace, self.dest, values)
+        os.environ["RTF_DIALECT"] = str(values)
 
 
 def key_value(text: str) -> tuple[str, str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.bottle import as_string
-from rtf.cli.parser import Parser, seconds
+from rtf.cli.parser import Parser, add_dialect, seconds
 from rtf.errors import RtfError
 from rtf.resources import ResourceFinder, parse_arguments
 from rtf.robot.interface.log import Level
@@ -104,6 +104,7 @@ def _parser() -> Parser:
     )
     add_access(parser)
     parser.add_argument("--verbose", action="store_true", help="also say what is only for those who look for a mistake")
+    add_dialect(parser)
     parser.add_argument(
         "--KEY", metavar="VALUE", dest="_key", help="any other: the value of parameters that ask for it by extern-name"
     )

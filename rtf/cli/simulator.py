@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.parser import Parser, count, key_value, seconds
+from rtf.cli.parser import Parser, add_dialect, count, key_value, seconds
 from rtf.errors import RtfError
 from rtf.testing.verdict import ExitCode
 
@@ -212,6 +212,7 @@ def status(words: Sequence[str]) -> int:
     """Print how a simulator is."""
     parser = Parser(prog="rtf simulator status", description="How a simulator is.")
     _add_robot(parser)
+    add_dialect(parser)
     options = parser.parse_args(words)
     from rtf.cli.network.options import make_network
     from rtf.simulator.control_client import SimulatorControl, describe_status
@@ -230,6 +231,7 @@ def inject(words: Sequence[str]) -> int:
         epilog="example:\n  rtf simulator inject encoder_drift l_elbow rate=0.5 --delay 2 --duration 10",
     )
     _add_robot(parser)
+    add_dialect(parser)
     parser.add_argument("kind", metavar="KIND", help="one of 'rtf simulator faults'")
     parser.add_argument("words", nargs="*", metavar="TARGET | NAME=VALUE", help="what it strikes, and its parameters")
     parser.add_argument("--delay", metavar="S", type=seconds, default=0.0, help="it begins so much later")
@@ -264,6 +266,7 @@ def clear(words: Sequence[str]) -> int:
         description="Fix a simulator that runs; prints how many faults were taken out.",
     )
     _add_robot(parser)
+    add_dialect(parser)
     parser.add_argument("number", nargs="?", type=count, metavar="NUMBER", help="of the fault (default: all)")
     options = parser.parse_args(words)
     from rtf.cli.network.options import make_network

@@ -133,6 +133,25 @@ def test_passing_and_failing_runs(folder: Path):
     assert (both.verdict("fine"), both.verdict("bad")) == (Verdict.PASSED, Verdict.FAILED)
 
 
+def test_the_dialect_reaches_the_tests(folder: Path):
+    """``--dialect`` is that of every port of the tests, whose processes find it in their environment."""
+    write_files(
+        folder,
+        {
+            "asks__py": """
+from rtf.middleware.naming.configuration import find_dialect
+from rtf.testing import TestCase
+class Asks(TestCase):
+    def run(self):
+        self.check(find_dialect() == 4, f"the dialect is {find_dialect()}")
+"""
+        },
+    )
+    assert run_command(folder, "asks.py", "--dialect", "4").exit_code == ExitCode.PASSED
+    assert run_command(folder, "asks.py", "--dialect", "3").exit_code == ExitCode.FAILURES
+    assert run_command(folder, "asks.py", "--dialect", "5").exit_code == ExitCode.USAGE
+
+
 def test_a_plugin_that_is_missing_is_a_failed_entry(folder: Path):
     """The C++ framework left it out and passed."""
     (folder / "x.xml").write_text('<suite name="x"><test>Nonesuch</test><test>fine.py</test></suite>')

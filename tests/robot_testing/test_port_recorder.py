@@ -1,10 +1,11 @@
 """Recorders on real ports."""
 
+import copy
 import math
 
 import pytest
 
-from rtf.bottle import Bottle
+from rtf.bottle import Bottle, Dialect
 from rtf.clock import Clock, SystemClock
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.naming.client import RemoteNames
@@ -103,6 +104,22 @@ def test_many_ports_at_once(network):
             assert quick.time == pytest.approx(100.1, abs=0.011)
             assert listener.late == pytest.approx([0.005] * len(listener.late))
     assert VECTOR.decode(listener.recorders["/a"].messages[0].content, network.dialect).tolist() == [1.0, 2.0]
+
+
+def test_messages_are_decoded_by_their_connection(network):
+    """Two sensors, one of YARP 3 and one of YARP 4, are read at once, in a network that knows of neither."""
+    from rtf.robot_testing.sensor_streams import readings_of
+
+    with Listener(network, SystemClock()) as listener:
+        for dialect in Dialect:
+            own = copy.copy(network)
+            own.dialect = dialect
+            with Port(f"/sensor{dialect.value}", network=own, inputs=False) as sensor:
+                recorder = listener.add(sensor.name, keep=True)
+                sensor.write([1.0, 2.5], VECTOR)
+                eventually(lambda: recorder.messages, "nothing came")  # noqa: B023 - asked in this turn
+            assert [message.dialect for message in recorder.messages] == [dialect]
+            assert readings_of(sensor.name, recorder.messages).tolist() == [[1.0, 2.5]]
 
 
 def test_loads_hang_downwards():

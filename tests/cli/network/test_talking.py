@@ -12,6 +12,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from rtf.bottle import Bottle, Dialect
+from rtf.bottle.binary import encode
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.types.codecs import RAW
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -55,6 +61,14 @@ class TestReadAndWrite:
         assert found.stdout == f"Connection found from /writer to /reader using carrier {carrier}\n"
         assert writer.wait() == 0
         assert writer.stderr == ""
+
+    @pytest.mark.parametrize(("dialect", "expected"), [("3", Dialect.YARP3), ("4", Dialect.YARP4)])
+    def test_the_dialect_is_that_of_the_option(self, net: Net, dialect: str, expected: Dialect):
+        """``--dialect`` decides how numbers are sent, also to a reader that understands both."""
+        heard: list[bytes] = []
+        with Port("/raw", lambda delivery: heard.append(delivery.read(RAW)), network=Network(net.names)):
+            assert net.run("write", "...", "/raw", "--dialect", dialect, lines=("1.5",)).process.returncode == 0
+        assert heard == [encode(Bottle([1.5]), expected)]
 
     def test_lines_are_joined_while_something_is_open(self, net: Net, reader: Tool):
         """A list over two lines is one message."""

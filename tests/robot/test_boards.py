@@ -1,0 +1,122 @@
+"""The client of a board is chosen by the ports that the board has registered."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, closing
+from typing import TYPE_CHECKING, Protocol
+
+import pytest
+
+from rtf.bottle import Dialect, Property
+from rtf.middleware.naming.local import LocalNames
+from rtf.middleware.ports.network import Network
+from rtf.robot.client.boards import connect, version_of
+from rtf.robot.client.control_board import RemoteControlBoard
+from rtf.robot.client.control_board_service import ControlBoardServiceClient
+from rtf.robot.client.remapper import RemoteControlBoardRemapper
+from rtf.robot.devices.fake_board import FakeBoard
+from rtf.robot.errors import DeviceError
+from rtf.robot.server.control_board import ControlBoardServer
+from rtf.robot.server.control_board_service import ControlBoardServiceServer
+from rtf.robot_testing.read_only_board import UndeclaredMotionError, connect_read_only
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.robot.client.boards import RemoteBoard
+
+
+class Serve(Protocol):
+    """What the fixture gives."""
+
+    def __call__(self, name: str, dialect: Dialect, *, both: bool = False) -> None:
+        """Serve a board by a protocol, or by both."""
+        ...
+
+
+@pytest.fixture
+def network() -> Network:
+    """One whose dialect nobody has set."""
+    return Network(LocalNames(), report=lambda _sentence: None)
+
+
+@pytest.fixture
+def serve(network: Network) -> Iterator[Serve]:
+    """Serves a board of two joints by a protocol: ``serve(name, Dialect.YARP4)``."""
+    with ExitStack() as stack:
+
+        def served(name: str, dialect: Dialect, *, both: bool = False) -> None:
+            board, axis = FakeBoard(name), name.strip("/")
+            board.open(Property.parse(f"(GENERAL (Joints 2) (AxisName ({axis}_a {axis}_b)))"))
+            stack.callback(board.close)
+            if dialect is Dialect.YARP3:
+                stack.callback(ControlBoardServer(board, name, network=network).close)
+            else:
+                stack.callback(ControlBoardServiceServer(board, name, network=network, requests=both).close)
+
+        yield served
+
+
+@pytest.mark.parametrize(
+    ("dialect", "kind"), [(Dialect.YARP3, RemoteControlBoard), (Dialect.YARP4, ControlBoardServiceClient)]
+)
+def test_the_registered_port_chooses(network: Network, serve: Serve, dialect: Dialect, kind: type[RemoteBoard]):
+    """A board of either version is opened and moved without any setting, and its numbers arrive unchanged."""
+    serve("/bot", dialect)
+    with connect("/bot", carrier="tcp", network=network, timeout=0.01) as board:
+        assert type(board) is kind
+        assert board.axes() == 2
+        board.set_reference_speeds([11.5, 12.25])
+        assert board.reference_speeds().tolist() == [11.5, 12.25]
+
+
+@pytest.mark.parametrize("dialect", Dialect)
+def test_a_board_with_both_protocols_is_used_in_the_dialect_of_the_network(
+    network: Network, serve: Serve, dialect: Dialect
+):
+    """So a run with ``--dialect 4`` tests its service."""
+    serve("/bot", Dialect.YARP4, both=True)
+    network.dialect = dialect
+    assert version_of("/bot", network) is dialect
+
+
+def test_an_absent_board_is_reported_with_both_names(network: Network):
+    """The message says what was looked for."""
+    with pytest.raises(DeviceError, match=r"neither /bot/rpc:i \(YARP 3\) nor /bot/nws/rpc:i \(YARP 4\)"):
+        connect("/bot", network=network)
+
+
+def test_boards_of_both_versions_are_one_remapped_board(network: Network, serve: Serve):
+    """Each board has the client of its own protocol."""
+    serve("/three", Dialect.YARP3)
+    serve("/four", Dialect.YARP4)
+    with closing(RemoteControlBoardRemapper("both", network=network)) as board:
+        board.open(
+            Property.parse(
+                "(axesNames (four_b three_a)) (remoteControlBoards (/three /four)) (localPortPrefix /both) "
+                "(REMOTE_CONTROLBOARD_OPTIONS (carrier tcp) (timeout 0.01))"
+            )
+        )
+        board.set_reference_speeds([3.5, 4.5])
+        assert board.reference_speeds().tolist() == [3.5, 4.5]
+
+
+@pytest.mark.parametrize("dialect", Dialect)
+def test_a_test_that_declares_no_motion_commands_no_board(network: Network, serve: Serve, dialect: Dialect):
+    """Queries are answered and commands are not sent, until a guard watches."""
+    serve("/bot", dialect)
+    with connect_read_only("/bot", carrier="tcp", network=network) as board:
+        before = board.reference_speeds().tolist()
+        for command in (
+            lambda: board.set_reference_speeds([1.0, 2.0]),
+            lambda: board.position_move(1.0, 0),
+            lambda: board.velocity_move(1.0, 0),  # streamed
+            board.park_part,
+        ):
+            with pytest.raises(UndeclaredMotionError):
+                command()
+        assert board.calibration_done(0) in (True, False)
+        assert board.reference_speeds().tolist() == before
+        board.allow_commands()
+        board.set_reference_speeds([1.0, 2.0])
+        assert board.reference_speeds().tolist() == [1.0, 2.0]
