@@ -120,3 +120,12 @@ def test_a_test_that_declares_no_motion_commands_no_board(network: Network, serv
         board.allow_commands()
         board.set_reference_speeds([1.0, 2.0])
         assert board.reference_speeds().tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("dialect", [*Dialect])
+def test_a_name_that_a_killed_server_left(network: Network, serve: Serve, dialect: Dialect) -> None:
+    """Of two registered ports for requests, that which answers counts."""
+    serve("/bot/arm", dialect)
+    left = {Dialect.YARP3: "/bot/arm/nws/rpc:i", Dialect.YARP4: "/bot/arm/rpc:i"}[dialect]
+    network.names.register(left, carrier="tcp", host="127.0.0.1", port=1)
+    assert version_of("/bot/arm", network) is dialect

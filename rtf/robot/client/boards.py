@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from rtf.bottle import Dialect, Property
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.ports.network import default_network
+from rtf.middleware.ports.remote import exists
+from rtf.middleware.wire.contact import Contact
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.client.control_board_service import ControlBoardServiceClient
 from rtf.robot.client.settings import TIMEOUT, unique_local
@@ -33,6 +35,8 @@ def version_of(board: str, network: Network) -> Dialect:
     """
     try:
         there = [version for version, end in REQUESTS.items() if network.names.query(f"{board}{end}") is not None]
+        if len(there) > 1:  # one of them may be the name of a server that was killed
+            there = [one for one in there if exists(network, Contact(f"{board}{REQUESTS[one]}"))] or there
     except MiddlewareError as error:
         raise DeviceError(f"{board} cannot be opened: {error}") from error
     if not there:
