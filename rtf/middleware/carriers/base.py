@@ -17,7 +17,7 @@ from rtf.middleware.types.codecs import other_dialect
 
 if TYPE_CHECKING:
     import socket as sockets
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from rtf.bottle import Dialect
     from rtf.middleware.carriers.stream import Stream
@@ -35,6 +35,9 @@ class CarrierNetwork(Protocol):
 
     @property
     def dialect(self) -> Dialect: ...
+
+    @property
+    def report(self) -> Callable[[str], object]: ...
 
     def reach(self, target: Contact, patience: float | None = None) -> Stream:
         """Open a connection to an address. Raises ConnectError."""

@@ -64,14 +64,6 @@ def index(*lengths: int) -> bytes:
     return _HEADS[len(lengths)] + struct.pack(f"<{len(lengths)}i", *lengths) + _NO_REPLIES
 
 
-_two = struct.Struct("<iii")
-
-
-def index_of_two(first: int, second: int) -> bytes:
-    """Return the index of two blocks, the port command and the data, as all our messages have."""
-    return _HEADS[2] + _two.pack(first, second, 0)
-
-
 #: The size of an index before the lengths.
 INDEX_SIZE = 18
 #: Index and command of the usual message: two blocks, a command without text and the data. The fields are the constant
