@@ -12,22 +12,18 @@ import os
 import socket
 import struct
 import zlib
-from abc import abstractmethod
 from collections import deque
 from typing import TYPE_CHECKING
 
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, read_sender
 from rtf.middleware.carriers.stream import Stream, StreamClosedError
-from rtf.middleware.carriers.tcp import read_sender
 from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError, WaitTimeoutError
 from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.bottle import Dialect
     from rtf.middleware.carriers.base import CarrierPort, Group
-    from rtf.middleware.types.codecs import Buffer, Codec
     from rtf.middleware.wire.contact import Contact
     from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
@@ -177,9 +173,6 @@ class DatagramInput(InputLink):
         if self._closed:
             raise StreamClosedError(f"{self.sender} stopped sending")
 
-    def answer(self, *reply: Buffer) -> None:
-        """Do nothing: datagrams have no replies."""
-
     def close(self) -> None:
         self._closed = True
         with contextlib.suppress(OSError):  # "not connected" is what a group says, but the wait ends
@@ -235,15 +228,6 @@ class DatagramOutput(OutputLink):
         except OSError as error:
             raise StreamClosedError(f"cannot send to {self._target.name}: {error.strerror}") from None
 
-    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
-        """Return None: datagrams have no replies."""
-
-    def finish(self) -> None:
-        """Do nothing: datagrams have no acknowledgements."""
-
-    def limit_waiting(self, seconds: float | None) -> None:
-        """Do nothing: sending does not wait."""
-
     def close(self, *, politely: bool = True) -> None:
         """End the connection; ``politely`` tells the other port over a separate connection."""
         self.endpoint.close()
@@ -268,10 +252,6 @@ class Datagrams(Carrier):
         """Compare the lowest four bits of the carrier number."""
         number = framing.specifier(header)
         return number >= 0 and number % 16 == framing.specifier(self.header)
-
-    @abstractmethod
-    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
-        """See the base."""
 
 
 class Udp(Datagrams):

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
-from rtf.middleware.errors import ConnectError, ProtocolError
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, StreamInput
+from rtf.middleware.errors import ProtocolError
 
 if TYPE_CHECKING:
     from rtf.middleware.carriers.base import CarrierPort
     from rtf.middleware.carriers.stream import Stream
-    from rtf.middleware.types.codecs import Buffer
-    from rtf.middleware.wire.contact import Contact
 
 _PREFIX = b"NAME_SERVER"
 #: The longest command, in bytes. The longest useful one names every carrier and address of a machine.
@@ -24,15 +22,8 @@ MAX_COMMAND = 1 << 14
 _PATIENCE = 30.0
 
 
-class NameSerInput(InputLink):
+class NameSerInput(StreamInput):
     """The receiving end."""
-
-    sender = "anon"
-
-    def __init__(self, carrier: Carrier, stream: Stream) -> None:
-        self.carrier = carrier
-        self.endpoint = stream.socket
-        self._stream = stream
 
     def receive(self) -> Message:
         """Wait for the next command. A line without the prefix is an empty command."""
@@ -51,13 +42,6 @@ class NameSerInput(InputLink):
             raise ProtocolError(f"a command of {len(line)} bytes; at most {MAX_COMMAND} are accepted")
         return line.removesuffix(b"\r")
 
-    def answer(self, *reply: Buffer) -> None:
-        if reply:
-            self._stream.send(*reply)
-
-    def close(self) -> None:
-        self._stream.close()
-
 
 class NameSer(Carrier):
     """Text without acknowledgements; every line gets a reply."""
@@ -69,8 +53,4 @@ class NameSer(Carrier):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002 - there is no greeting
         """Return the link: there is no handshake before the first command."""
-        return NameSerInput(self, stream)
-
-    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:  # noqa: ARG002
-        """Refuse: ports do not send to a name server."""
-        raise ConnectError(f"{target.name} cannot be connected by name_ser, which is for asking name servers; use tcp")
+        return NameSerInput(self, stream, "anon")

@@ -5,9 +5,17 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, PollableInputLink
+from rtf.middleware.carriers.base import (
+    Carrier,
+    InputLink,
+    Message,
+    OutputLink,
+    PollableInputLink,
+    StreamInput,
+    StreamOutput,
+    read_sender,
+)
 from rtf.middleware.carriers.stream import CHUNK, JOINED
-from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput
 from rtf.middleware.errors import ProtocolError
 from rtf.middleware.wire import framing
 
@@ -223,11 +231,3 @@ class FastTcp(Tcp):
     header = framing.header(3)
     acknowledged = False
     _bits = (3, 0)
-
-
-def read_sender(stream: Stream) -> tuple[str, str]:
-    """Read the name of a binary carrier's sender, and the modifiers behind it."""
-    (size,) = struct.unpack("<i", stream.take(4))
-    raw = bytes(stream.take(min(max(size, 1), framing.MAX_NAME)))
-    name, _, modifiers = raw.split(b"\0", 1)[0].decode("utf-8", "surrogateescape").partition(" ")
-    return name, modifiers

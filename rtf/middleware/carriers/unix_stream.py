@@ -15,10 +15,8 @@ from rtf import clock
 from rtf.bottle.binary import TruncatedBottleError
 from rtf.bottle.errors import BottleSyntaxError
 from rtf.bottle.extent import Scanner
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, StreamInput, StreamOutput, read_sender
 from rtf.middleware.carriers.stream import CHUNK, Stream
-from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput
-from rtf.middleware.carriers.tcp import read_sender
 from rtf.middleware.errors import ConnectError, ProtocolError
 from rtf.middleware.types.codecs import other_dialect
 from rtf.middleware.wire import framing
