@@ -312,13 +312,6 @@ class McastOutput(DatagramOutput):
         super().close(politely=politely)
 
 
-def _wait_until_joined(stream: Stream) -> None:
-    """Wait until the receiver has joined: it closes the handshake then. Earlier datagrams would be lost."""
-    stream.limit_waiting(_JOINING)
-    with contextlib.closing(stream), contextlib.suppress(StreamClosedError, WaitTimeoutError):
-        stream.more()
-
-
 class Mcast(Datagrams):
     """One sender, any number of receivers, each datagram sent once."""
 
@@ -355,5 +348,8 @@ class Mcast(Datagrams):
         except OSError:
             sending.close()
             raise
-        _wait_until_joined(stream)
+        # The receiver closes the handshake when it has joined. Earlier datagrams would be lost.
+        stream.limit_waiting(_JOINING)
+        with contextlib.closing(stream), contextlib.suppress(StreamClosedError, WaitTimeoutError):
+            stream.more()
         return McastOutput(self, sending, port, target, group)

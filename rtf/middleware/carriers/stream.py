@@ -78,22 +78,21 @@ class Stream:
         """The number of received, unread bytes."""
         return self.end - self.start
 
-    def await_size(self, size: int) -> None:
-        """Wait until ``size`` bytes are received and unread. The buffer grows as needed."""
-        while self.end - self.start < size:
-            self.more(size)
-
     def peek(self, size: int) -> memoryview:
         """Return the next ``size`` bytes (at most a buffer) without consuming them. Valid until the next call."""
-        self.await_size(size)
+        while self.end - self.start < size:
+            self.more(size)
         return self.view[self.start : self.start + size]
 
     def window(self) -> memoryview:
         """Return all received, unread bytes, without consuming them."""
         return self.view[self.start : self.end]
 
-    def more(self, size: int = 1) -> None:
-        """Wait for at least one more byte. The buffer grows as needed to hold ``size`` bytes."""
+    def more(self, size: int = 1, flags: int = 0) -> None:
+        """Wait for at least one more byte. The buffer grows as needed to hold ``size`` bytes.
+
+        With MSG_DONTWAIT it raises WaitTimeoutError if nothing has arrived.
+        """
         start, end = self.start, self.end
         if start == end:
             self.start = self.end = start = end = 0
@@ -102,27 +101,9 @@ class Stream:
             self._make_room(max(size, end - start + 1))
             end = self.end
         try:  # no helper function: most messages arrive through this call
-            count = self._receive_into(self.view[end:] if end else self.memory)
+            count = self._receive_into(self.view[end:] if end else self.memory, 0, flags)
         except OSError as error:
-            raise _not_received(error) from None
-        if count == 0:
-            raise StreamClosedError(_LEFT)
-        self.end = end + count
-
-    def fill(self) -> None:
-        """Read what has arrived, without waiting. The buffer grows while more arrives than it can hold."""
-        start, end = self.start, self.end
-        if start == end:
-            self.start = self.end = end = 0
-        elif end == len(self.memory):
-            self._make_room(min(2 * end, CHUNK) if start == 0 and end < CHUNK else end - start + 1)
-            end = self.end
-        try:
-            count = self._receive_into(self.view[end:], 0, socket.MSG_DONTWAIT)
-        except BlockingIOError:
-            return
-        except OSError as error:
-            raise _not_received(error) from None
+            raise _failed(error, _SILENT) from None
         if count == 0:
             raise StreamClosedError(_LEFT)
         self.end = end + count
@@ -223,7 +204,7 @@ class Stream:
             while sent < size:
                 sent += self.socket.sendmsg(_after(pieces, sent))
         except OSError as error:
-            raise _not_sent(error) from None
+            raise _failed(error, _FULL) from None
 
     def _out_of_step(self, blocks: tuple[Buffer, ...]) -> tuple[Buffer, ...]:
         """Return the blocks, with the first that the kernel would copy slowly replaced by a copy.
@@ -257,21 +238,20 @@ class Stream:
             while sent < len(data):
                 sent += self._send(data[sent:])
         except OSError as error:
-            raise _not_sent(error) from None
+            raise _failed(error, _FULL) from None
 
     def send_at_once(self, data: bytes) -> None:
         """Send a short piece without waiting. Raises WaitTimeoutError if the peer has not read earlier data."""
         try:
             sent = self._send(data, socket.MSG_DONTWAIT)
         except OSError as error:
-            raise _not_sent(error) from None
+            raise _failed(error, _FULL) from None
         if sent < len(data):
             raise WaitTimeoutError(_FULL)
 
     def close(self) -> None:
         """Close the connection and wake the threads that wait in it."""
-        with contextlib.suppress(OSError):
-            self.socket.shutdown(socket.SHUT_RDWR)
+        self.wake()
         self.socket.close()
 
     def wake(self) -> None:
@@ -291,7 +271,7 @@ class Stream:
         try:
             count = self._receive_into(into)
         except OSError as error:
-            raise _not_received(error) from None
+            raise _failed(error, _SILENT) from None
         if count == 0:
             raise StreamClosedError(_LEFT)
         return count
@@ -306,18 +286,14 @@ def _count_references() -> tuple[int, int]:
 
 _unshared, _spare_unshared = _count_references()
 _LEFT = "the peer closed the connection"
+_SILENT = "the peer did not answer in time"
 _FULL = "the peer does not read what is sent to it"
 
 
-def _not_received(error: OSError) -> MiddlewareError:
+def _failed(error: OSError, late: str) -> MiddlewareError:
+    """Return what a failed system call means; ``late`` is said of a timeout."""
     if isinstance(error, BlockingIOError):
-        return WaitTimeoutError("the peer did not answer in time")
-    return StreamClosedError(f"the peer is gone: {error.strerror or error}")
-
-
-def _not_sent(error: OSError) -> MiddlewareError:
-    if isinstance(error, BlockingIOError):
-        return WaitTimeoutError(_FULL)
+        return WaitTimeoutError(late)
     return StreamClosedError(f"the peer is gone: {error.strerror or error}")
 
 
