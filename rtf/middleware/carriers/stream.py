@@ -48,7 +48,7 @@ class Stream:
     frequent messages access these directly; all other code uses ``peek``, ``take`` and ``window``.
     """
 
-    __slots__ = ("_copy", "_receive_into", "_send", "_spare", "end", "memory", "socket", "start", "view")
+    __slots__ = ("_copy", "_large", "_receive_into", "_send", "end", "memory", "socket", "start", "view")
 
     def __init__(self, connected: socket.socket) -> None:
         self.socket = connected
@@ -59,7 +59,7 @@ class Stream:
         self.view = memoryview(self.memory)
         self.start = 0
         self.end = 0
-        self._spare = bytearray()
+        self._large = False  # a large piece is in front of the unread bytes, and may still be in use
         self._copy = bytearray()
 
     def limit_waiting(self, seconds: float | None) -> None:
@@ -94,10 +94,10 @@ class Stream:
         With MSG_DONTWAIT it raises WaitTimeoutError if nothing has arrived.
         """
         start, end = self.start, self.end
-        if start == end:
+        if start == end and not self._large:
             self.start = self.end = start = end = 0
         room = len(self.memory) - start
-        if room < size or room == end - start:
+        if room < size or room == end - start or self._large:
             self._make_room(max(size, end - start + 1))
             end = self.end
         try:  # no helper function: most messages arrive through this call
@@ -116,7 +116,7 @@ class Stream:
         if size > MAX_UNFRAMED:
             raise ProtocolError(f"{size} bytes are announced; at most {MAX_UNFRAMED} are accepted")
         wanted = min(size, max(_BELIEVED, 2 * self.buffered))
-        if len(self.memory) - self.start < wanted:
+        if len(self.memory) - self.start < wanted or self._large:
             self._make_room(wanted)
         while self.end - self.start < wanted:  # not more, so that no bytes of the next object have to be moved
             self.end += self._receive(self.view[self.end : self.start + wanted])
@@ -126,57 +126,23 @@ class Stream:
         self.start += size
 
     def take(self, size: int) -> memoryview:
-        """Return the next ``size`` bytes. Up to CHUNK bytes are valid until the next call.
+        """Return the next ``size`` bytes. Up to CHUNK bytes are valid until the next call, more while it is referenced.
 
-        A larger piece gets memory of its own, which is not reused while it is referenced.
+        Memory for a large piece is allocated as bytes arrive, not on the peer's announcement, and is reused for the
+        next one if nothing refers to it by then: it is still in the processor's cache.
         """
         if size <= CHUNK:
             data = self.peek(size)
-            self.start += size
-            return data
-        if size > _BELIEVED:
-            return self._take_large(size)
-        # The memory of the previous message is still in the processor's cache; it is reused unless that message is
-        # referenced.
-        if self._spare_references() > _spare_unshared or not size <= len(self._spare) <= 2 * size:
-            self._spare = bytearray(size)
-        return self._into(memoryview(self._spare)[:size])
-
-    def lend(self, size: int) -> memoryview:
-        """Return the next ``size`` bytes, already received, as a view that stays valid while it is referenced."""
-        return memoryview(self.memory)[self.start : self.start + size]
-
-    def pass_lent(self, size: int) -> None:
-        """Consume bytes that were returned by ``lend``. If they are still referenced, the buffer is replaced."""
+        else:
+            while self.end - self.start < size:
+                self.more_towards(size)
+            data = memoryview(self.memory)[self.start : self.start + size]
+            self._large = True
         self.start += size
-        if self._references() > _unshared:
-            rest = self.view[self.start : self.end]
-            self.memory = bytearray(len(self.memory))
-            self.view = memoryview(self.memory)
-            self.start, self.end = 0, len(rest)
-            self.view[: self.end] = rest
-
-    def _into(self, own: memoryview) -> memoryview:
-        have = min(self.end - self.start, len(own))
-        own[:have] = self.view[self.start : self.start + have]
-        self.start += have
-        while have < len(own):
-            have += self._receive(own[have:])
-        return own
-
-    def _take_large(self, size: int) -> memoryview:
-        """Read a large piece. Memory is allocated in steps as bytes arrive, not on the peer's announcement."""
-        grown = bytearray()
-        while len(grown) < size:
-            part = min(size - len(grown), max(_BELIEVED, len(grown)))
-            grown += self._into(memoryview(bytearray(part)))
-        return memoryview(grown)
+        return data
 
     def _references(self) -> int:
         return sys.getrefcount(self.memory)
-
-    def _spare_references(self) -> int:
-        return sys.getrefcount(self._spare)
 
     def take_line(self) -> bytes:
         """Return the next line without its end, CR LF or LF."""
@@ -260,12 +226,22 @@ class Stream:
             self.socket.shutdown(socket.SHUT_RDWR)
 
     def _make_room(self, size: int) -> None:
+        """Move the unread bytes to the front, and make room for ``size`` from there.
+
+        The memory is replaced if it is too small, or huge, or a large piece in it is still referenced.
+        """
         waiting = bytes(self.view[self.start : self.end])
-        if size > len(self.memory):
-            self.memory = bytearray(max(2 * len(self.memory), size))
+        room = len(self.memory)
+        if size > room:
+            room = max(2 * room, size + CHUNK)  # so that the next large message needs no new memory for its front
+        elif self._large and room > _MOST_KEPT:
+            room = size + CHUNK
+        if room != len(self.memory) or (self._large and self._references() > _unshared):
+            self.memory = bytearray(room)
             self.view = memoryview(self.memory)
         self.view[: len(waiting)] = waiting
         self.start, self.end = 0, len(waiting)
+        self._large = False
 
     def _receive(self, into: memoryview) -> int:
         try:
@@ -277,14 +253,13 @@ class Stream:
         return count
 
 
-def _count_references() -> tuple[int, int]:
-    """Return the reference counts of the two buffers of a stream when nothing else refers to them."""
+def _count_references() -> int:
+    """Return the reference count of the memory of a stream when nothing else refers to it."""
     with socket.socket() as nowhere:
-        stream = Stream(nowhere)
-        return stream._references(), stream._spare_references()  # noqa: SLF001 - of this module
+        return Stream(nowhere)._references()  # noqa: SLF001 - of this module
 
 
-_unshared, _spare_unshared = _count_references()
+_unshared = _count_references()
 _LEFT = "the peer closed the connection"
 _SILENT = "the peer did not answer in time"
 _FULL = "the peer does not read what is sent to it"
@@ -297,8 +272,9 @@ def _failed(error: OSError, late: str) -> MiddlewareError:
     return StreamClosedError(f"the peer is gone: {error.strerror or error}")
 
 
-#: Bytes that are allocated because a peer announces them.
+#: Bytes that are allocated because a peer announces them, and that are kept between two messages.
 _BELIEVED = 8 << 20
+_MOST_KEPT = 4 * _BELIEVED
 
 
 def _is_close(block: bytes, before: int) -> bool:

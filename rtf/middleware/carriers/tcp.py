@@ -74,7 +74,7 @@ class TcpInput(StreamInput, PollableInputLink):
         if not 0 <= size <= _MAX_MESSAGE:
             raise ProtocolError(f"a message of {size} bytes; at most {_MAX_MESSAGE} are accepted")
         start += _USUAL_SIZE
-        if start + size > end:
+        if size > CHUNK or start + size > end:
             stream.start = start
             return key, "", stream.take(size)
         stream.start = start + size
