@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.middleware.carriers.base import Carrier, InputLink, Message, StreamInput
-from rtf.middleware.errors import ProtocolError
 
 if TYPE_CHECKING:
     from rtf.middleware.carriers.base import CarrierPort
@@ -28,19 +27,8 @@ class NameSerInput(StreamInput):
     def receive(self) -> Message:
         """Wait for the next command. A line without the prefix is an empty command."""
         self._stream.limit_waiting(_PATIENCE)
-        prefix, _, command = self._take_line().partition(b" ")
+        prefix, _, command = self._stream.take_line(MAX_COMMAND).partition(b" ")
         return "d", "", command if prefix == _PREFIX else b""
-
-    def _take_line(self) -> bytes:
-        stream = self._stream
-        while (end := bytes(stream.window()).find(b"\n")) < 0:
-            if stream.buffered > MAX_COMMAND:
-                raise ProtocolError(f"a command of more than {MAX_COMMAND} bytes")
-            stream.more()
-        line = bytes(stream.take(end + 1)[:-1])
-        if len(line) > MAX_COMMAND:
-            raise ProtocolError(f"a command of {len(line)} bytes; at most {MAX_COMMAND} are accepted")
-        return line.removesuffix(b"\r")
 
 
 class NameSer(Carrier):

@@ -144,18 +144,18 @@ class Stream:
     def _references(self) -> int:
         return sys.getrefcount(self.memory)
 
-    def take_line(self) -> bytes:
-        """Return the next line without its end, CR LF or LF."""
+    def take_line(self, limit: int = MAX_LINE) -> bytes:
+        """Return the next line without its end, CR LF or LF. Raises ProtocolError for more than ``limit`` bytes."""
         searched = 0
         while True:
             place = self.memory.find(b"\n", self.start + searched, self.end)
+            searched = (place if place >= 0 else self.end) - self.start
+            if searched > limit:
+                raise ProtocolError(f"a line of more than {limit} bytes")
             if place >= 0:
                 line = bytes(self.view[self.start : place])
                 self.start = place + 1
                 return line.removesuffix(b"\r")
-            searched = self.end - self.start
-            if searched > MAX_LINE:
-                raise ProtocolError(f"a line of more than {MAX_LINE} bytes")
             self.more()
 
     def send(self, *blocks: bytes | bytearray | memoryview) -> None:
@@ -197,23 +197,14 @@ class Stream:
         copy[:] = block
         return copy
 
-    def send_bytes(self, data: bytes) -> None:
-        """Send a short piece."""
+    def send_bytes(self, data: bytes, flags: int = 0) -> None:
+        """Send a short piece. With MSG_DONTWAIT it raises WaitTimeoutError if the peer has not read earlier data."""
         try:
-            sent = self._send(data)
+            sent = self._send(data, flags)
             while sent < len(data):
-                sent += self._send(data[sent:])
+                sent += self._send(data[sent:], flags)
         except OSError as error:
             raise _failed(error, _FULL) from None
-
-    def send_at_once(self, data: bytes) -> None:
-        """Send a short piece without waiting. Raises WaitTimeoutError if the peer has not read earlier data."""
-        try:
-            sent = self._send(data, socket.MSG_DONTWAIT)
-        except OSError as error:
-            raise _failed(error, _FULL) from None
-        if sent < len(data):
-            raise WaitTimeoutError(_FULL)
 
     def close(self) -> None:
         """Close the connection and wake the threads that wait in it."""

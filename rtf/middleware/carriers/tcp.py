@@ -120,7 +120,7 @@ class TcpInput(StreamInput, PollableInputLink):
 
     def acknowledge(self, count: int) -> None:
         if self._acknowledged and count:
-            self._stream.send_at_once(_ACK * count)
+            self._stream.send_bytes(_ACK * count, socket.MSG_DONTWAIT)
 
 
 class TcpOutput(StreamOutput):
@@ -178,6 +178,7 @@ class TcpOutput(StreamOutput):
 
 
 _MOST_EXTRA = 10_000
+_RELEVANT = 128 + 15
 
 
 class Tcp(Carrier):
@@ -186,13 +187,11 @@ class Tcp(Carrier):
     name = "tcp"
     header = framing.header(131)
     acknowledged = True
-    _bits = (3, 128)
 
     def matches(self, header: bytes) -> bool:
         """Compare the lowest four bits of the carrier number, and the bit that requests acknowledgements."""
         number = framing.specifier(header)
-        code, flag = self._bits
-        return number >= 0 and number % 16 == code and number & 128 == flag
+        return number >= 0 and number & _RELEVANT == framing.specifier(self.header)
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002 - the reply comes later
         """Read the sender's name and answer with this port's number."""
@@ -215,4 +214,3 @@ class FastTcp(Tcp):
     name = "fast_tcp"
     header = framing.header(3)
     acknowledged = False
-    _bits = (3, 0)
