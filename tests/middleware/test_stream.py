@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rtf.middleware.wire.incoming_message import IncomingMessage
 
 LARGE = 3 * CHUNK
-#: Bytes in front of a block: with one of them it lies to where the kernel copies it as it should not.
+#: Bytes in front of large blocks, which then lie at all distances from the beginning of a page.
 FRONTS = range(0, 4096, 31)
 np = pytest.importorskip("numpy")
 
@@ -99,12 +99,12 @@ class TestKeeping:
             stream.take(2 * LARGE)
 
     def test_large_blocks_wherever_they_lie(self):
-        """What is sent arrives as it is, also a block that is copied first as the kernel would be slow to do it."""
+        """What is sent arrives as it is."""
         near, far = socket.socketpair()
         stream, reader = Stream(near), Stream(far)
         one, two = (bytes([number]) * LARGE for number in range(2))
         one_at, two_at = (np.frombuffer(block, np.uint8).ctypes.data for block in (one, two))
-        between = b"y" * ((two_at - one_at - LARGE) % 4096)  # so that both are slow at the same time
+        between = b"y" * ((two_at - one_at - LARGE) % 4096)  # so that both lie alike
         sender = threading.Thread(target=lambda: [stream.send(b"x" * front, one, between, two) for front in FRONTS])
         sender.start()
         arrived = [bytes(reader.take(front + 2 * LARGE + len(between))) for front in FRONTS]

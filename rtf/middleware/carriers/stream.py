@@ -29,11 +29,6 @@ JOINED = 1 << 12
 MAX_LINE = 1 << 20
 #: The largest reply, or message of a carrier without length prefix, in bytes.
 MAX_UNFRAMED = 1 << 30
-_PAGE = 1 << 12
-#: A copy that is ahead of its source by at most this many bytes is slow.
-_CLOSE = 32
-#: The largest block that is copied; the buffer for copies is as large.
-_MOST_COPIED = 4 << 20
 _timeval = struct.Struct("@ll")
 
 
@@ -48,7 +43,7 @@ class Stream:
     frequent messages access these directly; all other code uses ``peek``, ``take`` and ``window``.
     """
 
-    __slots__ = ("_copy", "_large", "_receive_into", "_send", "end", "memory", "socket", "start", "view")
+    __slots__ = ("_large", "_receive_into", "_send", "end", "memory", "socket", "start", "view")
 
     def __init__(self, connected: socket.socket) -> None:
         self.socket = connected
@@ -60,7 +55,6 @@ class Stream:
         self.start = 0
         self.end = 0
         self._large = False  # a large piece is in front of the unread bytes, and may still be in use
-        self._copy = bytearray()
 
     def limit_waiting(self, seconds: float | None) -> None:
         """Set the timeout of every read and write, after which it raises WaitTimeoutError; None: no timeout.
@@ -164,38 +158,12 @@ class Stream:
         if size <= JOINED:  # copying so few bytes is faster than a scatter-gather list
             self.send_bytes(b"".join(blocks))
             return
-        pieces = self._out_of_step(blocks)
         try:
-            sent = self.socket.sendmsg(pieces)
+            sent = self.socket.sendmsg(blocks)
             while sent < size:
-                sent += self.socket.sendmsg(_after(pieces, sent))
+                sent += self.socket.sendmsg(_after(blocks, sent))
         except OSError as error:
             raise _failed(error, _FULL) from None
-
-    def _out_of_step(self, blocks: tuple[Buffer, ...]) -> tuple[Buffer, ...]:
-        """Return the blocks, with the first that the kernel would copy slowly replaced by a copy.
-
-        The kernel copies the data to the beginning of a page. Where the destination is just ahead of the source in the
-        lowest twelve bits of the addresses, the processor stalls on false dependencies ("4K aliasing"), which takes up
-        to three times as long. A copy at another offset costs a tenth of that. Bottles of one blob, as Python allocates
-        them, nearly always have the slow alignment.
-        """
-        before = 0
-        for place, block in enumerate(blocks):
-            size = len(block)
-            if isinstance(block, bytes) and CHUNK < size <= _MOST_COPIED and _is_close(block, before):
-                return *blocks[:place], self._copied(block), *blocks[place + 1 :]
-            before += size
-        return blocks
-
-    def _copied(self, block: bytes) -> memoryview:
-        """Return a copy at an offset of half a page, in memory that the next copy reuses."""
-        size = _PAGE + len(block)
-        if not size <= len(self._copy) <= 2 * size:
-            self._copy = bytearray(size)
-        copy = memoryview(self._copy)[_PAGE // 2 :][: len(block)]
-        copy[:] = block
-        return copy
 
     def send_bytes(self, data: bytes, flags: int = 0) -> None:
         """Send a short piece. With MSG_DONTWAIT it raises WaitTimeoutError if the peer has not read earlier data."""
@@ -266,14 +234,6 @@ def _failed(error: OSError, late: str) -> MiddlewareError:
 #: Bytes that are allocated because a peer announces them, and that are kept between two messages.
 _BELIEVED = 8 << 20
 _MOST_KEPT = 4 * _BELIEVED
-
-
-def _is_close(block: bytes, before: int) -> bool:
-    """Return whether a copy of the block at offset ``before`` of a page would be just ahead of its source."""
-    import ctypes  # imported here: only large blocks need it
-
-    address = ctypes.cast(ctypes.c_char_p(block), ctypes.c_void_p).value or 0
-    return 0 < (before - address) % _PAGE <= _CLOSE
 
 
 def _after(blocks: Sequence[Buffer], sent: int) -> list[memoryview]:
