@@ -9,9 +9,12 @@ from pathlib import Path
 SCRIPT = Path(__file__).with_name("run_middleware_benchmarks.py")
 
 
-def run(*arguments: str) -> list[str]:
+BURSTS = SCRIPT.with_name("run_burst_benchmarks.py")
+
+
+def run(*arguments: str, script: Path = SCRIPT) -> list[str]:
     """What the script prints, line by line."""
-    ran = subprocess.run([sys.executable, str(SCRIPT), *arguments], check=True, text=True, capture_output=True)
+    ran = subprocess.run([sys.executable, str(script), *arguments], check=True, text=True, capture_output=True)
     assert ran.stderr == ""
     return ran.stdout.splitlines()
 
@@ -42,3 +45,12 @@ def test_priority_is_measured_or_refused():
     """Where this user may have no real-time priority the reason stands in the last line."""
     lines = run("priority", "--turns", "1")
     assert "both ends with priority" in lines[-1] or "CAP_SYS_NICE" in lines[-1]
+
+
+def test_a_burst_has_a_line_for_each_carrier_and_pair_of_programs():
+    """Ours with ours at least; few messages all arrive."""
+    title, *lines = run("--messages", "20", script=BURSTS)
+    assert title.startswith("bursts of 20 messages, load ")
+    assert [line for line in lines if "rtf to rtf" in line] == [
+        f"  {carrier:6}  rtf to rtf      20 of 20 arrived" for carrier in ("udp", "mcast")
+    ]

@@ -53,7 +53,7 @@ class Scene:
 
     def explore(self, program: Callable[[Control], None], preemptions: int = 2) -> None:
         """All schedules of a program with ports."""
-        with mock.patch.object(port, "SHARED", Deaf()):
+        with mock.patch.object(port, "SHARED_LISTENER", Deaf()):
             explore(program, *MODULES, preemptions=preemptions, shared=SHARED)
 
     @contextmanager

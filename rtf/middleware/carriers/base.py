@@ -2,22 +2,26 @@
 
 An *input link* is the end that receives messages and replies, an *output link* the end that sends. Each is used by one
 thread at a time; ``close`` may be called by any. For any behaviour of a peer, all of them raise only MiddlewareError
-and its subclasses.
+and its subclasses. ``StreamInput`` and ``StreamOutput`` are the ends of a connection over a stream, for any protocol.
 """
 
 from __future__ import annotations
 
+import contextlib
+import struct
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
 from rtf.bottle import BottleError
-from rtf.middleware.errors import ConnectError, ProtocolError
-from rtf.middleware.types.codecs import other_dialect
+from rtf.bottle.binary import TruncatedBottleError
+from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError
+from rtf.middleware.types.codecs import Arriving, other_dialect
+from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
     import socket as sockets
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from rtf.bottle import Dialect
     from rtf.middleware.carriers.stream import Stream
@@ -28,6 +32,8 @@ if TYPE_CHECKING:
 
 #: A received message: the letter of its command, the text that came with it (an envelope, a name), and the data.
 Message: TypeAlias = "tuple[str, str, Buffer]"
+#: Seconds that a peer has to answer the end of a connection.
+_PATIENCE = 1.0
 
 
 class CarrierNetwork(Protocol):
@@ -35,6 +41,9 @@ class CarrierNetwork(Protocol):
 
     @property
     def dialect(self) -> Dialect: ...
+
+    @property
+    def report(self) -> Callable[[str], object]: ...
 
     def reach(self, target: Contact, patience: float | None = None) -> Stream:
         """Open a connection to an address. Raises ConnectError."""
@@ -87,8 +96,7 @@ class InputLink(ABC):
         Raises StreamClosedError at the end of the connection.
         """
 
-    @abstractmethod
-    def answer(self, *reply: Buffer) -> None:
+    def answer(self, *reply: Buffer) -> None:  # noqa: B027 - some carriers have neither
         """Finish the last received message: send the reply, and the acknowledgement if the carrier has one."""
 
     def reversed(self, stream: Stream) -> OutputLink:  # noqa: ARG002 - for carriers that can
@@ -138,9 +146,9 @@ class OutputLink(ABC):
             self.finish()
             self.send(message)
 
-    @abstractmethod
-    def receive_reply(self, codec: Codec[Any], dialect: Dialect) -> object | None:
-        """Return the reply to the last message; None if the peer had none."""
+    def receive_reply(self, codec: Codec[Any], dialect: Dialect) -> object | None:  # noqa: ARG002
+        """Return the reply to the last message; None, the default, if the peer had none."""
+        return None
 
     def receive_reply_in_any(self, codec: Codec[Any], expected: Dialect) -> tuple[object | None, Dialect]:
         """Return the reply and the peer's dialect: the expected one, else the other one."""
@@ -150,12 +158,10 @@ class OutputLink(ABC):
             other = other_dialect(expected)  # the bytes that are invalid in one dialect are still unread
             return self.receive_reply(codec, other), other
 
-    @abstractmethod
-    def finish(self) -> None:
+    def finish(self) -> None:  # noqa: B027 - for carriers that have acknowledgements
         """Wait for the acknowledgement of the last message, if the carrier has one."""
 
-    @abstractmethod
-    def limit_waiting(self, seconds: float | None) -> None:
+    def limit_waiting(self, seconds: float | None) -> None:  # noqa: B027 - for carriers that wait
         """Set the timeout in seconds after which a wait raises WaitTimeoutError; None: no timeout."""
 
     @abstractmethod
@@ -197,9 +203,12 @@ class Carrier(ABC):
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Answer the handshake of a peer whose header has been read; ``port`` is the port that it called."""
 
-    @abstractmethod
-    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
-        """Perform the handshake with a port that is connected, on behalf of ``port``."""
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:  # noqa: ARG002
+        """Perform the handshake with a port that is connected, on behalf of ``port``.
+
+        Raises ConnectError if ports do not send by this carrier.
+        """
+        raise ConnectError(f"{target.name} cannot be connected by {self.name}, which only readers open; use tcp")
 
     def pull_from(self, stream: Stream, source: Contact) -> InputLink:  # noqa: ARG002 - for carriers that pull
         """Perform the handshake with a port that is connected, to receive from it.
@@ -207,3 +216,81 @@ class Carrier(ABC):
         Raises ConnectError if the carrier is not one of ``pull``.
         """
         raise ConnectError(f"{self.name} is not a carrier by which a port asks for messages")
+
+
+class StreamInput(InputLink):
+    """The receiving end of a connection over a stream."""
+
+    #: The acknowledgement of a message, for carriers that have one.
+    acknowledgement: ClassVar[bytes] = b""
+
+    def __init__(self, carrier: Carrier, stream: Stream, sender: str, modifiers: str = "") -> None:
+        self.carrier = carrier
+        self.sender = sender
+        self.modifiers = modifiers
+        self.endpoint = stream.socket
+        self._stream = stream
+        self._acknowledged = carrier.acknowledged
+
+    def answer(self, *reply: Buffer) -> None:
+        if self._acknowledged:
+            self._stream.send(*reply, self.acknowledgement)
+        elif reply:
+            self._stream.send(*reply)
+
+    def close(self) -> None:
+        self._stream.close()
+
+
+class StreamOutput(OutputLink):
+    """The sending end of a connection over a stream. ``_due`` counts the outstanding acknowledgements."""
+
+    def __init__(self, carrier: Carrier, stream: Stream, no_reply: bytes = b"") -> None:
+        self.carrier = carrier
+        self.endpoint = stream.socket
+        self._stream = stream
+        self._acknowledged = carrier.acknowledged
+        self._no_reply = no_reply  # the first bytes of a peer that has no reply
+        self._due = 0
+
+    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
+        """Return the reply. It has no length prefix: it is read until it is complete."""
+        stream = self._stream
+        no_reply = self._no_reply
+        if stream.start == stream.end:
+            stream.more()
+        arriving: Arriving[object] | None = None
+        while True:
+            window = stream.view[stream.start : stream.end]
+            if no_reply and stream.memory.startswith(no_reply, stream.start, stream.end):
+                return None
+            try:
+                # Usually the reply is complete, and no partial scan has to be remembered.
+                reply, size = arriving.read(window) if arriving else codec.decode_from(window, dialect)
+            except TruncatedBottleError as error:
+                arriving = arriving or Arriving(codec, dialect)
+                stream.more_towards(error.needed)
+                continue
+            stream.start += size
+            return reply
+
+    def limit_waiting(self, seconds: float | None) -> None:
+        self._stream.limit_waiting(seconds)
+
+    def close(self, *, politely: bool = True) -> None:
+        if politely:
+            with contextlib.suppress(MiddlewareError, OSError):  # the peer is gone already
+                self._stream.limit_waiting(_PATIENCE)
+                self._send_quit()
+        self._stream.close()
+
+    def _send_quit(self) -> None:
+        """Send the quit command, for protocols that have one."""
+
+
+def read_sender(stream: Stream) -> tuple[str, str]:
+    """Read the name of a binary carrier's sender, and the modifiers behind it."""
+    (size,) = struct.unpack("<i", stream.take(4))
+    raw = bytes(stream.take(min(max(size, 1), framing.MAX_NAME)))
+    name, _, modifiers = raw.split(b"\0", 1)[0].decode("utf-8", "surrogateescape").partition(" ")
+    return name, modifiers

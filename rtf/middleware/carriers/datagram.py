@@ -9,35 +9,43 @@ from __future__ import annotations
 
 import contextlib
 import os
-import select
 import socket
 import struct
-import threading
 import zlib
-from abc import abstractmethod
+from collections import deque
 from typing import TYPE_CHECKING
 
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, read_sender
 from rtf.middleware.carriers.stream import Stream, StreamClosedError
-from rtf.middleware.carriers.tcp import read_sender
 from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError, WaitTimeoutError
 from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
-    from rtf.bottle import Dialect
+    from collections.abc import Callable
+
     from rtf.middleware.carriers.base import CarrierPort, Group
-    from rtf.middleware.types.codecs import Buffer, Codec
     from rtf.middleware.wire.contact import Contact
     from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 #: The largest datagram, its first eight bytes included.
 MAX_DATAGRAM = 65_499
 _head = struct.Struct("<Ii")
-_UNCHECKED = -1
+#: Counters: of a datagram that may follow any other, and of none that may follow.
+_UNCHECKED, _NONE = -1, -2
 #: Seconds that a receiver may take to join a group.
 _JOINING = 0.5
-#: The requested size of the kernel's receive buffer, in bytes; the kernel may limit it.
+#: The requested size of the kernel's receive buffer, in bytes.
 _RECEIVE_BUFFER = 4 << 20
+#: Options of sockets that the socket module does not name (``asm-generic/socket.h``), and what the second returns
+#: (``linux/sock_diag.h``).
+_SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55
+_memory_facts = struct.Struct("9I")
+_BUFFER, _DROPS = 1, 8
+#: Room for any datagram.
+_ROOM = 1 << 16
+#: The most memory of datagrams that wait to be processed, in bytes, and what an empty one takes of it.
+_MOST_WAITING = 16 << 20
+_OVERHEAD = 64
 
 
 def cut(data: bytes, size: int = MAX_DATAGRAM) -> list[bytes]:
@@ -51,90 +59,86 @@ def cut(data: bytes, size: int = MAX_DATAGRAM) -> list[bytes]:
 
 
 class Assembler:
-    """Assembles messages from datagrams."""
+    """Assembles messages from datagrams. ``lost`` counts the messages of which only a part arrived."""
 
     def __init__(self) -> None:
         self.lost = 0
         self._data = bytearray()
-        self._next = 0  # the expected counter; -1: none,
-        self._size = 0  # size of the whole message, 0 until
-        self._begin = 0  # offset of its port command
+        self._next = _NONE  # the expected counter
 
-    def feed(self, datagram: bytes | memoryview) -> bytes | None:
+    def feed(self, datagram: bytes) -> memoryview | None:
         """Process a datagram. Return the message that it completes, from its port command on, or None."""
+        try:
+            return self._add(datagram)
+        except ProtocolError:
+            self._give_up()
+            return None
+
+    def _add(self, datagram: bytes) -> memoryview | None:
         if len(datagram) < _head.size:
-            self._give_up()
-            return None
+            raise ProtocolError(f"a datagram of {len(datagram)} bytes")
         checksum, number = _head.unpack_from(datagram)
-        payload = datagram[_head.size :]
-        if zlib.crc32(payload) != checksum:
-            self._give_up()
-            return None
+        payload = memoryview(datagram)[_head.size :]
         if number == 0:
-            if self._data:
-                self.lost += 1
-            self._data.clear()
-            self._next, self._size = 0, 0
-        if number not in (self._next, _UNCHECKED) or self._next < 0:
             self._give_up()
-            return None
+            self._next = 0
+        if self._next == _NONE or number not in (self._next, _UNCHECKED) or zlib.crc32(payload) != checksum:
+            raise ProtocolError(f"datagram {number} is damaged, or those before it are missing")
         self._next += 1
         self._data += payload
-        return self._complete()
-
-    def _complete(self) -> bytes | None:
-        if not self._size:
-            try:
-                self._size = self._measure()
-            except ProtocolError:
-                self._give_up()
-                return None
-        if not self._size or len(self._data) < self._size:
+        begin, end = self._extent()
+        if len(self._data) < end:
             return None
-        message = bytes(self._data[self._begin : self._size])
-        self._data.clear()
-        self._next = -1
+        message = memoryview(self._data)[begin:end]
+        self._data, self._next = bytearray(), _NONE
         return message
 
-    def _measure(self) -> int:
-        """Return the size of the whole message, 0 until its index is complete."""
-        if len(self._data) < framing.INDEX_SIZE:
-            return 0
-        blocks, rest = framing.index_rest(self._data)
-        self._begin = framing.INDEX_SIZE + rest
-        if len(self._data) < self._begin:
-            return 0
-        return self._begin + framing.message_size(self._data, framing.INDEX_SIZE, blocks)
+    def _extent(self) -> tuple[int, int]:
+        """Return where the message begins and ends. Until its index is complete that is the end of the index."""
+        data = self._data
+        begin = framing.INDEX_SIZE
+        if len(data) < begin:
+            return 0, begin
+        blocks, rest = framing.index_rest(data)
+        begin += rest
+        if len(data) < begin:
+            return 0, begin
+        return begin, begin + framing.message_size(data, framing.INDEX_SIZE, blocks)
 
     def _give_up(self) -> None:
-        if self._next > 0 or self._data:
-            self.lost += 1
+        self.lost += bool(self._data)
         self._data.clear()
-        self._next = -1
+        self._next = _NONE
 
 
 class DatagramInput(InputLink):
-    """The receiving end."""
+    """The receiving end.
+
+    A sender does not wait for a slow reader, and the kernel keeps few datagrams. So all that have arrived are taken out
+    of its buffer before each message: what is left to be lost is what arrives while one message is processed.
+    """
 
     endpoint: socket.socket
     reuses = 0
 
     def __init__(
-        self, carrier: Carrier, receiving: socket.socket, sender: str, modifiers: str, reply: bytes = b""
+        self,
+        carrier: Carrier,
+        receiving: socket.socket,
+        caller: tuple[str, str],
+        report: Callable[[str], object],
+        reply: bytes = b"",
     ) -> None:
         self.carrier = carrier
-        self._reply = reply
-        self.sender = sender
-        self.modifiers = modifiers
         self.endpoint = receiving
-        self.assembler = Assembler()
-        self._buffer = memoryview(bytearray(1 << 16))
-        self._bell = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
-        self._poll = select.poll()
-        self._poll.register(receiving, select.POLLIN)
-        self._poll.register(self._bell, select.POLLIN)
+        self.sender, self.modifiers = caller
+        self._report = report
+        self._reply = reply
+        self._assembler = Assembler()
+        self._waiting: deque[bytes] = deque()
+        self._size = 0  # memory of the waiting datagrams
         self._closed = False
-        self._ending = threading.Lock()  # the descriptor of a closed eventfd is soon reused
+        self._report = report
 
     def welcome(self, stream: Stream, port: CarrierPort) -> None:  # noqa: ARG002 - the reply has the number of the datagrams
         if self._reply:
@@ -143,35 +147,62 @@ class DatagramInput(InputLink):
 
     def receive(self) -> Message:
         while True:
-            self._poll.poll()
-            if self._closed:
-                raise StreamClosedError(f"{self.sender} stopped sending")
-            try:
-                size = self.endpoint.recv_into(self._buffer, 0, socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                continue  # the datagram had a wrong UDP checksum
-            except OSError as error:
-                raise StreamClosedError(f"cannot receive from {self.sender}: {error.strerror}") from None
-            message = self.assembler.feed(self._buffer[:size])
+            self._take_all()
+            datagram = self._waiting.popleft()
+            self._size -= len(datagram) + _OVERHEAD
+            message = self._assembler.feed(datagram)
             if message is not None:
                 with contextlib.suppress(ProtocolError):  # an invalid message counts as lost
                     command = framing.read_command(message)
                     return command.key, command.text, memoryview(message)[command.data :]
 
-    def answer(self, *reply: Buffer) -> None:
-        """Do nothing: datagrams have no replies."""
+    def _take_all(self) -> None:
+        """Take the datagrams that have arrived. Wait for one if none is waiting."""
+        take, waiting = self.endpoint.recv, self._waiting
+        flags = socket.MSG_DONTWAIT if waiting else 0
+        try:
+            while self._size < _MOST_WAITING and not self._closed:
+                datagram = take(_ROOM, flags)
+                waiting.append(datagram)
+                self._size += len(datagram) + _OVERHEAD
+                flags = socket.MSG_DONTWAIT
+        except BlockingIOError:
+            pass  # these were all
+        except OSError as error:
+            raise StreamClosedError(f"cannot receive from {self.sender}: {error.strerror}") from None
+        if self._closed:
+            raise StreamClosedError(f"{self.sender} stopped sending")
 
     def close(self) -> None:
         self._closed = True
-        with self._ending:
-            if self._bell >= 0:
-                os.eventfd_write(self._bell, 1)
+        with contextlib.suppress(OSError):  # "not connected" is what a group says, but the wait ends
+            self.endpoint.shutdown(socket.SHUT_RD)
 
     def release(self) -> None:
+        dropped, room = _kernel_buffer(self.endpoint)
         self.endpoint.close()
-        with self._ending:
-            bell, self._bell = self._bell, -1
-            os.close(bell)
+        lost = self._assembler.lost
+        if dropped or lost:
+            self._report(
+                f"Messages from {self.sender} were lost: {lost} arrived incomplete, and {dropped} datagrams came when "
+                f"the kernel's buffer of {room} bytes was full; connect by tcp, or raise net.core.rmem_max"
+            )
+
+
+def _receiving_socket() -> socket.socket:
+    """Return a socket with a large buffer, as far as the kernel permits: unless privileged, ``net.core.rmem_max``."""
+    receiving = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        receiving.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _RECEIVE_BUFFER)
+    except PermissionError:
+        receiving.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+    return receiving
+
+
+def _kernel_buffer(receiving: socket.socket) -> tuple[int, int]:
+    """Return how many datagrams the kernel had no room for, and the size of its buffer in bytes."""
+    facts = _memory_facts.unpack(receiving.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _memory_facts.size))
+    return facts[_DROPS], facts[_BUFFER]
 
 
 class DatagramOutput(OutputLink):
@@ -188,8 +219,7 @@ class DatagramOutput(OutputLink):
         self._size = int(os.environ.get(f"YARP_{carrier.name.upper()}_SIZE") or os.environ.get("YARP_DGRAM_SIZE") or 0)
 
     def send(self, message: OutgoingMessage) -> None:
-        command = framing.command(message.key, message.envelope)
-        data = b"".join([framing.index_of_two(len(command), message.size), command, *message.blocks])
+        data = b"".join([framing.front(message.key, message.envelope, message.size), *message.blocks])
         try:
             for datagram in cut(data, self._size or MAX_DATAGRAM):
                 self.endpoint.send(datagram)
@@ -197,15 +227,6 @@ class DatagramOutput(OutputLink):
             return  # the other end is down now;
         except OSError as error:
             raise StreamClosedError(f"cannot send to {self._target.name}: {error.strerror}") from None
-
-    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
-        """Return None: datagrams have no replies."""
-
-    def finish(self) -> None:
-        """Do nothing: datagrams have no acknowledgements."""
-
-    def limit_waiting(self, seconds: float | None) -> None:
-        """Do nothing: sending does not wait."""
 
     def close(self, *, politely: bool = True) -> None:
         """End the connection; ``politely`` tells the other port over a separate connection."""
@@ -232,10 +253,6 @@ class Datagrams(Carrier):
         number = framing.specifier(header)
         return number >= 0 and number % 16 == framing.specifier(self.header)
 
-    @abstractmethod
-    def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
-        """See the base."""
-
 
 class Udp(Datagrams):
     """One sender, one receiver. The receiver takes datagrams only from the address that made the handshake."""
@@ -245,16 +262,16 @@ class Udp(Datagrams):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Answer with the UDP port number to send to."""
-        sender, modifiers = read_sender(stream)
-        receiving = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        caller = read_sender(stream)
+        receiving = _receiving_socket()
         try:
-            receiving.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
             receiving.bind((stream.socket.getsockname()[0] or port.contact.host, 0))
             receiving.connect(stream.socket.getpeername()[:2])
         except OSError:  # the caller is gone
             receiving.close()
             raise
-        return DatagramInput(self, receiving, sender, modifiers, reply=framing.yarp_number(receiving.getsockname()[1]))
+        reply = framing.yarp_number(receiving.getsockname()[1])
+        return DatagramInput(self, receiving, caller, port.network.report, reply)
 
     def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Send from the local address of the handshake."""
@@ -295,13 +312,6 @@ class McastOutput(DatagramOutput):
         super().close(politely=politely)
 
 
-def _wait_until_joined(stream: Stream) -> None:
-    """Wait until the receiver has joined: it closes the handshake then. Earlier datagrams would be lost."""
-    stream.limit_waiting(_JOINING)
-    with contextlib.closing(stream), contextlib.suppress(StreamClosedError, WaitTimeoutError):
-        stream.more()
-
-
 class Mcast(Datagrams):
     """One sender, any number of receivers, each datagram sent once."""
 
@@ -310,21 +320,20 @@ class Mcast(Datagrams):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Join the multicast group that the caller names."""
-        sender, modifiers = read_sender(stream)
+        caller = read_sender(stream)
         group, number = struct.unpack(">4sH", stream.take(6))
         interface = socket.inet_aton(stream.socket.getsockname()[0] or port.contact.host)
         if not 224 <= group[0] <= 239:  # noqa: PLR2004 - the addresses of groups (RFC 5771)
-            raise ProtocolError(f"{sender} named {socket.inet_ntoa(group)}, which is not a multicast group")
-        receiving = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            raise ProtocolError(f"{caller[0]} named {socket.inet_ntoa(group)}, which is not a multicast group")
+        receiving = _receiving_socket()
         try:
             receiving.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            receiving.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
             receiving.bind((socket.inet_ntoa(group), number))
             receiving.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group + interface)
         except OSError as error:
             receiving.close()
             raise ConnectError(f"cannot join {socket.inet_ntoa(group)}:{number}: {error.strerror}") from None
-        return DatagramInput(self, receiving, sender, modifiers)
+        return DatagramInput(self, receiving, caller, port.network.report)
 
     def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Send the address of the group; the receiver does not answer."""
@@ -339,5 +348,8 @@ class Mcast(Datagrams):
         except OSError:
             sending.close()
             raise
-        _wait_until_joined(stream)
+        # The receiver closes the handshake when it has joined. Earlier datagrams would be lost.
+        stream.limit_waiting(_JOINING)
+        with contextlib.closing(stream), contextlib.suppress(StreamClosedError, WaitTimeoutError):
+            stream.more()
         return McastOutput(self, sending, port, target, group)

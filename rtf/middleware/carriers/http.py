@@ -22,9 +22,9 @@ import h11
 
 from rtf.bottle import Bottle, BottleError
 from rtf.middleware.carriers import http_page
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, StreamInput
 from rtf.middleware.carriers.stream import StreamClosedError
-from rtf.middleware.errors import ConnectError, ProtocolError
+from rtf.middleware.errors import ProtocolError
 
 if TYPE_CHECKING:
     from typing import NoReturn
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from rtf.middleware.carriers.base import CarrierPort
     from rtf.middleware.carriers.stream import Stream
     from rtf.middleware.types.codecs import Buffer
-    from rtf.middleware.wire.contact import Contact
 
 #: The longest head of a request, in bytes; browsers send less than two thousand.
 MAX_HEAD = 1 << 14
@@ -48,16 +47,11 @@ _METHODS = (b"GET", b"HEAD", b"POST", b"PUT", b"DELETE", b"PATCH", b"OPTIONS")
 _TOKEN = secrets.token_urlsafe(16)
 
 
-class HttpInput(InputLink):
+class HttpInput(StreamInput):
     """One request of a browser. A page is sent at once; a form is a message to the owner of the port."""
 
-    #: Not the name of a port, so that several browsers can ask one port at once.
-    sender = "http"
-
     def __init__(self, carrier: Carrier, stream: Stream, port: CarrierPort) -> None:
-        self.carrier = carrier
-        self.endpoint = stream.socket
-        self._stream = stream
+        super().__init__(carrier, stream, "http")  # not the name of a port: several browsers can ask one port at once
         self._port = port
         self._conversation = h11.Connection(h11.SERVER, max_incomplete_event_size=MAX_HEAD)
         self._sent = ""
@@ -179,9 +173,6 @@ class HttpInput(InputLink):
         parts.append(conversation.send(h11.EndOfMessage()))
         self._stream.send(*(part for part in parts if part))
 
-    def close(self) -> None:
-        self._stream.close()
-
 
 class Http(Carrier):
     """Requests of browsers."""
@@ -199,10 +190,6 @@ class Http(Carrier):
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Return the link: there is no handshake before the request."""
         return HttpInput(self, stream, port)
-
-    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:  # noqa: ARG002
-        """Refuse: ports do not send to browsers."""
-        raise ConnectError(f"{target.name} cannot be connected by http, which is for browsers; use tcp")
 
 
 def _is_this_machine(host: str) -> bool:

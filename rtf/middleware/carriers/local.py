@@ -9,15 +9,16 @@ import threading
 from typing import TYPE_CHECKING
 from weakref import WeakValueDictionary
 
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, StreamInput, StreamOutput, read_sender
 from rtf.middleware.carriers.stream import StreamClosedError
 from rtf.middleware.errors import ConnectError
+from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
     from rtf.bottle import Dialect
     from rtf.middleware.carriers.base import CarrierPort
     from rtf.middleware.carriers.stream import Stream
-    from rtf.middleware.types.codecs import Buffer, Codec
+    from rtf.middleware.types.codecs import Codec
     from rtf.middleware.wire.contact import Contact
     from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
@@ -36,34 +37,20 @@ def ports_here() -> list[CarrierPort]:
     return [port for port in ports if port is not None and not port.closed]
 
 
-class LocalInput(InputLink):
+class LocalInput(StreamInput):
     """The receiving end. It only notices the end of the connection; messages bypass it."""
-
-    def __init__(self, carrier: Carrier, stream: Stream, sender: str) -> None:
-        self.carrier = carrier
-        self.sender = sender
-        self.endpoint = stream.socket
-        self._stream = stream
 
     def receive(self) -> Message:
         """Wait for the end of the connection: messages bypass this link."""
         while True:
             self._stream.take(1)
 
-    def answer(self, *reply: Buffer) -> None:
-        """Do nothing: replies bypass this link."""
 
-    def close(self) -> None:
-        self._stream.close()
-
-
-class LocalOutput(OutputLink):
+class LocalOutput(StreamOutput):
     """The sending end: it calls the receiving port directly."""
 
     def __init__(self, carrier: Carrier, stream: Stream, sender: str, target: CarrierPort) -> None:
-        self.carrier = carrier
-        self.endpoint = stream.socket
-        self._stream = stream
+        super().__init__(carrier, stream)
         self._sender = sender
         self._target = target
         self._reply: tuple[object, Codec[object]] | None = None
@@ -84,15 +71,9 @@ class LocalOutput(OutputLink):
             return value
         return codec.decode(b"".join(written.encode(value, dialect)), dialect)
 
-    def finish(self) -> None:
-        """Do nothing: ``send`` has already waited."""
-
-    def limit_waiting(self, seconds: float | None) -> None:
-        """Do nothing: the receiving port's callback runs in this thread."""
-
-    def close(self, *, politely: bool = True) -> None:  # noqa: ARG002 - the peer sees the end of the stream
+    def close(self, *, politely: bool = True) -> None:
         self._closed.set()
-        self._stream.close()
+        super().close(politely=politely)
 
 
 class Local(Carrier):
@@ -104,14 +85,10 @@ class Local(Carrier):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002
         """Read the caller's name."""
-        from rtf.middleware.carriers.tcp import read_sender
-
         return LocalInput(self, stream, read_sender(stream)[0])
 
     def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Find the target port in this process."""
-        from rtf.middleware.wire import framing
-
         other = _ports.get((target.host, target.port))
         if other is None:
             raise ConnectError(f"{target.name} is not a port of this process: connect it by tcp or unix_stream")

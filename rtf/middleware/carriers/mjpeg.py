@@ -14,7 +14,7 @@ import numpy as np
 
 from rtf.bottle import Dialect
 from rtf.errors import RtfError
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, StreamInput, StreamOutput
 from rtf.middleware.errors import ConnectError, ProtocolError
 from rtf.middleware.types.image import Image
 
@@ -45,16 +45,13 @@ MAX_PIXELS = 1 << 26
 _QUALITY = 85
 
 
-class MjpegRequest(InputLink):
+class MjpegRequest(StreamInput):
     """The request of a reader. It asks at once that the connection is reversed."""
 
     def __init__(self, carrier: Carrier, stream: Stream) -> None:
         host, number = stream.socket.getpeername()[:2]
-        #: Not the name of a port: a reader does not give one, and each is an output of its own.
-        self.sender = f"mjpeg-{host}:{number}"
-        self.carrier = carrier
-        self.endpoint = stream.socket
-        self._stream = stream
+        # Not the name of a port: a reader does not give one, and each is an output of its own.
+        super().__init__(carrier, stream, f"mjpeg-{host}:{number}")
 
     def receive(self) -> Message:
         """Return the command that reverses the connection."""
@@ -67,17 +64,9 @@ class MjpegRequest(InputLink):
     def reversed(self, stream: Stream) -> OutputLink:
         return MjpegOutput(self.carrier, stream)
 
-    def close(self) -> None:
-        self._stream.close()
 
-
-class MjpegOutput(OutputLink):
+class MjpegOutput(StreamOutput):
     """The sending end. Nothing is acknowledged, so a slow reader is noticed when the network's buffers are full."""
-
-    def __init__(self, carrier: Carrier, stream: Stream) -> None:
-        self.carrier = carrier
-        self.endpoint = stream.socket
-        self._stream = stream
 
     def send(self, message: OutgoingMessage) -> None:
         """Send a picture. Raises ProtocolError for any other object, which ends the connection."""
@@ -93,24 +82,9 @@ class MjpegOutput(OutputLink):
     def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:  # noqa: ARG002 - there is none
         return None
 
-    def finish(self) -> None:
-        """Return at once: there is no acknowledgement."""
 
-    def limit_waiting(self, seconds: float | None) -> None:
-        self._stream.limit_waiting(seconds)
-
-    def close(self, *, politely: bool = True) -> None:  # noqa: ARG002 - the end of the stream says it
-        self._stream.close()
-
-
-class MjpegInput(InputLink):
+class MjpegInput(StreamInput):
     """The receiving end, of a connection that this side has opened."""
-
-    def __init__(self, carrier: Carrier, stream: Stream, sender: str) -> None:
-        self.carrier = carrier
-        self.endpoint = stream.socket
-        self.sender = sender
-        self._stream = stream
 
     def receive(self) -> Message:
         """Wait for the next picture and return it as an encoded image in ``rgb``."""
@@ -120,12 +94,6 @@ class MjpegInput(InputLink):
         size = _length(head)
         picture, envelope = decode_jpeg(bytes(stream.take(size)))
         return "D", envelope, b"".join(IMAGE.encode(picture, Dialect.YARP3))
-
-    def answer(self, *reply: Buffer) -> None:
-        """Do nothing: a sender of pictures does not listen."""
-
-    def close(self) -> None:
-        self._stream.close()
 
 
 class Mjpeg(Carrier):
@@ -142,10 +110,6 @@ class Mjpeg(Carrier):
             raise ConnectError("Outputs not allowed")
         _lines(stream)
         return MjpegRequest(self, stream)
-
-    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:  # noqa: ARG002
-        """Refuse: the reader opens the connection."""
-        raise ConnectError(f"{target.name} cannot be sent to by mjpeg: a reader asks for pictures itself")
 
     def pull_from(self, stream: Stream, source: Contact) -> InputLink:
         """Ask a port or a network camera for its pictures."""

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
-from rtf.middleware.errors import ConnectError, ProtocolError
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, StreamInput
 
 if TYPE_CHECKING:
     from rtf.middleware.carriers.base import CarrierPort
     from rtf.middleware.carriers.stream import Stream
-    from rtf.middleware.types.codecs import Buffer
-    from rtf.middleware.wire.contact import Contact
 
 _PREFIX = b"NAME_SERVER"
 #: The longest command, in bytes. The longest useful one names every carrier and address of a machine.
@@ -24,39 +21,14 @@ MAX_COMMAND = 1 << 14
 _PATIENCE = 30.0
 
 
-class NameSerInput(InputLink):
+class NameSerInput(StreamInput):
     """The receiving end."""
-
-    sender = "anon"
-
-    def __init__(self, carrier: Carrier, stream: Stream) -> None:
-        self.carrier = carrier
-        self.endpoint = stream.socket
-        self._stream = stream
 
     def receive(self) -> Message:
         """Wait for the next command. A line without the prefix is an empty command."""
         self._stream.limit_waiting(_PATIENCE)
-        prefix, _, command = self._take_line().partition(b" ")
+        prefix, _, command = self._stream.take_line(MAX_COMMAND).partition(b" ")
         return "d", "", command if prefix == _PREFIX else b""
-
-    def _take_line(self) -> bytes:
-        stream = self._stream
-        while (end := bytes(stream.window()).find(b"\n")) < 0:
-            if stream.buffered > MAX_COMMAND:
-                raise ProtocolError(f"a command of more than {MAX_COMMAND} bytes")
-            stream.more()
-        line = bytes(stream.take(end + 1)[:-1])
-        if len(line) > MAX_COMMAND:
-            raise ProtocolError(f"a command of {len(line)} bytes; at most {MAX_COMMAND} are accepted")
-        return line.removesuffix(b"\r")
-
-    def answer(self, *reply: Buffer) -> None:
-        if reply:
-            self._stream.send(*reply)
-
-    def close(self) -> None:
-        self._stream.close()
 
 
 class NameSer(Carrier):
@@ -69,8 +41,4 @@ class NameSer(Carrier):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002 - there is no greeting
         """Return the link: there is no handshake before the first command."""
-        return NameSerInput(self, stream)
-
-    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:  # noqa: ARG002
-        """Refuse: ports do not send to a name server."""
-        raise ConnectError(f"{target.name} cannot be connected by name_ser, which is for asking name servers; use tcp")
+        return NameSerInput(self, stream, "anon")

@@ -6,11 +6,14 @@ import contextlib
 import os
 import select
 import threading
+from functools import partial
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import socket
     from collections.abc import Callable
+
+    Taker = Callable[[socket.socket], None]
 
 
 class SocketWatcher:
@@ -105,3 +108,33 @@ class SocketWatcher:
             self._thread = self._poll = None
             self._changed.notify_all()
             return True
+
+
+class Listener:
+    """Accepts connections on any number of listening sockets: five hundred idle ports cost one thread."""
+
+    def __init__(self) -> None:
+        self._watcher = SocketWatcher("rtf-listener")
+
+    def add(self, listening: socket.socket, take: Taker) -> None:
+        """Call ``take`` with each accepted connection, in the listener's thread: it must not block."""
+        listening.setblocking(False)
+        self._watcher.add(listening, partial(_accept, listening, take))
+
+    def remove(self, listening: socket.socket) -> None:
+        """Stop accepting on a socket and close it."""
+        self._watcher.remove(listening)
+        listening.close()
+
+
+def _accept(listening: socket.socket, take: Taker) -> None:
+    try:
+        connection, _ = listening.accept()
+    except OSError:
+        return  # the caller is gone, or no file descriptor is free: it may try again
+    connection.setblocking(True)
+    take(connection)
+
+
+#: The listener of this process, for all ports.
+SHARED_LISTENER = Listener()

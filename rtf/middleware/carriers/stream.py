@@ -29,11 +29,6 @@ JOINED = 1 << 12
 MAX_LINE = 1 << 20
 #: The largest reply, or message of a carrier without length prefix, in bytes.
 MAX_UNFRAMED = 1 << 30
-_PAGE = 1 << 12
-#: A copy that is ahead of its source by at most this many bytes is slow.
-_CLOSE = 32
-#: The largest block that is copied; the buffer for copies is as large.
-_MOST_COPIED = 4 << 20
 _timeval = struct.Struct("@ll")
 
 
@@ -48,7 +43,7 @@ class Stream:
     frequent messages access these directly; all other code uses ``peek``, ``take`` and ``window``.
     """
 
-    __slots__ = ("_copy", "_receive_into", "_send", "_spare", "end", "memory", "socket", "start", "view")
+    __slots__ = ("_large", "_receive_into", "_send", "end", "memory", "socket", "start", "view")
 
     def __init__(self, connected: socket.socket) -> None:
         self.socket = connected
@@ -59,8 +54,7 @@ class Stream:
         self.view = memoryview(self.memory)
         self.start = 0
         self.end = 0
-        self._spare = bytearray()
-        self._copy = bytearray()
+        self._large = False  # a large piece is in front of the unread bytes, and may still be in use
 
     def limit_waiting(self, seconds: float | None) -> None:
         """Set the timeout of every read and write, after which it raises WaitTimeoutError; None: no timeout.
@@ -78,51 +72,32 @@ class Stream:
         """The number of received, unread bytes."""
         return self.end - self.start
 
-    def await_size(self, size: int) -> None:
-        """Wait until ``size`` bytes are received and unread. The buffer grows as needed."""
-        while self.end - self.start < size:
-            self.more(size)
-
     def peek(self, size: int) -> memoryview:
         """Return the next ``size`` bytes (at most a buffer) without consuming them. Valid until the next call."""
-        self.await_size(size)
+        while self.end - self.start < size:
+            self.more(size)
         return self.view[self.start : self.start + size]
 
     def window(self) -> memoryview:
         """Return all received, unread bytes, without consuming them."""
         return self.view[self.start : self.end]
 
-    def more(self, size: int = 1) -> None:
-        """Wait for at least one more byte. The buffer grows as needed to hold ``size`` bytes."""
+    def more(self, size: int = 1, flags: int = 0) -> None:
+        """Wait for at least one more byte. The buffer grows as needed to hold ``size`` bytes.
+
+        With MSG_DONTWAIT it raises WaitTimeoutError if nothing has arrived.
+        """
         start, end = self.start, self.end
-        if start == end:
+        if start == end and not self._large:
             self.start = self.end = start = end = 0
         room = len(self.memory) - start
-        if room < size or room == end - start:
+        if room < size or room == end - start or self._large:
             self._make_room(max(size, end - start + 1))
             end = self.end
         try:  # no helper function: most messages arrive through this call
-            count = self._receive_into(self.view[end:] if end else self.memory)
+            count = self._receive_into(self.view[end:] if end else self.memory, 0, flags)
         except OSError as error:
-            raise _not_received(error) from None
-        if count == 0:
-            raise StreamClosedError(_LEFT)
-        self.end = end + count
-
-    def fill(self) -> None:
-        """Read what has arrived, without waiting. The buffer grows while more arrives than it can hold."""
-        start, end = self.start, self.end
-        if start == end:
-            self.start = self.end = end = 0
-        elif end == len(self.memory):
-            self._make_room(min(2 * end, CHUNK) if start == 0 and end < CHUNK else end - start + 1)
-            end = self.end
-        try:
-            count = self._receive_into(self.view[end:], 0, socket.MSG_DONTWAIT)
-        except BlockingIOError:
-            return
-        except OSError as error:
-            raise _not_received(error) from None
+            raise _failed(error, _SILENT) from None
         if count == 0:
             raise StreamClosedError(_LEFT)
         self.end = end + count
@@ -135,7 +110,7 @@ class Stream:
         if size > MAX_UNFRAMED:
             raise ProtocolError(f"{size} bytes are announced; at most {MAX_UNFRAMED} are accepted")
         wanted = min(size, max(_BELIEVED, 2 * self.buffered))
-        if len(self.memory) - self.start < wanted:
+        if len(self.memory) - self.start < wanted or self._large:
             self._make_room(wanted)
         while self.end - self.start < wanted:  # not more, so that no bytes of the next object have to be moved
             self.end += self._receive(self.view[self.end : self.start + wanted])
@@ -145,70 +120,36 @@ class Stream:
         self.start += size
 
     def take(self, size: int) -> memoryview:
-        """Return the next ``size`` bytes. Up to CHUNK bytes are valid until the next call.
+        """Return the next ``size`` bytes. Up to CHUNK bytes are valid until the next call, more while it is referenced.
 
-        A larger piece gets memory of its own, which is not reused while it is referenced.
+        Memory for a large piece is allocated as bytes arrive, not on the peer's announcement, and is reused for the
+        next one if nothing refers to it by then: it is still in the processor's cache.
         """
         if size <= CHUNK:
             data = self.peek(size)
-            self.start += size
-            return data
-        if size > _BELIEVED:
-            return self._take_large(size)
-        # The memory of the previous message is still in the processor's cache; it is reused unless that message is
-        # referenced.
-        if self._spare_references() > _spare_unshared or not size <= len(self._spare) <= 2 * size:
-            self._spare = bytearray(size)
-        return self._into(memoryview(self._spare)[:size])
-
-    def lend(self, size: int) -> memoryview:
-        """Return the next ``size`` bytes, already received, as a view that stays valid while it is referenced."""
-        return memoryview(self.memory)[self.start : self.start + size]
-
-    def pass_lent(self, size: int) -> None:
-        """Consume bytes that were returned by ``lend``. If they are still referenced, the buffer is replaced."""
+        else:
+            while self.end - self.start < size:
+                self.more_towards(size)
+            data = memoryview(self.memory)[self.start : self.start + size]
+            self._large = True
         self.start += size
-        if self._references() > _unshared:
-            rest = self.view[self.start : self.end]
-            self.memory = bytearray(len(self.memory))
-            self.view = memoryview(self.memory)
-            self.start, self.end = 0, len(rest)
-            self.view[: self.end] = rest
-
-    def _into(self, own: memoryview) -> memoryview:
-        have = min(self.end - self.start, len(own))
-        own[:have] = self.view[self.start : self.start + have]
-        self.start += have
-        while have < len(own):
-            have += self._receive(own[have:])
-        return own
-
-    def _take_large(self, size: int) -> memoryview:
-        """Read a large piece. Memory is allocated in steps as bytes arrive, not on the peer's announcement."""
-        grown = bytearray()
-        while len(grown) < size:
-            part = min(size - len(grown), max(_BELIEVED, len(grown)))
-            grown += self._into(memoryview(bytearray(part)))
-        return memoryview(grown)
+        return data
 
     def _references(self) -> int:
         return sys.getrefcount(self.memory)
 
-    def _spare_references(self) -> int:
-        return sys.getrefcount(self._spare)
-
-    def take_line(self) -> bytes:
-        """Return the next line without its end, CR LF or LF."""
+    def take_line(self, limit: int = MAX_LINE) -> bytes:
+        """Return the next line without its end, CR LF or LF. Raises ProtocolError for more than ``limit`` bytes."""
         searched = 0
         while True:
             place = self.memory.find(b"\n", self.start + searched, self.end)
+            searched = (place if place >= 0 else self.end) - self.start
+            if searched > limit:
+                raise ProtocolError(f"a line of more than {limit} bytes")
             if place >= 0:
                 line = bytes(self.view[self.start : place])
                 self.start = place + 1
                 return line.removesuffix(b"\r")
-            searched = self.end - self.start
-            if searched > MAX_LINE:
-                raise ProtocolError(f"a line of more than {MAX_LINE} bytes")
             self.more()
 
     def send(self, *blocks: bytes | bytearray | memoryview) -> None:
@@ -217,61 +158,25 @@ class Stream:
         if size <= JOINED:  # copying so few bytes is faster than a scatter-gather list
             self.send_bytes(b"".join(blocks))
             return
-        pieces = self._out_of_step(blocks)
         try:
-            sent = self.socket.sendmsg(pieces)
+            sent = self.socket.sendmsg(blocks)
             while sent < size:
-                sent += self.socket.sendmsg(_after(pieces, sent))
+                sent += self.socket.sendmsg(_after(blocks, sent))
         except OSError as error:
-            raise _not_sent(error) from None
+            raise _failed(error, _FULL) from None
 
-    def _out_of_step(self, blocks: tuple[Buffer, ...]) -> tuple[Buffer, ...]:
-        """Return the blocks, with the first that the kernel would copy slowly replaced by a copy.
-
-        The kernel copies the data to the beginning of a page. Where the destination is just ahead of the source in the
-        lowest twelve bits of the addresses, the processor stalls on false dependencies ("4K aliasing"), which takes up
-        to three times as long. A copy at another offset costs a tenth of that. Bottles of one blob, as Python allocates
-        them, nearly always have the slow alignment.
-        """
-        before = 0
-        for place, block in enumerate(blocks):
-            size = len(block)
-            if isinstance(block, bytes) and CHUNK < size <= _MOST_COPIED and _is_close(block, before):
-                return *blocks[:place], self._copied(block), *blocks[place + 1 :]
-            before += size
-        return blocks
-
-    def _copied(self, block: bytes) -> memoryview:
-        """Return a copy at an offset of half a page, in memory that the next copy reuses."""
-        size = _PAGE + len(block)
-        if not size <= len(self._copy) <= 2 * size:
-            self._copy = bytearray(size)
-        copy = memoryview(self._copy)[_PAGE // 2 :][: len(block)]
-        copy[:] = block
-        return copy
-
-    def send_bytes(self, data: bytes) -> None:
-        """Send a short piece."""
+    def send_bytes(self, data: bytes, flags: int = 0) -> None:
+        """Send a short piece. With MSG_DONTWAIT it raises WaitTimeoutError if the peer has not read earlier data."""
         try:
-            sent = self._send(data)
+            sent = self._send(data, flags)
             while sent < len(data):
-                sent += self._send(data[sent:])
+                sent += self._send(data[sent:], flags)
         except OSError as error:
-            raise _not_sent(error) from None
-
-    def send_at_once(self, data: bytes) -> None:
-        """Send a short piece without waiting. Raises WaitTimeoutError if the peer has not read earlier data."""
-        try:
-            sent = self._send(data, socket.MSG_DONTWAIT)
-        except OSError as error:
-            raise _not_sent(error) from None
-        if sent < len(data):
-            raise WaitTimeoutError(_FULL)
+            raise _failed(error, _FULL) from None
 
     def close(self) -> None:
         """Close the connection and wake the threads that wait in it."""
-        with contextlib.suppress(OSError):
-            self.socket.shutdown(socket.SHUT_RDWR)
+        self.wake()
         self.socket.close()
 
     def wake(self) -> None:
@@ -280,57 +185,55 @@ class Stream:
             self.socket.shutdown(socket.SHUT_RDWR)
 
     def _make_room(self, size: int) -> None:
+        """Move the unread bytes to the front, and make room for ``size`` from there.
+
+        The memory is replaced if it is too small, or huge, or a large piece in it is still referenced.
+        """
         waiting = bytes(self.view[self.start : self.end])
-        if size > len(self.memory):
-            self.memory = bytearray(max(2 * len(self.memory), size))
+        room = len(self.memory)
+        if size > room:
+            room = max(2 * room, size + CHUNK)  # so that the next large message needs no new memory for its front
+        elif self._large and room > _MOST_KEPT:
+            room = size + CHUNK
+        if room != len(self.memory) or (self._large and self._references() > _unshared):
+            self.memory = bytearray(room)
             self.view = memoryview(self.memory)
         self.view[: len(waiting)] = waiting
         self.start, self.end = 0, len(waiting)
+        self._large = False
 
     def _receive(self, into: memoryview) -> int:
         try:
             count = self._receive_into(into)
         except OSError as error:
-            raise _not_received(error) from None
+            raise _failed(error, _SILENT) from None
         if count == 0:
             raise StreamClosedError(_LEFT)
         return count
 
 
-def _count_references() -> tuple[int, int]:
-    """Return the reference counts of the two buffers of a stream when nothing else refers to them."""
+def _count_references() -> int:
+    """Return the reference count of the memory of a stream when nothing else refers to it."""
     with socket.socket() as nowhere:
-        stream = Stream(nowhere)
-        return stream._references(), stream._spare_references()  # noqa: SLF001 - of this module
+        return Stream(nowhere)._references()  # noqa: SLF001 - of this module
 
 
-_unshared, _spare_unshared = _count_references()
+_unshared = _count_references()
 _LEFT = "the peer closed the connection"
+_SILENT = "the peer did not answer in time"
 _FULL = "the peer does not read what is sent to it"
 
 
-def _not_received(error: OSError) -> MiddlewareError:
+def _failed(error: OSError, late: str) -> MiddlewareError:
+    """Return what a failed system call means; ``late`` is said of a timeout."""
     if isinstance(error, BlockingIOError):
-        return WaitTimeoutError("the peer did not answer in time")
+        return WaitTimeoutError(late)
     return StreamClosedError(f"the peer is gone: {error.strerror or error}")
 
 
-def _not_sent(error: OSError) -> MiddlewareError:
-    if isinstance(error, BlockingIOError):
-        return WaitTimeoutError(_FULL)
-    return StreamClosedError(f"the peer is gone: {error.strerror or error}")
-
-
-#: Bytes that are allocated because a peer announces them.
+#: Bytes that are allocated because a peer announces them, and that are kept between two messages.
 _BELIEVED = 8 << 20
-
-
-def _is_close(block: bytes, before: int) -> bool:
-    """Return whether a copy of the block at offset ``before`` of a page would be just ahead of its source."""
-    import ctypes  # imported here: only large blocks need it
-
-    address = ctypes.cast(ctypes.c_char_p(block), ctypes.c_void_p).value or 0
-    return 0 < (before - address) % _PAGE <= _CLOSE
+_MOST_KEPT = 4 * _BELIEVED
 
 
 def _after(blocks: Sequence[Buffer], sent: int) -> list[memoryview]:

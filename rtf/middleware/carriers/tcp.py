@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
+import socket
 import struct
 from typing import TYPE_CHECKING
 
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, PollableInputLink
+from rtf.middleware.carriers.base import (
+    Carrier,
+    InputLink,
+    Message,
+    OutputLink,
+    PollableInputLink,
+    StreamInput,
+    StreamOutput,
+    read_sender,
+)
 from rtf.middleware.carriers.stream import CHUNK, JOINED
-from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput
-from rtf.middleware.errors import ProtocolError
+from rtf.middleware.errors import ProtocolError, WaitTimeoutError
 from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
@@ -29,7 +39,6 @@ _NO_REPLY = framing.ACK[:4]
 #: Index and command of the usual message of two blocks. The bytes in between are ignored.
 _USUAL = struct.Struct("<10s8xii4x8s")
 _USUAL_SIZE = _USUAL.size
-_BLOCKS_AT = _USUAL_SIZE - _COMMAND_SIZE
 _USUAL_HEAD = framing.front("D", "", 0)[:10]
 _KEYS = {framing.command(letter): letter for letter in "dDaq"}
 _read_usual = _USUAL.unpack_from
@@ -61,27 +70,15 @@ class TcpInput(StreamInput, PollableInputLink):
             return self._receive_any()
         key = _KEYS.get(command)
         if first != _COMMAND_SIZE or key is None:
-            return self._receive_with_text(first, size)
+            return self._receive_any()
         if not 0 <= size <= _MAX_MESSAGE:
             raise ProtocolError(f"a message of {size} bytes; at most {_MAX_MESSAGE} are accepted")
         start += _USUAL_SIZE
-        if start + size > end:
+        if size > CHUNK or start + size > end:
             stream.start = start
             return key, "", stream.take(size)
         stream.start = start + size
         return key, "", stream.view[start : start + size]
-
-    def _receive_with_text(self, first: int, size: int) -> Message:
-        """Receive a message of two blocks whose command has a text, usually an envelope."""
-        stream = self._stream
-        start = stream.start + _BLOCKS_AT
-        end = start + first + size
-        if first < 0 or size < 0 or end > stream.end:
-            return self._receive_any()
-        data = stream.view[start:end]
-        key, text, begin = _read_command(data)
-        stream.start = end
-        return key, text, data[begin:]
 
     def _receive_any(self) -> Message:
         stream = self._stream
@@ -107,16 +104,12 @@ class TcpInput(StreamInput, PollableInputLink):
         return TcpOutput(self.carrier, stream)
 
     def fill(self) -> None:
-        self._stream.fill()
+        with contextlib.suppress(WaitTimeoutError):  # nothing has arrived
+            self._stream.more(1, socket.MSG_DONTWAIT)
 
     def missing(self) -> int:
         stream = self._stream
-        start = stream.start
-        have = stream.end - start
-        if have >= _USUAL_SIZE:
-            head, first, size, _ = _read_usual(stream.memory, start)
-            if head == _USUAL_HEAD and first >= 0 and size >= 0:
-                return max(0, _BLOCKS_AT + first + size - have)  # type: ignore[no-any-return]
+        start, have = stream.start, stream.buffered
         if have < _INDEX_SIZE:
             return _INDEX_SIZE - have
         blocks, rest = framing.index_rest(stream.view, start)
@@ -127,7 +120,7 @@ class TcpInput(StreamInput, PollableInputLink):
 
     def acknowledge(self, count: int) -> None:
         if self._acknowledged and count:
-            self._stream.send_at_once(_ACK * count)
+            self._stream.send_bytes(_ACK * count, socket.MSG_DONTWAIT)
 
 
 class TcpOutput(StreamOutput):
@@ -185,6 +178,7 @@ class TcpOutput(StreamOutput):
 
 
 _MOST_EXTRA = 10_000
+_RELEVANT = 128 + 15
 
 
 class Tcp(Carrier):
@@ -193,13 +187,11 @@ class Tcp(Carrier):
     name = "tcp"
     header = framing.header(131)
     acknowledged = True
-    _bits = (3, 128)
 
     def matches(self, header: bytes) -> bool:
         """Compare the lowest four bits of the carrier number, and the bit that requests acknowledgements."""
         number = framing.specifier(header)
-        code, flag = self._bits
-        return number >= 0 and number % 16 == code and number & 128 == flag
+        return number >= 0 and number & _RELEVANT == framing.specifier(self.header)
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002 - the reply comes later
         """Read the sender's name and answer with this port's number."""
@@ -222,12 +214,3 @@ class FastTcp(Tcp):
     name = "fast_tcp"
     header = framing.header(3)
     acknowledged = False
-    _bits = (3, 0)
-
-
-def read_sender(stream: Stream) -> tuple[str, str]:
-    """Read the name of a binary carrier's sender, and the modifiers behind it."""
-    (size,) = struct.unpack("<i", stream.take(4))
-    raw = bytes(stream.take(min(max(size, 1), framing.MAX_NAME)))
-    name, _, modifiers = raw.split(b"\0", 1)[0].decode("utf-8", "surrogateescape").partition(" ")
-    return name, modifiers

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Balance, Bottle
 from rtf.bottle.binary import encode
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, StreamInput, StreamOutput
 from rtf.middleware.carriers.stream import MAX_LINE
-from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput
 from rtf.middleware.errors import ProtocolError
 from rtf.middleware.wire import framing
 

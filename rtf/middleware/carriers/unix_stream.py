@@ -15,10 +15,8 @@ from rtf import clock
 from rtf.bottle.binary import TruncatedBottleError
 from rtf.bottle.errors import BottleSyntaxError
 from rtf.bottle.extent import Scanner
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, StreamInput, StreamOutput, read_sender
 from rtf.middleware.carriers.stream import CHUNK, Stream
-from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput
-from rtf.middleware.carriers.tcp import read_sender
 from rtf.middleware.errors import ConnectError, ProtocolError
 from rtf.middleware.types.codecs import other_dialect
 from rtf.middleware.wire import framing
@@ -44,28 +42,16 @@ class UnixInput(StreamInput):
     def __init__(self, carrier: Carrier, stream: Stream, sender: str, modifiers: str, dialect: Dialect) -> None:
         super().__init__(carrier, stream, sender, modifiers)
         self._dialect = dialect
-        self._read = 0
-        self._lent = 0
 
     def receive(self) -> Message:
         stream = self._stream
-        stream.skip(self._read)
-        self._read = 0
-        if self._lent:
-            stream.pass_lent(self._lent)
-            self._lent = 0
         head = stream.peek(framing.COMMAND_SIZE)
         size = framing.COMMAND_SIZE + framing.command_text_size(head)
         command = framing.read_command(bytes(stream.peek(size)))
         if command.key not in ("d", "D", "a"):
-            self._read = size
+            stream.skip(size)
             return command.key, command.text, b""
-        end = self._whole_bottle(size)
-        if end - size > CHUNK:
-            self._lent = end
-            return command.key, command.text, stream.lend(end)[size:]
-        self._read = end
-        return command.key, command.text, stream.peek(end)[size:]
+        return command.key, command.text, stream.take(self._whole_bottle(size))[size:]
 
     def _whole_bottle(self, start: int) -> int:
         """Wait until the bottle at ``start`` of the window is complete. Return its end offset."""

@@ -18,7 +18,7 @@ from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.bottle.binary import encode
 from rtf.middleware.carriers import local, registry
-from rtf.middleware.carriers.listener import SHARED
+from rtf.middleware.carriers.socket_watcher import SHARED_LISTENER
 from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError, ProtocolError
 from rtf.middleware.ports import access, admin, describe
@@ -107,7 +107,7 @@ class Port:
         self._closed = False
         self._listening, self.contact = self.network.open_address(name, promise)
         local.enrol(self)
-        SHARED.add(self._listening, self._called)
+        SHARED_LISTENER.add(self._listening, self._called)
         try:
             self.network.names.announce(self.contact.name)
         except MiddlewareError:
@@ -487,7 +487,7 @@ class Port:
                 return
             self._closed = True
         self.interrupt()
-        SHARED.remove(self._listening)
+        SHARED_LISTENER.remove(self._listening)
         for output in self._outputs:
             self._forget(output)
             output.close()

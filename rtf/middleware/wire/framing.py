@@ -41,6 +41,7 @@ _START = yarp_number(_INDEX)
 #: For each number of blocks, the index up to the lengths.
 _HEADS = [_START + bytes([count, 1]) + b"\xff" * 8 for count in range(256)]
 _NO_REPLIES = _int32.pack(0)
+_lengths_of_two = struct.Struct("<iii")
 
 
 def header(specifier: int) -> bytes:
@@ -64,25 +65,9 @@ def index(*lengths: int) -> bytes:
     return _HEADS[len(lengths)] + struct.pack(f"<{len(lengths)}i", *lengths) + _NO_REPLIES
 
 
-_two = struct.Struct("<iii")
-
-
-def index_of_two(first: int, second: int) -> bytes:
-    """Return the index of two blocks, the port command and the data, as all our messages have."""
-    return _HEADS[2] + _two.pack(first, second, 0)
-
-
 #: The size of an index before the lengths.
 INDEX_SIZE = 18
-#: Index and command of the usual message: two blocks, a command without text and the data. The fields are the constant
-#: part, the size of the data, and "no replies" with the command, so one call encodes or decodes all.
-_plain = struct.Struct("<22si12s")
-_BEFORE_SIZE = _HEADS[2] + _int32.pack(8)
-#: The same with a text in the command, up to that text: the constant part, the sizes of both blocks, "no replies", the
-#: size of the text, and the mark of a command.
-_enveloped = struct.Struct("<18siiii4s")
 _TEXT = b"~\0\0\1"
-_BEHIND_SIZE = {letter: _NO_REPLIES + b"\0\0\0\0~" + letter.encode() + b"\0\1" for letter in "dDaq"}
 
 
 def index_rest(data: bytes | bytearray | memoryview, start: int = 0) -> tuple[int, int]:
@@ -123,10 +108,8 @@ def command(key: str, envelope: str = "") -> bytes:
 
 def front(key: str, envelope: str, size: int) -> bytes:
     """Return all bytes before the data of a message: index and command."""
-    if not envelope:
-        return _plain.pack(_BEFORE_SIZE, size, _BEHIND_SIZE[key])
-    raw = f"{key} {envelope}\0".encode("utf-8", "surrogateescape")
-    return _enveloped.pack(_HEADS[2], COMMAND_SIZE + len(raw), size, 0, len(raw), _TEXT) + raw
+    said = command(key, envelope)
+    return _HEADS[2] + _lengths_of_two.pack(len(said), size, 0) + said
 
 
 def command_text(text: str) -> bytes:
