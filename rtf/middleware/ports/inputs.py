@@ -66,6 +66,9 @@ class InputOwner(CarrierPort, Protocol):
     def adopt(self, output: Output) -> None:
         """Use a connection that the peer has opened as an output."""
 
+    def end_output(self, output: Output) -> None:
+        """Remove an output whose reader is gone."""
+
 
 class Input(Connection):
     """One incoming connection of a port. ``link`` is None until the handshake is done.
@@ -215,8 +218,14 @@ class Input(Connection):
     def _turn_round(self, link: InputLink) -> None:
         target = Contact(link.sender, carrier=link.carrier.name)
         ask = partial(dialect_of_reader, self.port.network, link.carrier, target)
-        self.port.adopt(Output(link.reversed(self._stream), target, ask))
+        output = Output(link.reversed(self._stream), target, ask)
+        self.port.adopt(output)
         self._turned = True
+        if link.carrier.pull:  # the reader says nothing more: all that can be read is its end
+            with contextlib.suppress(StreamClosedError):
+                while True:
+                    self._stream.take(1)
+            self.port.end_output(output)
 
     def _move_to_shared_thread(self) -> bool:
         """Hand the connection over to the shared reader. Return False if it has been closed."""

@@ -223,6 +223,11 @@ class Port:
         self.remove_output(output.peer)
         self._take_in(output)
 
+    def end_output(self, output: Output) -> None:
+        """Remove an output whose reader is gone. Any thread."""
+        self._forget(output)
+        output.close(politely=False)
+
     def _take_in(self, output: Output) -> None:
         with self._lock:
             welcome = not self._closed

@@ -116,6 +116,15 @@ class TestForeignReaders:
                     assert stream.readline() == b"\r\n"
                     assert stream.readline() == BOUNDARY
 
+    def test_reader_that_leaves(self, network: Network) -> None:
+        """Its output ends with its connection, also if the port sends nothing."""
+        with BufferedPort("/cam", Image.codec, network=network) as camera:
+            with socket.create_connection((camera.contact.host, camera.contact.port), timeout=10) as peer:
+                peer.sendall(b"GET /?action=stream HTTP/1.1\r\n\r\n")
+                eventually(lambda: camera.outputs, "the reader is no output")
+            eventually(lambda: not camera.outputs, "the output is still there")
+            eventually(lambda: not camera.inputs, "its connection is still there")
+
 
 class TestForeignCameras:
     """Sources that are not ours."""
