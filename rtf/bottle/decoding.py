@@ -68,8 +68,8 @@ def decode_from(
             raise BottleSyntaxError(f"{code} is not the code of a list")
         items, end = _Reader(data, tags).items(count, code & tags.unit, start + 8, 0)
     except (struct.error, _CutOffError):
-        end = extent(data, start, dialect)  # raises TruncatedBottleError with the number of missing bytes
-        raise TruncatedBottleError(end - start) from None
+        end = extent(data, start, dialect)  # raises TruncatedBottleError with the number of needed bytes
+        raise TruncatedBottleError(end) from None
     return Bottle.adopt(items), end
 
 

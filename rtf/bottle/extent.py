@@ -45,11 +45,10 @@ def _is_bottle(data: bytes | bytearray | memoryview, dialect: Dialect) -> bool:
 class Scanner:
     """The scan of a bottle at ``start``. After a truncated bottle, ``end`` continues where it stopped."""
 
-    __slots__ = ("_at", "_elements", "_lists", "_start", "_tags")
+    __slots__ = ("_at", "_elements", "_lists", "_tags")
 
     def __init__(self, dialect: Dialect = Dialect.YARP3, start: int = 0) -> None:
         self._tags: Tags = TAGS[dialect]
-        self._start = start
         self._at = start
         self._elements = 0
         #: For each open list: how many elements are left, and the code of each, or 0.
@@ -136,5 +135,5 @@ class Scanner:
     def _reach(self, data: bytes | bytearray | memoryview, at: int, size: int) -> int:
         """Check that ``size`` bytes exist at ``at``; return ``at``."""
         if at + size > len(data):
-            raise TruncatedBottleError(at + size - self._start)
+            raise TruncatedBottleError(at + size)
         return at

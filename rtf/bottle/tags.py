@@ -30,7 +30,7 @@ pair = struct.Struct("<ii")
 
 
 class TruncatedBottleError(BottleSyntaxError):
-    """The bytes end before the bottle does; at least ``needed`` bytes, counted from its beginning, are required."""
+    """The bytes end before the bottle does; at least ``needed`` bytes are required, from the start of the data."""
 
     def __init__(self, needed: int) -> None:
         super().__init__(f"the bottle is truncated: at least {needed} bytes are needed")

@@ -61,7 +61,7 @@ class UnixInput(StreamInput):
             try:
                 return scanner.end(self._stream.window())
             except TruncatedBottleError as error:
-                self._stream.more_towards(start + error.needed)
+                self._stream.more_towards(error.needed)
             except BottleSyntaxError:
                 if other is None:
                     raise

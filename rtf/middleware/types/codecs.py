@@ -188,7 +188,7 @@ def codec_of(value: object) -> Codec[Any]:  # Any: the type of the value
     if known is not None:
         return known
     if type(value).__name__ == "ndarray":
-        return import_module("rtf.middleware.types.arrays").codec_of_array(value)  # type: ignore[no-any-return]
+        return import_module("rtf.middleware.types.matrix").codec_of_array(value)  # type: ignore[no-any-return]
     codec = getattr(value, "codec", None)  # the types of this package have a codec attribute
     if codec is not None:
         return codec  # type: ignore[no-any-return]

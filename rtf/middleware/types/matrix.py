@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rtf.bottle import Bottle, BottleError, BottleTypeError, Dialect
-from rtf.bottle.binary import LIST, TruncatedBottleError, decode_from
+from rtf.bottle.binary import LIST, decode_from
+from rtf.bottle.tags import pair
 from rtf.bottle.values import INT32_MAX, Kind
 from rtf.middleware.types.codecs import TextCodec
-from rtf.middleware.types.vector import CODES, VECTOR, contiguous, with_head
+from rtf.middleware.types.vector import CODES, VECTOR, contiguous, vector_of, with_head
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
-    from rtf.middleware.types.codecs import Buffer
+    from rtf.middleware.types.codecs import Buffer, Codec
     from rtf.middleware.types.vector import Array
 
 _DOUBLE = np.dtype("<f8")
@@ -56,22 +57,13 @@ class MatrixCodec(TextCodec["Array"]):
         if len(data) >= _HEAD.size:
             kind, parts, first, rows, second, columns, _, _ = _HEAD.unpack_from(data)
             if (kind, parts, first, second) == (LIST, _PARTS, _INT32, _INT32):
-                elements, end = _elements(data, dialect)
+                elements, end = VECTOR.view_from(data, dialect, _HEAD.size - pair.size)
                 return _shaped(elements, rows, columns), end
         bottle, end = decode_from(data, 0, dialect)
         rows, columns, numbers = bottle if len(bottle) == _PARTS else (None, None, None)
         if not (isinstance(rows, int) and isinstance(columns, int) and isinstance(numbers, Bottle)):
             raise BottleError(f"a matrix is rows, columns and a list, not {bottle.to_text()[:60]!r}")
         return _shaped(VECTOR.from_bottle(numbers), rows, columns), end
-
-
-def _elements(data: Buffer, dialect: Dialect) -> tuple[Array, int]:
-    """Decode the list of elements, which is a vector."""
-    start = _HEAD.size - 8
-    try:
-        return VECTOR.view_from(data, dialect, start)
-    except TruncatedBottleError as error:
-        raise TruncatedBottleError(error.needed + start) from None
 
 
 def _shaped(elements: Array, rows: int, columns: int) -> Array:
@@ -81,3 +73,15 @@ def _shaped(elements: Array, rows: int, columns: int) -> Array:
 
 
 MATRIX = MatrixCodec()
+
+
+def codec_of_array(array: Array) -> Codec[Any]:
+    """Return the codec of an array, by its dimensions and element type. Raises BottleTypeError with a hint."""
+    if array.ndim == 1:
+        return vector_of(array.dtype)
+    if array.ndim == 2 and array.dtype.kind in "if":  # noqa: PLR2004 - rows and columns
+        return MATRIX
+    raise BottleTypeError(
+        f"an array of {array.dtype.name} of shape {array.shape} is neither a vector nor a matrix; "
+        "if it is an image, wrap it in rtf.middleware.types.Image, else give a codec"
+    )

@@ -66,22 +66,12 @@ class SoundCodec(TextCodec["Sound"]):
         samples, channels, width, frequency = numbers[1::2]
         if width != _WIDTH:
             raise BottleError(f"a sound of {width} bytes a sample; only {_WIDTH} are supported")
-        try:
-            values, end = _SAMPLES.view_from(data, dialect, _HEAD.size)
-        except TruncatedBottleError as error:
-            raise TruncatedBottleError(_HEAD.size + error.needed) from None
+        values, end = _SAMPLES.view_from(data, dialect, _HEAD.size)
         if samples < 0 or channels < 0 or samples * channels != values.size:
             raise BottleError(f"a sound of {samples} samples in {channels} channels with {values.size} values")
         if parts == _PARTS[Dialect.YARP4]:
-            end = _behind_markers(data, end, dialect)
+            end = extent(data, end, dialect)
         return Sound(values.reshape(channels, samples), frequency), end
-
-
-def _behind_markers(data: Buffer, start: int, dialect: Dialect) -> int:
-    try:
-        return extent(data, start, dialect)
-    except TruncatedBottleError as error:
-        raise TruncatedBottleError(start + error.needed) from None
 
 
 class Sound:

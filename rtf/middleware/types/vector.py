@@ -75,7 +75,7 @@ class VectorCodec(TextCodec["Array"]):
         A vector of the codec's type is a view of the data.
         """
         if len(data) - start < _HEAD:
-            raise TruncatedBottleError(_HEAD)
+            raise TruncatedBottleError(start + _HEAD)
         code, count = pair.unpack_from(data, start)
         dtype = self.dtype if code == self._codes[dialect] else _TYPES[dialect].get(code)
         if dtype is None:
@@ -85,7 +85,7 @@ class VectorCodec(TextCodec["Array"]):
             raise BottleError(f"a vector of {count} elements")
         end = start + _HEAD + count * dtype.itemsize
         if end > len(data):
-            raise TruncatedBottleError(end - start)
+            raise TruncatedBottleError(end)
         array = np.frombuffer(data, dtype, count, start + _HEAD)
         return array if dtype is self.dtype else fitting(array, self.dtype), end
 
