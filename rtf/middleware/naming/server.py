@@ -25,6 +25,7 @@ from rtf.middleware.naming.store import Database, Memory
 from rtf.middleware.naming.subscriptions import Subscriptions
 from rtf.middleware.naming.table import Table
 from rtf.middleware.naming.work_queue import WorkQueue
+from rtf.middleware.ports.access import address_of
 from rtf.middleware.ports.network import Network, listen
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.remote import administer
@@ -156,7 +157,8 @@ class _ServerPort(Port):
         delivery = IncomingMessage(
             caller.sender, text, data, self.network.dialect, wants_reply=key == "d", text=in_lines
         )
-        self._serve(delivery, _address_of(caller) or self.contact.host)
+        address = address_of(caller.socket)
+        self._serve(delivery, self.contact.host if address is None else str(address))
         return delivery.answer
 
     def page(self) -> Page:
@@ -256,13 +258,3 @@ def _start_discovery(contact: Contact, number: int) -> Answerer:
         raise ConnectError(
             f"multicast cannot be received at {contact.host}: {error.strerror or error}; start without discovery"
         ) from None
-
-
-def _address_of(caller: Input) -> str:
-    """Return the address of a caller; empty if it is gone, or the carrier has no addresses."""
-    connection = caller.socket
-    try:
-        address = connection.getpeername() if connection is not None else ""
-    except OSError:
-        return ""
-    return str(address[0]) if isinstance(address, tuple) else ""

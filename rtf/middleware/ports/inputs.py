@@ -3,8 +3,7 @@
 Each connection starts with a thread of its own, which waits for messages, passes them to the port and replies. If the
 port's callback never blocks (``nonblocking``, see :class:`~rtf.middleware.ports.port.Port`), that thread ends after the
 first message and one *shared reader* thread serves the connection: a dozen streams would otherwise be a dozen threads
-that
-compete for the interpreter. A connection returns to a thread of its own as soon as it carries anything but small
+that compete for the interpreter. A connection returns to a thread of its own as soon as it carries anything but small
 messages of data.
 """
 
