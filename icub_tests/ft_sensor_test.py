@@ -8,11 +8,12 @@ import numpy as np
 
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import SensorCategory
+from rtf.robot.model.errors import MissingPackageError
 from rtf.robot_testing import likely_causes
 from rtf.robot_testing.ft_sensor_loads import WeightModel, parts_above, place_of
+from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.sensor_streams import MEASURES, names_of, readings_of, sensors_in
 from rtf.robot_testing.stream_test import RateTest
-from rtf.simulator.errors import MissingPackageError
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ class FtSensorTest(RateTest):
 
     def _sensors(self) -> list[str]:
         """Return the ports of the known sensors of the robot, and the ports of several sensors that add others."""
-        single = [name for name in self.known_ports(_ENDING) if parts_above(self._place(name))]
+        single = [name for name in self.known_ports(_ENDING) if parts_above(robot_model(self), self._place(name))]
         known = {self._place(name) for name in single}
         return single + [name for name in self.known_ports(MEASURES) if {*map(place_of, self._names(name))} - known]
 
@@ -112,7 +113,7 @@ class FtSensorTest(RateTest):
             names = [f"sensor {number}" for number in range(len(sensors))]
         for name, values in zip(names, sensors, strict=True):
             with self.subresult(name):
-                self._judge_sensor(f"{name} of {port}", place_of(name), values, stream)
+                self._judge_sensor(f"{name} of {port}", place_of(robot_model(self), name), values, stream)
 
     def _judge_sensor(self, name: str, place: str, values: FloatArray, stream: Stream) -> None:
         self.assert_equal(values.shape[1], _CHANNELS, f"numbers in a message of {name}")
@@ -166,8 +167,8 @@ class FtSensorTest(RateTest):
 
     def _modelled(self, place: str) -> FloatArray:
         """Return the load by the model. Raises MissingPackageError, or RefusedError for an unknown place."""
-        model = WeightModel()
-        for part_name in parts_above(place):
+        model = WeightModel(robot_model(self))
+        for part_name in parts_above(robot_model(self), place):
             part = self.open_part(part_name)
             model.set(part.names, part.board.encoders())
         return model.load(place)

@@ -16,6 +16,7 @@ from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.kinematics import rotation_of, rotation_vector
 from rtf.robot_testing.orientations import each_once, sure_turn, turns_of, vertical_turn
 from rtf.robot_testing.robot_description import read_description
+from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.sensor_streams import MEASURES, sensors_of
 from rtf.robot_testing.start_position import late_joints
 from rtf.robot_testing.stream_statistics import stream_of
@@ -107,7 +108,7 @@ class Imu(StreamTest):
 
     def _model(self) -> KinematicModel:
         try:
-            return read_description(self.model, self.robot_name)
+            return read_description(robot_model(self), self.model, self.robot_name)
         except RtfError as error:
             self.assert_error(f"cannot read the model: {error}")
 

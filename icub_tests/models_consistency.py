@@ -11,6 +11,7 @@ from rtf.errors import RtfError
 from rtf.robot_testing import likely_causes
 from rtf.robot_testing.kinematics import rotation_vector
 from rtf.robot_testing.robot_description import read_description
+from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.simulated_kinematics import SimulatedKinematics
 from rtf.testing import Parameter, TestCase
 
@@ -42,8 +43,13 @@ class ModelsConsistency(TestCase):
     def setup(self) -> None:
         """Read both models."""
         try:
-            self.first = read_description(self.model)
-            self.second = read_description(self.other) if self.other else SimulatedKinematics()
+            robot = robot_model(self)
+            self.first = read_description(robot, self.model)
+            self.second = (
+                read_description(robot_model(self), self.other)
+                if self.other
+                else SimulatedKinematics(robot_model(self))
+            )
         except RtfError as error:
             self.assert_error(f"cannot read a model: {error}")
         for link in self.links:

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rtf.robot.model.errors import MissingPackageError
 from rtf.robot_testing import RobotTest, Safety, fit_line, likely_causes
 from rtf.robot_testing.gravity import GravityModel
+from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.start_position import bring, hold
 from rtf.robot_testing.torque_control import greatest_torque, mean_torques, torque_joints
-from rtf.simulator.errors import MissingPackageError
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ class TorqueControlGravityConsistency(RobotTest):
         """Open the part, and the other parts to read their positions."""
         super().setup()
         try:
-            self.gravity = GravityModel(self.model)
+            self.gravity = GravityModel(robot_model(self), self.model)
         except MissingPackageError as error:
             self.skip(f"there is no model to compare with: {error}")
         self.robot_part = part = self.open_part(self.part)

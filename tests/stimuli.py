@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 from harness import Outcome, run_command, write_files
+from icub import ICUB
 from rtf import clock
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.configuration import find_network
 from rtf.middleware.naming.server import NameServer
 from rtf.simulator.control_service import SimulatorService
-from rtf.simulator.icub import SimulatedIcub
 from rtf.simulator.part import SimulatedPart
+from rtf.simulator.robot import SimulatedRobot
 from rtf.testing.events import TestEnded, TestStarted
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ class _Recorder:
 
         return recorded
 
-    def listen_to_pushes(self, robot: SimulatedIcub, injector: FaultInjector) -> None:
+    def listen_to_pushes(self, robot: SimulatedRobot, injector: FaultInjector) -> None:
         """A simulated robot is pushed by a fault of its mechanics, which has a number."""
         inject, clear = injector.inject, injector.clear
         places = {part.axis_name(joint): (part, joint) for part in robot.parts.values() for joint in range(part.size)}
@@ -168,7 +169,7 @@ def run_recorded(folder: Path, tests: str, parts: Sequence[str]) -> Recording:
         network = find_network()
         opened.callback(network.names.close)
         recorder = _Recorder(patch)
-        robot = opened.enter_context(SimulatedIcub(network=network, parts=parts, lockstep=True))
+        robot = opened.enter_context(SimulatedRobot(ICUB, network=network, parts=parts, lockstep=True))
         service = SimulatorService(robot, network=network, end=lambda: None, lockstep=True)
         opened.callback(service.close)
         recorder.listen_to_pushes(robot, service.injector)

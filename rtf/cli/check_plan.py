@@ -195,6 +195,6 @@ def _absent_part(
 def _parts_of(robot: dict[str, str]) -> Collection[str]:
     if robot["parts"]:
         return [part.strip() for part in robot["parts"].split(",")]
-    from rtf.simulator.axes import PARTS
+    from rtf.robot.model import DEFAULT_ROBOT, load_robot
 
-    return PARTS
+    return load_robot(robot["model"] or DEFAULT_ROBOT).parts

@@ -109,13 +109,14 @@ def _what_goes_wrong(runs: Path, rest: Sequence[str]) -> _Shown:
 
 def _can_simulate() -> bool:
     """Whether what simulates a robot is installed; says what fixes it."""
-    from rtf.simulator import engine
-    from rtf.simulator.errors import MissingPackageError
+    from rtf.robot.model import RobotModelError, default_robot
+    from rtf.robot.model.engine import mujoco
+    from rtf.robot.model.errors import MissingPackageError
 
     try:
-        engine.mujoco()
-        engine.robot_description()
-    except MissingPackageError as error:
+        mujoco()
+        default_robot()
+    except (MissingPackageError, RobotModelError) as error:
         print(f"\nWithout a robot: {error}")
         return False
     return True

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from rtf.cli.parser import Parser, add_dialect, count, key_value, seconds
 from rtf.errors import RtfError
+from rtf.robot.model.names import DEFAULT_ROBOT
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ without one:
 examples:
   rtf simulator --nameserver                            a whole robot, in real time
   rtf simulator --robot icubSim --parts head,left_arm --lockstep
+  rtf simulator --model bench --realtime-factor inf
   rtf simulator --realtime-factor inf --cameras auto
   rtf simulator inject jam l_elbow torque=50 --delay 2 --duration 5
 
@@ -58,12 +60,18 @@ def _told(command: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], 
 def simulator(words: Sequence[str]) -> int:
     """Start a simulator and run it until a signal ends it; returns the exit code."""
     from rtf.bottle import Dialect
+    from rtf.robot.model import load_robot
     from rtf.simulator.program import Settings, run_simulator
 
-    options = _parser().parse_args(words)
+    parser = _parser()
+    options = parser.parse_args(words)
+    model = load_robot(options.model)
+    if unknown := [part for part in options.parts if part not in model.served]:
+        parser.error(f"argument --parts: there is no part {', '.join(unknown)!r}; there are {', '.join(model.served)}")
     return run_simulator(
         Settings(
-            robot=options.robot,
+            model=model,
+            robot=options.robot or "",
             parts=options.parts,
             seed=options.seed,
             lockstep=options.lockstep,
@@ -88,10 +96,16 @@ def _parser() -> Parser:
     parser = Parser(
         prog="rtf simulator",
         usage="rtf simulator [options] | faults | status | inject | clear ...",
-        description="Start a simulated iCub: its ports are those of the robot, and /clock is its time.",
+        description="Start a simulated robot: its ports are those of the robot, and /clock is its time.",
         epilog=_EPILOG,
     )
-    _add_robot(parser)
+    parser.add_argument(
+        "--model",
+        metavar="ROBOT",
+        default=DEFAULT_ROBOT,
+        help=f"a robot of 'rtf robot list', or the path of a robot.toml (default: {DEFAULT_ROBOT})",
+    )
+    parser.add_argument("--robot", metavar="NAME", type=_robot, help="the beginning of its ports (default: MODELSim)")
     parser.add_argument("--parts", metavar="A,B", type=_parts, default=(), help="the parts to serve (default: all)")
     parser.add_argument("--seed", metavar="N", type=count, default=0, help="where all that is random begins")
     pace = parser.add_mutually_exclusive_group()
@@ -151,12 +165,9 @@ def _port(text: str) -> str:
 
 
 def _parts(text: str) -> tuple[str, ...]:
-    from rtf.simulator.axes import SERVED
-
     parts = tuple(part.strip() for part in text.split(",") if part.strip())
-    unknown = [part for part in parts if part not in SERVED]
-    if unknown or not parts:
-        raise argparse.ArgumentTypeError(f"there is no part {', '.join(unknown)!r}; there are {', '.join(SERVED)}")
+    if not parts:
+        raise argparse.ArgumentTypeError("write the names of parts, with commas between")
     return tuple(dict.fromkeys(parts))
 
 

@@ -9,37 +9,38 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rtf.robot.errors import RefusedError
-from rtf.simulator.engine import mujoco
+from rtf.robot.model.engine import mujoco
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from rtf.robot.model import RobotModel
 
 #: The visual and collision shapes of a URDF: the mesh files that they name need not exist.
 _SHAPE = re.compile(r"<(visual|collision)\b.*?</\1>", re.DOTALL)
 
 
 class GravityModel:
-    """The gravity model of the iCub, or of a description (URDF file) whose joints are named like the robot's axes.
+    """The gravity model of a robot, or of a description (URDF file) whose joints are named like the robot's axes.
 
     The root is fixed and upright. Raises MissingPackageError, with how to install the package, and RefusedError for a
     description that cannot be read.
     """
 
-    def __init__(self, description: str = "") -> None:
+    def __init__(self, robot: RobotModel, description: str = "") -> None:
         if description:
             self._load(description)
         else:
-            self._build()
+            self._build(robot)
 
-    def _build(self) -> None:
-        from rtf.simulator.axes import INDEX
-        from rtf.simulator.model import Options, build
+    def _build(self, robot: RobotModel) -> None:
+        from rtf.simulator.plant import Options, build
 
-        robot = build(Options(collision="none"))
-        self._index: dict[str, int] = dict(INDEX)
-        self._pose, self._worth = robot.pose, robot.axis_torques
-        self._home = robot.home_axes.copy()
-        self._model, self._data = robot.model, robot.data()
+        plant = build(robot, Options(collision="none"))
+        self._index: dict[str, int] = dict(robot.index)
+        self._pose, self._worth = plant.pose, plant.axis_torques
+        self._home = plant.home_axes.copy()
+        self._model, self._data = plant.model, plant.data()
 
     def _load(self, description: str) -> None:
         engine = mujoco()

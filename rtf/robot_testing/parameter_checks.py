@@ -89,8 +89,8 @@ def wrong_fault(test: Declared) -> list[str]:
         return []
     # Imported here: the faults load the whole simulator, which few tests need.
     from rtf.robot.errors import RefusedError
+    from rtf.robot_testing.robot_name import robot_model
     from rtf.robot_testing.robot_test import parse_injection
-    from rtf.simulator.axes import INDEX
     from rtf.simulator.faults.base import Target
     from rtf.simulator.faults.kinds import find_kind
 
@@ -102,9 +102,10 @@ def wrong_fault(test: Declared) -> list[str]:
         said = error.problems[0] if isinstance(error, ParameterError) else str(error)
         return [f"inject: {said} ({source})"]
     problems = []
-    if kind.target_kind is Target.AXIS and target not in INDEX:
-        near = nearest(target, INDEX)
-        hint = f"did you mean {near!r}?" if near else f"its joints are {', '.join(INDEX)}"
+    joints = robot_model(test).index
+    if kind.target_kind is Target.AXIS and target not in joints:
+        near = nearest(target, joints)
+        hint = f"did you mean {near!r}?" if near else f"its joints are {', '.join(joints)}"
         problems.append(f"the robot has no joint {target!r}; {hint}")
     known = {parameter.name: parameter for parameter in kind.parameters}
     for name, value in values.items():

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from rtf.resources import DEFAULT_CONTEXT, ResourceFinder
 from rtf.robot_testing.kinematics import KinematicModel
-from rtf.simulator.engine import robot_description
+
+if TYPE_CHECKING:
+    from rtf.robot.model import RobotModel
 
 
-def read_description(name: str = "", robot: str = "") -> KinematicModel:
+def read_description(model: RobotModel, name: str = "", robot: str = "") -> KinematicModel:
     """Return the kinematics of a URDF file, found where YARP looks for files of this robot.
 
-    Without a name it is the published description of the iCub. Raises ResourceNotFoundError with the searched places,
-    DescriptionError, or MissingPackageError if the published one is not installed: all are RtfErrors.
+    Without a name it is the description of the robot ``model``. Raises ResourceNotFoundError with the searched places,
+    and DescriptionError: both are RtfErrors.
     """
     if not name:
-        return KinematicModel.read(robot_description())
+        return KinematicModel.read(model.description)
     return KinematicModel.read(ResourceFinder(contexts=[DEFAULT_CONTEXT], robot=robot).find(name))

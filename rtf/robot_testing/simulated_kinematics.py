@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.robot.errors import RefusedError
-from rtf.simulator.axes import INDEX
-from rtf.simulator.engine import mujoco
-from rtf.simulator.model import Options, build
+from rtf.robot.model.engine import mujoco
+from rtf.simulator.plant import Options, build
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot.model import RobotModel
 
 
 class SimulatedKinematics:
@@ -25,8 +25,9 @@ class SimulatedKinematics:
 
     place = "the simulator's model"
 
-    def __init__(self) -> None:
-        self._robot = build(Options(collision="none"))
+    def __init__(self, robot: RobotModel) -> None:
+        self._robot = build(robot, Options(collision="none"))
+        self._index = robot.index
         self._data = self._robot.data()
         model = self._robot.model
         self.links = {model.body(number).name for number in range(model.nbody)}
@@ -36,12 +37,12 @@ class SimulatedKinematics:
 
         Raises RefusedError for an unknown link or joint.
         """
-        unknown = sorted(set(angles) - set(INDEX))
+        unknown = sorted(set(angles) - set(self._index))
         if unknown or link not in self.links:
             raise RefusedError(f"{self.place} has no {', '.join(unknown) or link}")
-        axes = np.zeros(len(INDEX))
+        axes = np.zeros(len(self._index))
         for joint, angle in angles.items():
-            axes[INDEX[joint]] = angle
+            axes[self._index[joint]] = angle
         self._data.qpos[:] = self._robot.pose(axes)
         mujoco().mj_kinematics(self._robot.model, self._data)
         body = self._data.body(link)

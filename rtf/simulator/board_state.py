@@ -1,7 +1,7 @@
 """The state of the motor boards: configuration, last commands and measurements.
 
-All arrays have a column for each axis, in the order of :data:`rtf.simulator.axes.AXES`. The behaviour of the boards is
-in :mod:`rtf.simulator.boards`.
+All arrays have a column for each axis, in the order of :attr:`rtf.robot.model.RobotModel.axes`, in degrees for revolute
+axes and metres for prismatic ones. The behaviour of the boards is in :mod:`rtf.simulator.boards`.
 """
 
 from __future__ import annotations
@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rtf.robot.control_modes import ControlMode, InteractionMode
-from rtf.simulator.axes import AXES, COUPLINGS, PARTS, joint_to_motor, part_slice
 from rtf.simulator.controller import JointControllers
-from rtf.simulator.model import TIMESTEP
+from rtf.simulator.plant import TIMESTEP
 from rtf.simulator.position_gains import FULL, position_pids
 from rtf.simulator.setpoints import Setpoints
 
@@ -24,7 +23,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rtf.robot.interfaces import CalibrationParameters, FloatArray, MotorTorqueParameters, Pid, PidType
-    from rtf.simulator.model import IcubModel
+    from rtf.robot.model import Axis
+    from rtf.simulator.plant import Plant
 
 AMBIENT = 25.0  # °C
 _HEATING = 40.0  # °C above ambient after a long time at nominal current
@@ -32,25 +32,31 @@ _TOO_HOT = 90.0
 STEPS_A_SECOND = round(1 / TIMESTEP)
 _DEGREES = 180.0 / math.pi
 _TURN = 360.0
-#: The joints with torque sensing, which can be compliant: arms down to the forearm, torso, legs.
-_TORQUE_PARTS = frozenset({"torso", "left_leg", "right_leg"})
-_TORQUE_ARM_JOINTS = 5
+#: What is a degree of a revolute axis in the defaults of speeds is this of a prismatic one (m).
+SLIDE = 0.005
 
 
 class BoardState:
     """The state of all boards. ``data`` is the state of the physics engine."""
 
-    def __init__(self, robot: IcubModel, data: Any) -> None:
-        self.robot = robot
+    def __init__(self, plant: Plant, data: Any) -> None:
+        self.plant = plant
+        self.axes: tuple[Axis, ...] = plant.robot.axes
         self.data = data
-        self.count = len(AXES)
+        self.count = len(self.axes)
         self.tick = 0
+        prismatic = np.array([axis.prismatic for axis in self.axes])
+        #: Units of each axis, deg or m, a unit of the physics engine, rad or m.
+        self.scale = np.where(prismatic, 1.0, _DEGREES)
+        self.per_scale = 1.0 / self.scale
+        #: The units of each axis in place of a degree, in the defaults of speeds.
+        self.degree = np.where(prismatic, SLIDE, 1.0)
         self._length: FloatArray = data.actuator_length
         self._speed: FloatArray = data.actuator_velocity
         self._ctrl: FloatArray = data.ctrl
         self._exerts: FloatArray = data.actuator_force
         self._hastens: FloatArray = data.qacc
-        self._jacobian = robot.jacobian
+        self._jacobian = plant.jacobian
         self._set_up_drives()
         self._set_up_controllers()
         self._begin()
@@ -70,42 +76,46 @@ class BoardState:
         """Seconds since the beginning."""
         return self.tick / STEPS_A_SECOND
 
+    def column(self, name: str) -> FloatArray:
+        """Return one number of each axis."""
+        return np.array([getattr(axis, name) for axis in self.axes], dtype=np.float64)
+
     def _set_up_drives(self) -> None:
         """Initialize motors, gears, encoders and amplifiers."""
         count = self.count
-        self.newton_metres = column("max_torque") / FULL  # a per cent of duty cycle
-        self.amperes = column("peak_current") / FULL  # likewise
-        self.gearbox = column("gearbox")  # as built; the configuration of the boards is in ``configured_gearbox``
-        self.joint_to_motor = _all_couplings()
+        self.newton_metres = self.column("max_torque") / FULL  # a per cent of duty cycle
+        self.amperes = self.column("peak_current") / FULL  # likewise
+        self.gearbox = self.column("gearbox")  # as built; the configuration of the boards is in ``configured_gearbox``
+        self.joint_to_motor = self.plant.robot.joint_to_motor.copy()
         self.configured_gearbox = self.gearbox.copy()
         self.configured_couplings = self.joint_to_motor.copy()
-        #: Degrees of each rotor a radian of each joint.
-        self._turns = self.gearbox[:, None] * self.joint_to_motor * _DEGREES
+        #: Degrees of each rotor a radian, or a metre, of each joint.
+        self._turns = self.gearbox[:, None] * self.joint_to_motor * np.where(self.scale == 1.0, _TURN, _DEGREES)
         #: Factors from duty cycles of motors to those of joints, and back.
         self._drive = (np.sign(self.gearbox)[:, None] * self.joint_to_motor).T
         self._undrive = np.linalg.inv(self._drive)
-        self.resolution = column("encoder_resolution")
-        self._ticks_a_radian = self.resolution * _DEGREES
-        self.rotor_resolution = column("rotor_resolution")
+        self.resolution = self.column("encoder_resolution")
+        self._ticks_a_radian = self.resolution * self.scale
+        self.rotor_resolution = self.column("rotor_resolution")
         self._rotor_ticks = self.rotor_resolution / _TURN  # a degree
-        self.nominal_current, self.peak_current = column("nominal_current"), column("peak_current")
-        self.max_current = column("overload_current")
+        self.nominal_current, self.peak_current = self.column("nominal_current"), self.column("peak_current")
+        self.max_current = self.column("overload_current")
         self.duty_limit = np.full(count, FULL)
         self.temperature = np.full(count, AMBIENT)
         self.temperature_limit = np.full(count, _TOO_HOT)
         self.heat = _HEATING / self.nominal_current**2
         self.torque_parameters: dict[int, MotorTorqueParameters] = {}
-        self.torque_controlled = np.array([_has_torque_control(axis.part, axis.name) for axis in AXES])
+        self.torque_controlled = np.array([axis.torque_control for axis in self.axes])
 
     def _set_up_controllers(self) -> None:
         """Initialize limits and gains."""
         count = self.count
-        self.minimum, self.maximum = column("minimum"), column("maximum")
+        self.minimum, self.maximum = self.column("minimum"), self.column("maximum")
         self.limit_slack = np.zeros(count)  # how far a faulty board lets joints go beyond them
-        self.min_velocity, self.max_velocity = np.zeros(count), column("max_velocity")
-        self.speeds = np.full(count, 10.0)
-        self.accelerations = np.full(count, 1000.0)
-        self.pids: list[Pid] = position_pids(AXES, self.robot.axis_inertia(self.data))
+        self.min_velocity, self.max_velocity = np.zeros(count), self.column("max_velocity")
+        self.speeds = 10.0 * self.degree
+        self.accelerations = 1000.0 * self.degree
+        self.pids: list[Pid] = position_pids(self.axes, self.plant.axis_inertia(self.data))
         # The last settings of controllers that are not simulated.
         self.other_pids: dict[tuple[PidType, int], Pid] = {}
         self.other_enabled: dict[tuple[PidType, int], bool] = {}
@@ -119,14 +129,14 @@ class BoardState:
 
     def _begin(self) -> None:
         """Initialize the state after power-up: at home, in position mode, calibrated."""
-        count, home = self.count, np.degrees(self.robot.home_axes)
+        count, home = self.count, self.plant.home_axes * self.scale
         self.modes = np.empty((2, count), dtype=np.int32)
         self.mode, self.interaction = self.modes
         self.mode[:], self.interaction[:] = ControlMode.POSITION, InteractionMode.STIFF
         self.calibrated = np.ones(count, dtype=bool)
         self.faults: list[tuple[int, str]] = [(0, "")] * count
         self.setpoints = Setpoints(
-            home, self.minimum, self.maximum, TIMESTEP, begin=self.tick, scales=(self.resolution, 1.0 / _DEGREES)
+            home, self.minimum, self.maximum, TIMESTEP, begin=self.tick, scales=(self.resolution, self.per_scale)
         )
         self.targets, self.direct = home.copy(), home.copy()
         self.velocities, self.torques, self.currents = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -157,13 +167,13 @@ class BoardState:
 
     def _distort(self) -> None:
         """Apply encoder offsets and encoder faults to the measurements."""
-        position, velocity = self._ticks / self.resolution, self._speed * _DEGREES
+        position, velocity = self._ticks / self.resolution, self._speed * self.scale
         if self._encoder_shift is not None:
             position += self._encoder_shift
         for fault in self.encoder_faults:
             fault(position, velocity, self.now)
         self._ticks[:] = np.rint(position * self.resolution)
-        self._measured_speed = velocity / _DEGREES
+        self._measured_speed = velocity / self.scale
 
     @property
     def position(self) -> FloatArray:
@@ -173,7 +183,7 @@ class BoardState:
     @property
     def velocity(self) -> FloatArray:
         """The speeds by the encoders (deg/s)."""
-        return self._measured_speed * _DEGREES
+        return self._measured_speed * self.scale
 
     @property
     def error(self) -> FloatArray:
@@ -190,12 +200,12 @@ class BoardState:
 
     def gravity(self) -> FloatArray:
         """The torque that holds each axis against gravity and against the motion of the others (Nm)."""
-        return self.robot.axis_torques(self.data.qfrc_bias)
+        return self.plant.axis_torques(self.data.qfrc_bias)
 
     def accelerations_now(self) -> FloatArray:
         """The accelerations of the axes (deg/s²)."""
         found: FloatArray = self._jacobian @ self._hastens
-        found *= _DEGREES
+        found *= self.scale
         return found
 
     def measured_torques(self) -> FloatArray:
@@ -240,9 +250,9 @@ class BoardState:
         if self._snapshot_tick != self.tick:
             shot = self._snapshot
             np.divide(self._ticks, self.resolution, out=shot[0])
-            np.multiply(self._measured_speed, _DEGREES, out=shot[1])
+            np.multiply(self._measured_speed, self.scale, out=shot[1])
             hastens = self._jacobian @ self._hastens
-            np.multiply(hastens, _DEGREES, out=shot[2])
+            np.multiply(hastens, self.scale, out=shot[2])
             shot[3], shot[4] = self.motor_motion()
             np.dot(self._turns, hastens, out=shot[5])
             shot[6] = self.measured_torques()
@@ -270,26 +280,8 @@ class BoardState:
         self._motor_shift[axes] += values - self.motor_motion()[0][axes]
 
 
-def column(name: str) -> FloatArray:
-    """One number of each axis."""
-    return np.array([getattr(axis, name) for axis in AXES], dtype=np.float64)
-
-
-def _all_couplings() -> FloatArray:
-    matrix = np.zeros((len(AXES), len(AXES)))
-    for part in COUPLINGS:
-        matrix[part_slice(part), part_slice(part)] = joint_to_motor(part)
-    return matrix
-
-
 def _default_impedance(pids: list[Pid], newton_metres: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a tenth of the stiffness of the position loop, and its critical damping (Nm/deg, Nm s/deg)."""
     kp = np.array([pid.kp for pid in pids]) * newton_metres
     kd = np.array([pid.kd for pid in pids]) * newton_metres
     return kp / 10.0, kd / math.sqrt(10.0)
-
-
-def _has_torque_control(part: str, name: str) -> bool:
-    if part in _TORQUE_PARTS:
-        return True
-    return part.endswith("_arm") and [axis.name for axis in PARTS[part]].index(name) < _TORQUE_ARM_JOINTS

@@ -1,8 +1,8 @@
-"""The motor boards of all parts together: encoders, setpoints, controllers, motors and modes of 53 axes at 1 kHz.
+"""The motor boards of all parts together: encoders, setpoints, controllers, motors and modes of all axes at 1 kHz.
 
-All arrays have a column for each axis, in the order of :data:`rtf.simulator.axes.AXES`, in degrees and per cent of duty
-cycle. The controller of the modes is in :mod:`rtf.simulator.controller`. Faults are small functions in lists, which are
-empty in a healthy robot.
+All arrays have a column for each axis, in the order of :attr:`rtf.robot.model.RobotModel.axes`, in degrees (metres of
+prismatic axes) and per cent of duty cycle. The controller of the modes is in :mod:`rtf.simulator.controller`. Faults
+are small functions in lists, which are empty in a healthy robot.
 
 Watchdogs: a velocity, torque, current or duty cycle expires ``WATCHDOG`` seconds after its last command, so that a
 joint whose client has died stops; position moves end by themselves, and direct positions are held.
@@ -10,7 +10,6 @@ joint whose client has died stops; position moves end by themselves, and direct 
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,23 +25,22 @@ from rtf.robot.control_modes import (
     mode_word,
 )
 from rtf.robot.errors import RefusedError
-from rtf.simulator.axes import AXES
 from rtf.simulator.board_state import AMBIENT, BoardState
 from rtf.simulator.controller import INTEGRATION
-from rtf.simulator.model import TIMESTEP
+from rtf.simulator.plant import TIMESTEP
 from rtf.simulator.position_gains import FULL
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rtf.robot.interfaces import FloatArray, Pid
-    from rtf.simulator.model import IcubModel
+    from rtf.simulator.plant import Plant
 
 #: Seconds without a new command after which velocities, torques, currents and duty cycles expire.
 WATCHDOG = 0.5
 #: Steps between the slow work of the boards: supervision, temperatures.
 SLOW = 10
-#: Deceleration of a stop, deg/s².
+#: Deceleration of a stop, degrees/s².
 STOPPING = 1000.0
 _OVERLOAD_TICKS = 5  # of the slow work: 50 ms
 _THERMAL_TIME = 600.0  # s
@@ -51,8 +49,8 @@ _THERMAL_TIME = 600.0  # s
 class Boards(BoardState):
     """The motor boards. Not thread-safe: used by the simulation's loop, or by a command between two steps."""
 
-    def __init__(self, robot: IcubModel, data: Any) -> None:
-        super().__init__(robot, data)
+    def __init__(self, plant: Plant, data: Any) -> None:
+        super().__init__(plant, data)
         self._prepare()
 
     def _prepare(self) -> None:
@@ -180,7 +178,7 @@ class Boards(BoardState):
         self._deadline[axis] = np.inf
         self._forgotten[axis] = True
         if ControlMode(int(self.mode[axis])) in VELOCITY_MODES:
-            self.setpoints.run(np.array([axis]), np.zeros(1), np.array([STOPPING]), self.tick)
+            self.setpoints.run(np.array([axis]), np.zeros(1), np.array([STOPPING * self.degree[axis]]), self.tick)
         self._configure(axis)
         if self.mode[axis] == ControlMode.TORQUE:
             self.controllers.set_integral(axis, 0.0)
@@ -188,7 +186,7 @@ class Boards(BoardState):
 
     def fault(self, axis: int, code: int, message: str) -> None:
         """Put an axis into hardware fault; only a forced idle ends it."""
-        self.faults[axis] = (code, f"{AXES[axis].name}: {message}")
+        self.faults[axis] = (code, f"{self.axes[axis].name}: {message}")
         self._overload[axis] = 0
         self._enter(axis, ControlMode.HARDWARE_FAULT)
 
@@ -204,16 +202,16 @@ class Boards(BoardState):
                 return
         result, after = answer(state, wanted)
         if result is Answer.REFUSED:
-            raise RefusedError(f"{AXES[axis].name}: {mode_word(wanted)} is not a mode that may be requested")
+            raise RefusedError(f"{self.axes[axis].name}: {mode_word(wanted)} is not a mode that may be requested")
         if result is Answer.TAKEN and after is not state:
             self._enter(axis, after)
 
     def request_interaction(self, axis: int, wanted: int) -> None:
         """Make an axis stiff or compliant; the mode stays. Raises RefusedError where there is no torque sensing."""
         if wanted not in (InteractionMode.STIFF, InteractionMode.COMPLIANT):
-            raise RefusedError(f"{AXES[axis].name}: {wanted} is no interaction mode that may be requested")
+            raise RefusedError(f"{self.axes[axis].name}: {wanted} is no interaction mode that may be requested")
         if wanted == InteractionMode.COMPLIANT and not self.torque_controlled[axis]:
-            raise RefusedError(f"{AXES[axis].name} cannot be compliant: it has no torque control")
+            raise RefusedError(f"{self.axes[axis].name} cannot be compliant: it has no torque control")
         if wanted != self.interaction[axis]:
             held = float(self.output[axis] * self.newton_metres[axis])
             self.interaction[axis] = wanted
@@ -261,7 +259,7 @@ class Boards(BoardState):
     def calibrate(self, axis: int) -> None:
         """Calibrate an axis: it takes half a second, in which it takes no commands. RefusedError for one in fault."""
         if self.mode[axis] == ControlMode.HARDWARE_FAULT:
-            raise RefusedError(f"{AXES[axis].name} is in fault and cannot be calibrated; force it to idle first")
+            raise RefusedError(f"{self.axes[axis].name} is in fault and cannot be calibrated; force it to idle first")
         self._planned = [planned for planned in self._planned if planned[1] != axis]
         self.calibrated[axis] = False
         self._enter(axis, ControlMode.CALIBRATING)
@@ -300,7 +298,7 @@ class Boards(BoardState):
     def _put(self, axis: int, kp: float, kd: float, ki: float, bias: float, limit: float) -> None:
         """Set the parameters of a controller, converted to its units."""
         controllers, ticks = self.controllers, float(self.resolution[axis])
-        controllers.kp_kd[:, axis] = kp / ticks, kd * _DEGREES
+        controllers.kp_kd[:, axis] = kp / ticks, kd * float(self.scale[axis])
         controllers.ki[axis] = ki / ticks * TIMESTEP * INTEGRATION
         controllers.set_bias(axis, bias)
         controllers.limit[axis] = limit
@@ -390,7 +388,7 @@ class Boards(BoardState):
     def stop(self, axes: NDArray[np.intp]) -> None:
         """Slow down to rest; the positions of rest become the targets."""
         self.velocities[axes] = 0.0
-        self.setpoints.run(axes, np.zeros(len(axes)), np.full(len(axes), STOPPING), self.tick)
+        self.setpoints.run(axes, np.zeros(len(axes)), STOPPING * self.degree[axes], self.tick)
         self.targets[axes] = self.setpoints.at(self.tick + _AT_REST, axes)[0]
         self._deadline[axes] = np.inf
 
@@ -422,7 +420,6 @@ OVERCURRENT, OVERHEATED, ERROR_LIMIT, BROKEN = 1, 2, 3, 4
 _DRIVEN = frozenset({ControlMode.TORQUE, ControlMode.CURRENT, ControlMode.PWM})
 _TORQUE_INTEGRAL = 5.0  # 1/s
 _TORQUE_TRIM = 50.0  # per cent
-_DEGREES = 180.0 / math.pi
 _CALIBRATION = 500  # steps
 _AT_REST = 100_000  # steps after which what was stopped has come to rest
 #: Modes that the board changes by itself, and from which.

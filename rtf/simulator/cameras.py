@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from rtf.simulator.engine import mujoco
+from rtf.robot.model.engine import mujoco
 from rtf.simulator.rendering import make_context
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: The cameras of a model: one in each eye, and one in front of the robot, which shows all of it.
-CAMERAS = ("left_eye", "right_eye", "outside")
 _MAX_GEOMS = 500
 
 
@@ -34,7 +32,8 @@ class Camera:
         engine = mujoco()
         self._index = engine.mj_name2id(model, engine.mjtObj.mjOBJ_CAMERA, name)
         if self._index < 0:
-            raise ValueError(f"the model has no camera {name!r}; the robot's are {', '.join(CAMERAS)}")
+            known = ", ".join(model.camera(number).name for number in range(model.ncam))
+            raise ValueError(f"the model has no camera {name!r}; there are {known or 'none'}")
         largest = (model.vis.global_.offwidth, model.vis.global_.offheight)
         if not (0 < width <= largest[0] and 0 < height <= largest[1]):
             raise ValueError(f"camera {name}: a picture of {width}x{height} is not within {largest[0]}x{largest[1]}")

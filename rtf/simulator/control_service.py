@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.simulator.faults.base import Fault
     from rtf.simulator.faults.injection import ActiveFault
-    from rtf.simulator.icub import SimulatedIcub
+    from rtf.simulator.robot import SimulatedRobot
 
 _OK, _FAIL = Vocab("ok"), Vocab("fail")
 #: The greatest number of characters of a request that a reply repeats.
@@ -57,7 +57,7 @@ HELP = (
 class SimulatorService:
     """Server of a robot's control port. ``end`` is called, in any thread, for a request to quit."""
 
-    def __init__(self, robot: SimulatedIcub, *, network: Network, end: Callable[[], object], lockstep: bool) -> None:
+    def __init__(self, robot: SimulatedRobot, *, network: Network, end: Callable[[], object], lockstep: bool) -> None:
         self.robot = robot
         self.injector = FaultInjector(robot)
         self._network = network
@@ -138,7 +138,7 @@ class SimulatorService:
     def _contacts(self) -> list[Bottle]:
         simulation = self.robot.simulation
         with simulation.lock:
-            return [Bottle(pair) for pair in touching(simulation.robot.model, simulation.data)]
+            return [Bottle(pair) for pair in touching(simulation.plant.model, simulation.data)]
 
     def _faults(self) -> list[Bottle]:
         return [_of_fault(one) for one in self.injector.active]

@@ -9,9 +9,5 @@ class SimulatorError(RtfError):
     """Base class of the simulator's errors."""
 
 
-class MissingPackageError(SimulatorError, ImportError):
-    """An optional package that the simulator needs is not installed."""
-
-
 class RenderingError(SimulatorError, RuntimeError):
     """The machine has no working back-end for rendering."""

@@ -21,11 +21,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import add, maximum, minimum, multiply, subtract
 
-from rtf.simulator.engine import mujoco
+from rtf.robot.model.engine import mujoco
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
-    from rtf.simulator.model import IcubModel
+    from rtf.simulator.plant import Plant
 
 #: Natural frequency of a sticking joint (Hz), and its damping ratio. With steps of a millisecond they are stable down
 #: to a fifth of the inertia that the stiffness is computed for.
@@ -39,18 +39,20 @@ class DryFriction:
     ``step`` is called in every step, between its two halves.
     """
 
-    def __init__(self, robot: IcubModel, data: Any) -> None:
-        self.torque = robot.friction  # Nm at each hinge
-        robot.model.dof_frictionloss[:] = 0.0
-        robot.reset(data)
+    def __init__(self, plant: Plant, data: Any) -> None:
+        self.torque = plant.friction  # Nm at each hinge
+        plant.model.dof_frictionloss[:] = 0.0
+        plant.reset(data)
         self._least = -self.torque
-        self._position: FloatArray = data.qpos  # all joints are hinges, so there is one for each degree of freedom
+        self._position: FloatArray = (
+            data.qpos
+        )  # all joints are hinges or slides, so there is one for each degree of freedom
         self._speed: FloatArray = data.qvel
         self._passive: FloatArray = data.qfrc_passive
         self._ctrl: FloatArray = data.ctrl
-        self._to_hinges = np.ascontiguousarray(robot.jacobian.T)  # torques of drives to those at the hinges
+        self._to_hinges = np.ascontiguousarray(plant.jacobian.T)  # torques of drives to those at the hinges
         swing = 2 * math.pi * STICKING
-        inertia = _inertia(robot, data)
+        inertia = _inertia(plant, data)
         self._stiffness = inertia * swing**2
         self._damping = 2 * _DAMPING * inertia * swing
         self._anchor = np.empty_like(self.torque)  # Nm
@@ -79,10 +81,10 @@ class DryFriction:
         add(self._passive, spring, out=self._passive)
 
 
-def _inertia(robot: IcubModel, data: Any) -> FloatArray:
+def _inertia(plant: Plant, data: Any) -> FloatArray:
     """Return the inertia of each hinge while all others are free (kg m²); ``data`` must have been forwarded."""
-    unit = np.eye(robot.model.nv)
+    unit = np.eye(plant.model.nv)
     solved = np.empty_like(unit)
-    mujoco().mj_solveM(robot.model, data, solved, unit)
+    mujoco().mj_solveM(plant.model, data, solved, unit)
     inertia: FloatArray = 1.0 / np.diag(solved)
     return inertia

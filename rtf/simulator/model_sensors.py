@@ -1,4 +1,4 @@
-"""The sensors on the robot's links: six force-torque sensors and the inertial unit of the head.
+"""The sensors on a robot's links: force-torque sensors and inertial units.
 
 A sensor of the model is a slice of ``data.sensordata``; the classes here hold the slices.
 """
@@ -9,26 +9,15 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rtf.simulator.engine import mujoco
+from rtf.robot.model.engine import mujoco
+from rtf.robot.model.errors import RobotModelError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_FORCE_TORQUE = {
-    "l_arm_ft_sensor": "l_upper_arm",
-    "r_arm_ft_sensor": "r_upper_arm",
-    "l_leg_ft_sensor": "l_hip_3",
-    "r_leg_ft_sensor": "r_hip_3",
-    "l_foot_ft_sensor": "l_foot",
-    "r_foot_ft_sensor": "r_foot",
-}
-#: Links that must stay separate bodies, because a sensor measures the forces at their joint.
-SENSED_LINKS = frozenset(_FORCE_TORQUE.values())
-
-_IMU = "head_imu_0"
-_IMU_POSITION = (0.0095, 0.133444, 0.0093)  # m, in the frame of the head
-_IMU_ROTATION = (-math.pi / 2, math.pi / 2, 0.0)  # roll, pitch, yaw about fixed axes, as in the description
+    from rtf.robot.model import RobotModel
+    from rtf.robot.model.file import ForceTorque
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +29,7 @@ class FtSensor:
     """
 
     name: str
-    frame: str  # the link whose frame is the sensor's
+    settings: ForceTorque  # its link has the sensor's frame
     force: slice  # of data.sensordata, N, parent on child
     torque: slice  # Nm, likewise, about the sensor's origin
 
@@ -55,43 +44,59 @@ class ImuSensor:
 
     name: str
     frame: str
+    port: str
     orientation: slice  # quaternion w, x, y, z of the sensor in the world
     gyroscope: slice  # rad/s
     accelerometer: slice  # m/s2; upwards 9.81 at rest
     magnetometer: slice  # T
 
 
-def add_sensors(spec: Any) -> None:
-    """Add the sensors to the links."""
+def add_sensors(spec: Any, robot: RobotModel) -> None:
+    """Add the robot's sensors to its links. Raises RobotModelError for a link that the description does not have."""
     kinds, site = mujoco().mjtSensor, mujoco().mjtObj.mjOBJ_SITE
-    for name, link in _FORCE_TORQUE.items():
-        spec.body(link).add_site(name=name)
+    for name, sensor in robot.sensors.force_torque.items():
+        _link(spec, name, sensor.link).add_site(name=name)
         spec.add_sensor(name=f"{name}/force", type=kinds.mjSENS_FORCE, objtype=site, objname=name)
         spec.add_sensor(name=f"{name}/torque", type=kinds.mjSENS_TORQUE, objtype=site, objname=name)
-    spec.body("head").add_site(name=_IMU, pos=_IMU_POSITION, quat=_quaternion(*_IMU_ROTATION))
-    spec.add_sensor(name=f"{_IMU}/orientation", type=kinds.mjSENS_FRAMEQUAT, objtype=site, objname=_IMU)
-    spec.add_sensor(name=f"{_IMU}/gyroscope", type=kinds.mjSENS_GYRO, objtype=site, objname=_IMU)
-    spec.add_sensor(name=f"{_IMU}/accelerometer", type=kinds.mjSENS_ACCELEROMETER, objtype=site, objname=_IMU)
-    spec.add_sensor(name=f"{_IMU}/magnetometer", type=kinds.mjSENS_MAGNETOMETER, objtype=site, objname=_IMU)
+    for name, unit in robot.sensors.inertial.items():
+        _link(spec, name, unit.link).add_site(name=name, pos=unit.position, quat=_quaternion(*unit.rotation))
+        for kind, what in (
+            (kinds.mjSENS_FRAMEQUAT, "orientation"),
+            (kinds.mjSENS_GYRO, "gyroscope"),
+            (kinds.mjSENS_ACCELEROMETER, "accelerometer"),
+            (kinds.mjSENS_MAGNETOMETER, "magnetometer"),
+        ):
+            spec.add_sensor(name=f"{name}/{what}", type=kind, objtype=site, objname=name)
 
 
-def ft_sensors(model: Any) -> tuple[FtSensor, ...]:
+def _link(spec: Any, sensor: str, link: str) -> Any:
+    body = spec.body(link)
+    if body is None:
+        raise RobotModelError(f"the sensor {sensor} is on the link {link!r}, which the description does not have")
+    return body
+
+
+def ft_sensors(model: Any, robot: RobotModel) -> tuple[FtSensor, ...]:
     """Return the force-torque sensors of a compiled model."""
     return tuple(
-        FtSensor(name, link, _slice(model, f"{name}/force"), _slice(model, f"{name}/torque"))
-        for name, link in _FORCE_TORQUE.items()
+        FtSensor(name, sensor, _slice(model, f"{name}/force"), _slice(model, f"{name}/torque"))
+        for name, sensor in robot.sensors.force_torque.items()
     )
 
 
-def imu_sensor(model: Any) -> ImuSensor:
-    """Return the inertial unit of a compiled model."""
-    return ImuSensor(
-        name=_IMU,
-        frame=_IMU,
-        orientation=_slice(model, f"{_IMU}/orientation"),
-        gyroscope=_slice(model, f"{_IMU}/gyroscope"),
-        accelerometer=_slice(model, f"{_IMU}/accelerometer"),
-        magnetometer=_slice(model, f"{_IMU}/magnetometer"),
+def imu_sensors(model: Any, robot: RobotModel) -> tuple[ImuSensor, ...]:
+    """Return the inertial units of a compiled model."""
+    return tuple(
+        ImuSensor(
+            name=name,
+            frame=name,
+            port=unit.port,
+            orientation=_slice(model, f"{name}/orientation"),
+            gyroscope=_slice(model, f"{name}/gyroscope"),
+            accelerometer=_slice(model, f"{name}/accelerometer"),
+            magnetometer=_slice(model, f"{name}/magnetometer"),
+        )
+        for name, unit in robot.sensors.inertial.items()
     )
 
 

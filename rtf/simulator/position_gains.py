@@ -2,7 +2,7 @@
 
 A critically damped second-order loop of angular frequency ``w`` around an inertia ``I`` needs ``kp = I w²`` and
 ``kd = 2 I w``; the integral removes the error that gravity and friction cause, at half a hertz. Gains are in the units
-of the boards, per cent of duty cycle per degree.
+of the boards, per cent of duty cycle per degree, or metre.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.robot.interfaces import FloatArray
-    from rtf.simulator.axes import Axis
+    from rtf.robot.model import Axis
 
 #: Bandwidth of the position loop (Hz): far below the stability limit at 1 kHz; it follows a minimum-jerk move within
 #: 0.2 degrees.
@@ -31,7 +31,7 @@ FULL = 100.0
 def position_pids(axes: Sequence[Axis], inertia: FloatArray) -> list[Pid]:
     """Return the gains of each axis for its effective inertia (kg m²)."""
     w = 2 * math.pi * BANDWIDTH
-    percent_a_degree = math.radians(1.0) * FULL / np.array([axis.max_torque for axis in axes])
+    percent_a_degree = np.array([axis.internal * FULL / axis.max_torque for axis in axes])
     kp = inertia * w * w * percent_a_degree
     kd = 2 * inertia * w * percent_a_degree
     ki = kp * 2 * math.pi * _INTEGRAL

@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Dialect
     from rtf.middleware.ports.network import Network
-    from rtf.simulator.icub import SimulatedIcub
-    from rtf.simulator.model import Collision
+    from rtf.robot.model import RobotModel
+    from rtf.simulator.plant import Collision
+    from rtf.simulator.robot import SimulatedRobot
 
 FINE, FAILED = 0, 1
 #: The exit code after a second signal: that of a shell for a program that SIGINT ended.
@@ -41,7 +42,8 @@ CLOCK = "/clock"
 class Settings:
     """The settings of the command line. ``factor`` inf: no limit; ``cameras``: no, yes, or auto (if they work)."""
 
-    robot: str = "icubSim"
+    model: RobotModel
+    robot: str = ""  # the prefix of its ports; that of the model
     parts: tuple[str, ...] = ()  # all
     seed: int = 0
     lockstep: bool = False
@@ -75,7 +77,7 @@ class _Program:
         self._end = threading.Event()
         self._signals = 0
         self._failed = False
-        self._robot: SimulatedIcub | None = None
+        self._robot: SimulatedRobot | None = None
 
     def run(self) -> int:
         """See run_simulator."""
@@ -85,7 +87,9 @@ class _Program:
                 if not self._end.is_set():
                     self._tell_ready(robot, opened)
             except (RtfError, OSError) as error:
-                _say(f"FAILED: {self._settings.robot} could not be started: {error}")
+                _say(
+                    f"FAILED: {self._settings.robot or self._settings.model.simulated_name} could not be started: {error}"
+                )
                 return FAILED
             self._end.wait()
         return FAILED if self._failed else FINE
@@ -105,16 +109,18 @@ class _Program:
             self._failed = True
             self._end.set()
 
-    def _start(self, opened: ExitStack) -> SimulatedIcub:
+    def _start(self, opened: ExitStack) -> SimulatedRobot:
         settings = self._settings
         network = _network(settings, opened)
         network.report = self._report
-        port = control_port(settings.robot)
+        model = settings.model
+        name = settings.robot or model.simulated_name
+        port = control_port(name)
         if exists(network, Contact(port)):
             raise ConnectError(f"there is a port {port} already; end the simulator that has it, or use --robot")
         # The control port closes last, so that a request to quit is answered.
         last = opened.enter_context(ExitStack())
-        robot = self._robot = _make(settings, network)
+        robot = self._robot = _make(model, name, settings, network)
         opened.callback(robot.close)
         from rtf.simulator.control_service import SimulatorService
 
@@ -122,7 +128,7 @@ class _Program:
         last.callback(service.close)
         return robot
 
-    def _tell_ready(self, robot: SimulatedIcub, opened: ExitStack) -> None:
+    def _tell_ready(self, robot: SimulatedRobot, opened: ExitStack) -> None:
         """Print the ports and READY, and write the ready file if one was requested."""
         settings, name, streams = self._settings, robot.name, robot.outlets.by_name
         rpc = REQUESTS[robot.network.dialect]
@@ -171,30 +177,30 @@ def _network(settings: Settings, opened: ExitStack) -> Network:
     return network
 
 
-def _make(settings: Settings, network: Network) -> SimulatedIcub:
+def _make(model: RobotModel, name: str, settings: Settings, network: Network) -> SimulatedRobot:
     """Make the robot; with cameras ``auto``, without them if the machine cannot render."""
     if settings.cameras != "auto":
-        return _simulated(settings, network, cameras=settings.cameras == "yes")
+        return _simulated(model, name, settings, network, cameras=settings.cameras == "yes")
     try:
-        return _simulated(settings, network, cameras=True)
+        return _simulated(model, name, settings, network, cameras=True)
     except RenderingError as error:
         _say(f"no cameras: {error}")
-        return _simulated(settings, network, cameras=False)
+        return _simulated(model, name, settings, network, cameras=False)
 
 
-def _simulated(settings: Settings, network: Network, *, cameras: bool) -> SimulatedIcub:
+def _simulated(model: RobotModel, name: str, settings: Settings, network: Network, *, cameras: bool) -> SimulatedRobot:
     if cameras:
         from rtf.simulator.rendering import rendering_back_end
 
         rendering_back_end()  # so that a missing package is reported before the model is built
-    from rtf.simulator.axes import SERVED
-    from rtf.simulator.icub import CAMERA_RATE, STATE_RATE, SimulatedIcub
-    from rtf.simulator.model import Options
+    from rtf.simulator.plant import Options
+    from rtf.simulator.robot import CAMERA_RATE, STATE_RATE, SimulatedRobot
 
-    return SimulatedIcub(
-        settings.robot,
+    return SimulatedRobot(
+        model,
+        name,
         network=network,
-        parts=settings.parts or SERVED,
+        parts=settings.parts,
         seed=settings.seed,
         lockstep=settings.lockstep,
         factor=None if settings.factor == math.inf else settings.factor,

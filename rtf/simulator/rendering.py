@@ -13,7 +13,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any, Literal
 
-from rtf.simulator.engine import mujoco
+from rtf.robot.model.engine import mujoco
 from rtf.simulator.errors import RenderingError
 
 BackEnd = Literal["egl", "osmesa"]

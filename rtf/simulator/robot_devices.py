@@ -17,10 +17,10 @@ from rtf.middleware.ports.remote import exists
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError
+from rtf.robot.model import DEFAULT_ROBOT, load_robot
 from rtf.robot.parameters import port_name, positive, wrong
-from rtf.simulator.axes import PARTS, part_slice
-from rtf.simulator.model import Collision, Options, build
 from rtf.simulator.part import SimulatedPart
+from rtf.simulator.plant import Collision, Options, build
 from rtf.simulator.simulation import Simulation
 from rtf.simulator.simulation_clock import CLOCK, SimulationClock, serve_time
 
@@ -34,12 +34,13 @@ if TYPE_CHECKING:
     from rtf.simulator.fair_lock import FairLock
 
 
-class SimulatedRobot(Device):
-    """``simulatedICub``: runs the simulation in this process. Boards and sensors are attached to it.
+class SimulationDevice(Device):
+    """``simulatedRobot``, also ``simulatedICub``: a simulation in this process, to which boards and sensors attach.
 
     While it is open, its clock is that of this process (:func:`rtf.clock.current`), and its clock port publishes the
-    time. Parameters, all with defaults: ``clock``, the name of that port; ``factor``, the greatest real-time factor
-    (1); ``seed`` of the random numbers (0); ``collision``: capsules, hulls or none.
+    time. Parameters, all with defaults: ``model``, the name or path of a robot (icub); ``clock``, the name of that
+    port; ``factor``, the greatest real-time factor (1); ``seed`` of the random numbers (0); ``collision``: capsules,
+    hulls or none.
     """
 
     def __init__(self, name: str = "", *, network: Network | None = None) -> None:
@@ -62,14 +63,14 @@ class SimulatedRobot(Device):
             raise wrong(configuration, "seed", f"{to_string(seed)} is no whole number from 0")
         collision = _collision(configuration)
         try:
-            self._open(port, factor, seed, collision)
+            self._open(as_string(configuration.get("model", DEFAULT_ROBOT)), port, factor, seed, collision)
         except RtfError as error:
             raise DeviceError(f"{self.name} cannot simulate: {error}") from error
 
-    def _open(self, port: str, factor: float, seed: int, collision: Collision) -> None:
+    def _open(self, robot: str, port: str, factor: float, seed: int, collision: Collision) -> None:
         if exists(self.network, Contact(port)):
             raise DeviceError(f"there is a port {port} already; end the simulator that has it, or use 'clock'")
-        simulation = Simulation(build(Options(collision=collision)), seed=seed, factor=factor)
+        simulation = Simulation(build(load_robot(robot), Options(collision=collision)), seed=seed, factor=factor)
         with ExitStack() as opened:
             server = serve_time(simulation, port, network=self.network, lockstep=False)
             opened.callback(server.close)
@@ -85,15 +86,15 @@ class SimulatedRobot(Device):
 def simulation_of(device: Device, devices: Mapping[str, Device]) -> Simulation:
     """Return the simulation that a device is attached to. Raises DeviceError if it is not attached to exactly one."""
     robots = list(devices.values())
-    if len(robots) != 1 or not isinstance(robots[0], SimulatedRobot):
-        raise DeviceError(f"{device.name} is attached to one simulatedICub, not to {', '.join(devices) or 'nothing'}")
+    if len(robots) != 1 or not isinstance(robots[0], SimulationDevice):
+        raise DeviceError(f"{device.name} is attached to one simulatedRobot, not to {', '.join(devices) or 'nothing'}")
     return robots[0].simulation
 
 
 class SimulatedBoard(SimulatedPart):
     """``simulatedBoard``: the control board of one ``part`` of a simulated robot, such as ``left_arm``.
 
-    Until it is attached, all methods but the number of axes raise DeviceError.
+    Until it is attached, all methods raise DeviceError.
     """
 
     def __init__(self, name: str = "", *, network: Network | None = None) -> None:
@@ -101,22 +102,25 @@ class SimulatedBoard(SimulatedPart):
         self._simulation: Simulation | None = None
 
     def open(self, configuration: Property) -> None:
-        part = as_string(configuration.find("part"))
-        if part not in PARTS:
-            raise wrong(configuration, "part", f"{part!r} is none of {', '.join(PARTS)}")
-        self.part = part
-        self.own = part_slice(part)
-        self.size = len(PARTS[part])
+        self.part = as_string(configuration.find("part"))
+        if not self.part:
+            raise wrong(configuration, "part", "it is missing: the part of the simulated robot")
 
     def attach(self, devices: Mapping[str, Device]) -> None:
-        """Attach the board to a simulated robot."""
-        self._simulation = simulation_of(self, devices)
+        """Attach the board to a simulated robot. Raises RefusedError for a part that the robot does not have."""
+        simulation = simulation_of(self, devices)
+        self._choose(simulation.plant.robot)
+        self._simulation = simulation
 
     def detach(self) -> None:
         self._simulation = None
 
     def close(self) -> None:
         self.detach()
+
+    def axes(self) -> int:
+        self._attached()
+        return self.size
 
     @property
     def boards(self) -> Boards:  # type: ignore[override]  # here it may be missing

@@ -70,10 +70,21 @@ class _AttachedSensors(Device, IMultipleAnalogSensors, IMeasurementsSource, Gene
 
 
 class SimulatedImuDevice(_AttachedSensors[SimulatedImu]):
-    """``simulatedImu``: the inertial unit of the head."""
+    """``simulatedImu``: the inertial unit that ``sensor`` names, by default the robot's first one."""
+
+    _name = ""
+
+    def open(self, configuration: Property) -> None:
+        self._name = as_string(configuration.get("sensor", ""))
 
     def _make(self, simulation: Simulation) -> SimulatedImu:
-        return SimulatedImu(simulation)
+        known = {sensor.name: sensor for sensor in simulation.plant.imus}
+        name = self._name or next(iter(known), "")
+        if name not in known:
+            raise DeviceError(
+                f"{self.name}: the robot has no inertial unit {name!r}; it has {', '.join(known) or 'none'}"
+            )
+        return SimulatedImu(known[name], simulation)
 
 
 class SimulatedForceTorqueDevice(_AttachedSensors[SimulatedForceTorques], IAnalogSensor):
@@ -86,7 +97,7 @@ class SimulatedForceTorqueDevice(_AttachedSensors[SimulatedForceTorques], IAnalo
         self._name = as_string(configuration.find("sensor"))
 
     def _make(self, simulation: Simulation) -> SimulatedForceTorques:
-        known = {sensor.name: sensor for sensor in simulation.robot.ft_sensors}
+        known = {sensor.name: sensor for sensor in simulation.plant.ft_sensors}
         if self._name not in known:
             raise DeviceError(f"{self.name}: the robot has no sensor {self._name!r}; it has {', '.join(known)}")
         self._sensor = SimulatedForceTorque(known[self._name], simulation)

@@ -43,12 +43,12 @@ class Setpoints:
         step: float,
         *,
         begin: int = 0,
-        scales: tuple[FloatArray | float, float] = (1.0, 1.0),
+        scales: tuple[FloatArray | float, FloatArray | float] = (1.0, 1.0),
     ) -> None:
         count = len(positions)
         self._step = step
         self._scale = np.broadcast_to(np.asarray(scales[0], dtype=np.float64), positions.shape)
-        self._speed_scale = scales[1]
+        self._speed_scale = np.broadcast_to(np.asarray(scales[1], dtype=np.float64), positions.shape)
         self.minimum = minimum.copy()
         self.maximum = maximum.copy()
         self._coefficients = np.zeros((_DEGREE + 1, count))
@@ -110,7 +110,7 @@ class Setpoints:
         if row < BLOCK:
             positions, velocities, _ = self._evaluate(self.begin + row, BLOCK - row, axes)
             self._positions[row:, axes] = positions * self._scale[axes]
-            self._velocities[row:, axes] = velocities * self._speed_scale
+            self._velocities[row:, axes] = velocities * self._speed_scale[axes]
 
     def hold(self, axes: NDArray[np.intp], positions: FloatArray, now: int) -> None:
         """Set the setpoints to these positions at once, and hold them."""

@@ -40,7 +40,7 @@ class SimulatedCamera(Device, IFrameGrabber, IFrameGrabberControls):
         self.faults: list[Callable[[NDArray[np.uint8], float], NDArray[np.uint8]]] = []
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"rtf-camera {name}")
         try:
-            self._camera = self._thread.submit(Camera, simulation.robot.model, name, width, height).result()
+            self._camera = self._thread.submit(Camera, simulation.plant.model, name, width, height).result()
         except BaseException:
             self._thread.shutdown()
             raise

@@ -30,18 +30,16 @@ if TYPE_CHECKING:
     from rtf.bottle import Property
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.sensor_message import Measurements
-    from rtf.simulator.model_sensors import FtSensor
+    from rtf.simulator.model_sensors import FtSensor, ImuSensor
     from rtf.simulator.simulation import Simulation
 
-#: Standard deviations: N and Nm of force and torque; deg, deg/s, m/s² and T of the inertial unit.
-FORCE_NOISE, TORQUE_NOISE = 0.05, 0.002
+#: Standard deviations of an inertial unit: deg/s, m/s², T, deg.
 _IMU_NOISE = {
     SensorCategory.GYROSCOPE: 0.05,
     SensorCategory.ACCELEROMETER: 0.02,
     SensorCategory.MAGNETOMETER: 1e-7,
     SensorCategory.ORIENTATION: 0.02,
 }
-_FT_NOISE = np.array([FORCE_NOISE] * 3 + [TORQUE_NOISE] * 3)
 _IMU_DEVIATION = np.repeat([*_IMU_NOISE.values()], 3)
 #: For each sensor of the unit, by category: its slice of the numbers of an inertial unit.
 _IMU_PLACES = [(category, slice(3 * category, 3 * category + 3)) for category in _IMU_NOISE]
@@ -101,7 +99,9 @@ class SimulatedForceTorque(SimulatedSensor, IAnalogSensor):
     """A force-torque sensor: three forces (N) and three torques (Nm), minus the zero offset."""
 
     def __init__(self, sensor: FtSensor, simulation: Simulation) -> None:
-        super().__init__(sensor.name, simulation, _FT_NOISE)
+        settings = sensor.settings
+        deviation = np.array([settings.force_noise] * 3 + [settings.torque_noise] * 3)
+        super().__init__(sensor.name, simulation, deviation)
         self.sensor = sensor
         self._forces = simulation.data.sensordata[sensor.force.start : sensor.torque.stop]  # a view; the other way
         self._reading = SensorReading(self._zero, 0.0)
@@ -140,7 +140,7 @@ class SimulatedForceTorques(Device, IMultipleAnalogSensors, IMeasurementsSource)
         super().__init__("force-torque sensors")
         self.simulation = simulation
         self._sensors = tuple(sensors)
-        self._infos = tuple(SensorInfo(one.name, one.sensor.frame) for one in self._sensors)
+        self._infos = tuple(SensorInfo(one.name, one.sensor.settings.link) for one in self._sensors)
 
     def open(self, configuration: Property) -> None:
         """Do nothing: it is open from its construction."""
@@ -173,10 +173,10 @@ class SimulatedForceTorques(Device, IMultipleAnalogSensors, IMeasurementsSource)
 
 
 class SimulatedImu(SimulatedSensor, IMultipleAnalogSensors, IMeasurementsSource):
-    """The inertial unit of the head."""
+    """An inertial unit."""
 
-    def __init__(self, simulation: Simulation) -> None:
-        self.imu = imu = simulation.robot.imu
+    def __init__(self, imu: ImuSensor, simulation: Simulation) -> None:
+        self.imu = imu
         super().__init__(imu.name, simulation, _IMU_DEVIATION)
         found: FloatArray = simulation.data.sensordata
         self._vectors = found[imu.gyroscope.start : imu.magnetometer.stop]  # of all but the orientation

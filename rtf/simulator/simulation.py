@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rtf import clock
+from rtf.robot.model.engine import mujoco
 from rtf.simulator.boards import Boards
-from rtf.simulator.engine import mujoco
 from rtf.simulator.fair_lock import FairLock
 from rtf.simulator.friction import DryFriction
-from rtf.simulator.model import TIMESTEP
+from rtf.simulator.plant import TIMESTEP
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.periodic_thread import Publisher
-    from rtf.simulator.model import IcubModel
+    from rtf.simulator.plant import Plant
 
 #: The greatest lag (s) behind the machine's clock that the loop catches up.
 _LATE = 0.1
@@ -40,14 +40,14 @@ class Simulation:
     simulations with the same seed and the same commands at the same steps are identical to the last bit.
     """
 
-    def __init__(self, robot: IcubModel, *, seed: int = 0, factor: float | None = None) -> None:
-        self.robot = robot
+    def __init__(self, plant: Plant, *, seed: int = 0, factor: float | None = None) -> None:
+        self.plant = plant
         self.seed = seed
         self.factor = factor
         self.random = np.random.default_rng(seed)
-        self.data: Any = robot.data()
-        self.friction = DryFriction(robot, self.data)
-        self.boards = Boards(robot, self.data)
+        self.data: Any = plant.data()
+        self.friction = DryFriction(plant, self.data)
+        self.boards = Boards(plant, self.data)
         self.friction.reset()
         self.lock = FairLock()
         self.on_reset: list[Callable[[], None]] = []
@@ -133,7 +133,7 @@ class Simulation:
     def refresh(self) -> None:
         """Update the measurements to the current time; the state of the physics does not change."""
         if not self._halfway:
-            self._step1(self.robot.model, self.data)
+            self._step1(self.plant.model, self.data)
             self._halfway = True
         self.boards.measure()
 
@@ -152,9 +152,9 @@ class Simulation:
 
         The sensors are computed in the last step, and in a step before the lock is yielded.
         """
-        boards, lock, options = self.boards, self.lock, self.robot.model.opt
+        boards, lock, options = self.boards, self.lock, self.plant.model.opt
         first, second, step, rub = self._step1, self._step2, boards.step, self.friction.step
-        model, data = self.robot.model, self.data
+        model, data = self.plant.model, self.data
         halfway, self._halfway = self._halfway, False
         seeing = options.disableflags
         blind = seeing | self._without_sensors
@@ -207,7 +207,7 @@ class Simulation:
             self._halfway = False
             for clean in self.on_reset:
                 clean()
-            self.robot.reset(self.data)
+            self.plant.reset(self.data)
             self.boards.reset()
             self.friction.reset()
             self.random = np.random.default_rng(self.seed)

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from middleware_peer import cpu
 
+from icub import ICUB
 from rtf import clock
 from rtf.bottle import Bottle, as_int
 from rtf.middleware.naming.client import RemoteNames
@@ -33,8 +34,8 @@ from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.rpc import RpcServer
 from rtf.middleware.wire.contact import Contact
-from rtf.simulator.engine import mujoco
-from rtf.simulator.icub import SimulatedIcub
+from rtf.robot.model.engine import mujoco
+from rtf.simulator.robot import SimulatedRobot
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,8 +55,8 @@ class Replay:
     """
 
     def __init__(self, simulation: Simulation) -> None:
-        self._model, self._data = copy.copy(simulation.robot.model), simulation.data
-        self._model.dof_frictionloss[:] = simulation.robot.friction
+        self._model, self._data = copy.copy(simulation.plant.model), simulation.data
+        self._model.dof_frictionloss[:] = simulation.plant.friction
         self._boards = simulation.boards
         self._whole = int(mujoco().mjtState.mjSTATE_INTEGRATION)
         self._begin = np.empty(mujoco().mj_stateSize(self._model, self._whole))
@@ -93,7 +94,7 @@ def _times() -> NDArray[np.float64]:
     return np.array([clock.monotonic(), cpu()])
 
 
-def answer(robot: SimulatedIcub, replay: Replay, question: Bottle) -> Bottle:
+def answer(robot: SimulatedRobot, replay: Replay, question: Bottle) -> Bottle:
     """See above."""
     word = question.get(0)
     if word == "record":
@@ -115,7 +116,7 @@ def serve(*, lockstep: bool, cameras: bool) -> None:
     """Open everything, and wait for the end."""
     with NameServer() as names:
         net = Network(names.names)
-        with SimulatedIcub(network=net, lockstep=lockstep, cameras=cameras) as robot:
+        with SimulatedRobot(ICUB, network=net, lockstep=lockstep, cameras=cameras) as robot:
             replay = Replay(robot.simulation)
             with RpcServer("/peer", partial(answer, robot, replay), network=net):
                 print(json.dumps({"names": names.contact.port}), flush=True)
@@ -127,7 +128,7 @@ def serve_alone() -> None:
 
     It is told in JSON: seconds of the machine's clock, and of the processor.
     """
-    with SimulatedIcub(network=Network(LocalNames()), lockstep=True) as robot:
+    with SimulatedRobot(ICUB, network=Network(LocalNames()), lockstep=True) as robot:
         print(json.dumps({}), flush=True)
         for line in sys.stdin:
             began = _times()

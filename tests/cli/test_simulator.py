@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from icub import ICUB
 from rtf.bottle import Dialect
 from rtf.cli.tools import main
 from rtf.middleware.naming import configuration
@@ -79,7 +80,7 @@ class TestStarting:
         ("words", "hint"),
         [
             ("--parts arm", "there are head, left_arm"),
-            ("--parts ,", "there are head, left_arm"),
+            ("--parts ,", "write the names of parts"),
             ("--realtime-factor 0", "write a number from 0.1 on, or inf"),
             ("--realtime-factor nan", "write a number from 0.1 on, or inf"),
             ("--realtime-factor fast", "write a number from 0.1 on, or inf"),
@@ -140,7 +141,7 @@ class TestTalking:
     def service(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SimulatorService]:
         """A robot of one part in lockstep, as the configuration finds it."""
         from rtf.simulator.control_service import SimulatorService
-        from rtf.simulator.icub import SimulatedIcub
+        from rtf.simulator.robot import SimulatedRobot
 
         monkeypatch.setenv("YARP_CONFIG_HOME", str(tmp_path / "user"))
         for name in ("YARP_NAMESPACE", "YARP_PORT_PREFIX"):
@@ -148,7 +149,7 @@ class TestTalking:
         with NameServer() as server:
             configuration.write_place(server.contact)
             network = Network(configuration.find_names())
-            with SimulatedIcub("bot", network=network, parts=("left_arm",), lockstep=True) as robot:
+            with SimulatedRobot(ICUB, "bot", network=network, parts=("left_arm",), lockstep=True) as robot:
                 made = SimulatorService(robot, network=network, end=os.abort, lockstep=True)
                 yield made
                 made.close()

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from icub import robot_description
 from robot_outcomes import failed_parts, said
-from rtf.simulator.engine import robot_description
 from rtf.testing.events import Message, SeriesRecorded
 from rtf.testing.verdict import Severity, Verdict
 

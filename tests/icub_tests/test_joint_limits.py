@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from icub import PARTS
 from robot_outcomes import failed_parts
 from rtf.robot_testing.joint_queues import queues
-from rtf.simulator.axes import PARTS
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.verdict import Verdict
 

@@ -3,7 +3,7 @@
 import pytest
 
 from harness import run_command, write_files
-from rtf.simulator.engine import robot_description
+from icub import robot_description
 from rtf.testing.events import Measured
 from rtf.testing.verdict import MeasurementVerdict, Verdict
 

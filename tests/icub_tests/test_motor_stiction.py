@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from icub import AXES, INDEX
 from robot_outcomes import said
-from rtf.simulator.axes import AXES, INDEX
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.verdict import Verdict
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rtf.simulator.axes import PARTS
+from icub import PARTS
 from rtf.testing.events import Message, SeriesRecorded, Severity
 from rtf.testing.verdict import MeasurementVerdict, Verdict
 

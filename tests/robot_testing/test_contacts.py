@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from harness import run_command, write_files
+from icub import ICUB
 from robot_outcomes import said
 from rtf import clock
 from rtf.bottle import Property
@@ -27,7 +28,7 @@ from rtf.robot.server.outlets import PipelinedOutlets
 from rtf.robot_testing.contacts import ContactWatch, Forces, NoForcesError, force_port
 from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
 from rtf.robot_testing.part import Part
-from rtf.simulator.icub import SimulatedIcub
+from rtf.simulator.robot import SimulatedRobot
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.verdict import Verdict
 
@@ -390,7 +391,7 @@ def arm(tmp_path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Part]:
     monkeypatch.setenv("YARP_RUNTIME_DIR", str(tmp_path))
     network = Network(LocalNames())
     with ExitStack() as stack:
-        stack.enter_context(SimulatedIcub(network=network, parts=("left_arm",), lockstep=True))
+        stack.enter_context(SimulatedRobot(ICUB, network=network, parts=("left_arm",), lockstep=True))
         time = stack.enter_context(clock.use(LockstepClock("/clock", "test", network=network)))
         stack.callback(time.close)
         board = stack.enter_context(connect("/icubSim/left_arm", carrier="tcp", network=network))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from icub import AXES, INDEX, PARTS, build_icub
+from rtf.robot.model.engine import mujoco
 from rtf.robot_testing.duty_ramp import away_from_limits
 from rtf.robot_testing.duty_test import NEAR, ROOM
-from rtf.simulator.axes import AXES, INDEX, PARTS
 from rtf.simulator.contacts import touching
-from rtf.simulator.engine import mujoco
-from rtf.simulator.model import Options, build
+from rtf.simulator.plant import Options
 
 THRESHOLD = 5.0  # deg, what the tests have without being told
 
@@ -25,7 +25,7 @@ class Limits:
 @pytest.fixture(scope="module")
 def robot():
     """The model with its outlines."""
-    return build(Options())
+    return build_icub(Options())
 
 
 @pytest.mark.parametrize("part", PARTS)

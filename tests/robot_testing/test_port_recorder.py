@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+from icub import ICUB
 from rtf.bottle import Bottle, Dialect
 from rtf.clock import Clock, SystemClock
 from rtf.middleware.errors import MiddlewareError
@@ -124,11 +125,11 @@ def test_messages_are_decoded_by_their_connection(network):
 
 def test_loads_hang_downwards():
     """At home a leg pulls its sensor down by its weight, and other places have no sensor."""
-    model = WeightModel()
+    model = WeightModel(ICUB)
     left, right = model.load("left_leg"), model.load("right_leg")
     assert math.hypot(*left[:3]) == pytest.approx(math.hypot(*right[:3]), rel=0.02)
     assert 20 < math.hypot(*left[:3]) < 100
-    assert parts_above("left_arm") == ("torso", "left_arm")
-    assert parts_above("left_hand") == ()
+    assert parts_above(ICUB, "left_arm") == ("torso", "left_arm")
+    assert parts_above(ICUB, "left_hand") == ()
     with pytest.raises(RefusedError, match="left_hand"):
         model.load("left_hand")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from harness import MARK, Outcome, run_suite
+from icub import ICUB
 from rtf.bottle import Bottle, Property, Vocab
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.configuration import find_network
@@ -77,9 +78,9 @@ class Lab:
     def simulator(self, *parts: str) -> SimulatorControl:
         """A simulator of the same robot's name, with these parts."""
         from rtf.simulator.control_service import SimulatorService
-        from rtf.simulator.icub import SimulatedIcub
+        from rtf.simulator.robot import SimulatedRobot
 
-        robot = self.stack.enter_context(SimulatedIcub("bot", network=self.network, parts=parts))
+        robot = self.stack.enter_context(SimulatedRobot(ICUB, "bot", network=self.network, parts=parts))
         service = SimulatorService(robot, network=self.network, end=os.abort, lockstep=False)
         self.stack.callback(service.close)
         return self.stack.enter_context(SimulatorControl("bot", network=self.network))

@@ -19,7 +19,8 @@ from rtf.middleware.ports.remote import connect
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode, InteractionMode
-from rtf.simulator.icub import SimulatedIcub
+from rtf.robot.model import load_robot
+from rtf.simulator.robot import SimulatedRobot
 
 
 class _Raw:
@@ -50,7 +51,7 @@ def record(seed: int) -> tuple[dict[str, str], str, int]:
     """Run two seconds; returns the digest of what each port sent, that of the robot's state, and how much was sent."""
     network = Network(LocalNames(), report=lambda sentence: print(sentence, file=sys.stderr))
     with ExitStack() as opened:
-        robot = opened.enter_context(SimulatedIcub(network=network, lockstep=True, seed=seed))
+        robot = opened.enter_context(SimulatedRobot(load_robot("icub"), network=network, lockstep=True, seed=seed))
         ears = {name: opened.enter_context(closing(_Ear(name, network))) for name in robot.outlets.by_name}
         time = opened.enter_context(clock.use(LockstepClock("/clock", "run", network=network)))
         _move(opened, network, time)

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from icub import INDEX, build_icub
 from rtf.robot.control_modes import ControlMode
-from rtf.simulator.axes import INDEX
-from rtf.simulator.model import Options, build
 from rtf.simulator.part import SimulatedPart
+from rtf.simulator.plant import Options
 from rtf.simulator.simulation import Simulation
 
 
@@ -19,10 +19,10 @@ class Rig:
     def __init__(self, *, frictionless: bool = False, **options: Any) -> None:
         if frictionless:
             options |= {"friction": False, "damping": False}
-        self.simulation = Simulation(build(Options(**options)))
+        self.simulation = Simulation(build_icub(Options(**options)))
         self.boards = self.simulation.boards
         self.data = self.simulation.data
-        self.model = self.simulation.robot.model
+        self.model = self.simulation.plant.model
 
     def run(self, seconds: float) -> None:
         """Let time pass."""
@@ -50,7 +50,7 @@ class Rig:
 
     def push(self, axis: str, torque: float) -> None:
         """Let somebody turn an axis from outside, from now on (Nm)."""
-        self.data.qfrc_applied[self.simulation.robot.dofs[INDEX[axis]]] = torque
+        self.data.qfrc_applied[self.simulation.plant.dofs[INDEX[axis]]] = torque
 
     def say(self, command: Any, axis: str, *values: float) -> None:
         """Give a command of the boards to one axis."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rtf.simulator.axes import AXES, COUPLINGS, INDEX, PARTS, joint_to_motor, part_slice
+from icub import AXES, COUPLINGS, INDEX, PARTS, joint_to_motor, part_slice
+from rtf.robot.errors import RefusedError
 
 FINGERS = [
     "hand_finger",
@@ -65,7 +66,7 @@ class TestOrder:
 
     def test_unknown_part_is_named(self):
         """The error lists what there is."""
-        with pytest.raises(KeyError, match=r"no part 'tail'.*right_leg"):
+        with pytest.raises(RefusedError, match=r"no part 'tail'.*right_leg"):
             part_slice("tail")
 
 

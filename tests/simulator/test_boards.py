@@ -8,6 +8,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
+from icub import AXES, INDEX, PARTS, part_slice
 from rtf.robot.control_modes import (
     POWERLESS,
     REQUESTS,
@@ -19,9 +20,8 @@ from rtf.robot.control_modes import (
     answer,
 )
 from rtf.robot.errors import RefusedError
-from rtf.simulator.axes import AXES, INDEX, PARTS, part_slice
+from rtf.robot.model.engine import mujoco
 from rtf.simulator.boards import ERROR_LIMIT, OVERCURRENT, OVERHEATED, WATCHDOG
-from rtf.simulator.engine import mujoco
 
 from .rig import Rig
 
@@ -197,7 +197,7 @@ class TestFaults:
         """With nominal current 40 degrees above the surroundings in the end; most of it in ten minutes."""
         axis = INDEX[ELBOW]
         rig.enter(ELBOW, ControlMode.CURRENT)
-        rig.model.dof_frictionloss[rig.simulation.robot.dofs[axis]] = 1000.0
+        rig.model.dof_frictionloss[rig.simulation.plant.dofs[axis]] = 1000.0
         rig.say(rig.boards.drive_currents, ELBOW, AXES[axis].nominal_current)
         rig.run(0.4)
         assert rig.boards.temperature[axis] - 25.0 == pytest.approx(40.0 * 0.4 / 600.0, rel=0.05)
@@ -208,7 +208,7 @@ class TestFaults:
         rig.run(0.1)
         assert rig.mode(ELBOW) is ControlMode.POSITION
         for axis in (ELBOW, "r_elbow"):
-            rig.model.dof_frictionloss[rig.simulation.robot.dofs[INDEX[axis]]] = 1000.0
+            rig.model.dof_frictionloss[rig.simulation.plant.dofs[INDEX[axis]]] = 1000.0
             rig.say(rig.boards.move, axis, 80.0)
         rig.run(1.5)
         assert rig.mode("r_elbow") is ControlMode.POSITION
@@ -426,7 +426,7 @@ class TestMotors:
         moved |= {"torso_roll": 8, "torso_pitch": 14, "eyes_version": 5, "eyes_vergence": 20, "l_hip_pitch": 7}
         for name, angle in moved.items():
             axes[INDEX[name]] = angle
-        rig.data.qpos[:] = rig.simulation.robot.pose(np.radians(axes))
+        rig.data.qpos[:] = rig.simulation.plant.pose(np.radians(axes))
         rig.simulation.refresh()
         expected = {
             "l_shoulder_pitch": 100 * -20,

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from icub import ICUB, INDEX
 from rtf import clock
 from rtf.bottle import Bottle, Vocab
 from rtf.middleware.clocks.network_clock import LockstepClock, NetworkClock, clock_from_environment
@@ -21,7 +22,6 @@ from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcServer
 from rtf.robot.errors import RefusedError
-from rtf.simulator.axes import INDEX
 from rtf.simulator.control_client import SimulatorControl, control_port, describe_status
 from rtf.simulator.faults import KINDS
 from waiting import eventually, open_descriptors
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from rtf.simulator.icub import SimulatedIcub
+    from rtf.simulator.robot import SimulatedRobot
 
 pytestmark = pytest.mark.skipif(
     not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
@@ -42,12 +42,14 @@ class Bench:
 
     def __init__(self, network: Network, *, lockstep: bool = True, factor: float | None = 1.0) -> None:
         from rtf.simulator.control_service import SimulatorService
-        from rtf.simulator.icub import SimulatedIcub
+        from rtf.simulator.robot import SimulatedRobot
 
         self.network = network
         self.ended = threading.Event()
         parts = ("head", "left_arm")
-        self.robot: SimulatedIcub = SimulatedIcub(network=network, parts=parts, lockstep=lockstep, factor=factor)
+        self.robot: SimulatedRobot = SimulatedRobot(
+            ICUB, network=network, parts=parts, lockstep=lockstep, factor=factor
+        )
         self.service = SimulatorService(self.robot, network=network, end=self.ended.set, lockstep=lockstep)
         self.control = SimulatorControl(network=network)
 
@@ -169,10 +171,10 @@ def test_contacts_are_named(bench: Bench):
     assert bench.control.contacts() == ()
     simulation = bench.robot.simulation
     with simulation.lock:
-        pose = simulation.robot.home_axes.copy()
+        pose = simulation.plant.home_axes.copy()
         for joint, angle in {"l_shoulder_pitch": 0.0, "l_shoulder_roll": 0.0, "l_elbow": 15.0}.items():
             pose[INDEX[joint]] = np.radians(angle)  # a stretched arm that hangs down, into the hip
-        simulation.data.qpos[:] = simulation.robot.pose(pose)
+        simulation.data.qpos[:] = simulation.plant.pose(pose)
         simulation.refresh()
     found = bench.control.contacts()
     assert ("l_forearm", "l_hip_1") in found

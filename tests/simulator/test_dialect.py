@@ -7,13 +7,14 @@ from importlib.util import find_spec
 
 import pytest
 
+from icub import ICUB
 from rtf import clock
 from rtf.bottle import Dialect, Property
 from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.robot.client.control_board_service import ControlBoardServiceClient
-from rtf.simulator.icub import SimulatedIcub
+from rtf.simulator.robot import SimulatedRobot
 
 pytestmark = pytest.mark.skipif(
     not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
@@ -24,7 +25,7 @@ def test_a_client_of_yarp_4_drives_the_arm():
     """It moves the elbow, reads where it is, and sees it arrive, all in the simulator's time."""
     network = Network(LocalNames(), dialect=Dialect.YARP4, report=lambda _sentence: None)
     with (
-        SimulatedIcub(network=network, parts=("left_arm",), lockstep=True) as robot,
+        SimulatedRobot(ICUB, network=network, parts=("left_arm",), lockstep=True) as robot,
         clock.use(LockstepClock("/clock", "test", network=network)) as time,
         closing(ControlBoardServiceClient("client", network=network)) as arm,
     ):
@@ -44,6 +45,6 @@ def test_a_client_of_yarp_4_drives_the_arm():
 def test_ports_of_yarp_3_are_not_there():
     """The questions of the one are not those of the other: there is one RPC port, the service's."""
     network = Network(LocalNames(), dialect=Dialect.YARP4, report=lambda _sentence: None)
-    with SimulatedIcub(network=network, parts=("torso",), lockstep=True):
+    with SimulatedRobot(ICUB, network=network, parts=("torso",), lockstep=True):
         names = {contact.name for contact in network.names.list("/icubSim/torso")}
     assert names == {f"/icubSim/torso/{port}" for port in ("nws/rpc:i", "command:i", "state:o", "stateExt:o")}

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from icub import ICUB, INDEX, build_icub
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import SensorCategory
-from rtf.simulator.axes import INDEX
 from rtf.simulator.faults import KINDS, FaultInjector, Layer, Target, catalogue, find_kind
 from rtf.simulator.faults.injection import MOST_FAULTS
 from rtf.simulator.simulated_outlets import SimulatedOutlet
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from rtf.simulator.faults import Fault
-    from rtf.simulator.model import IcubModel
+    from rtf.simulator.plant import Plant
 
 pytestmark = pytest.mark.skipif(
     not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
@@ -41,17 +41,15 @@ JOINT = "l_elbow"
 ELBOW = INDEX[JOINT]
 HERE = np.array([ELBOW])
 #: What of the boards is not state: where it is kept, and what is computed anew at each step.
-_NOT_STATE = {"robot", "data", "law", "references", "_scratch", "_snapshot"}
+_NOT_STATE = {"plant", "axes", "data", "law", "references", "_scratch", "_snapshot"}
 #: The numbers of the control law that its configuration and the modes make.
 _LAW = ("kp_kd", "ki", "limit", "_bias")
 
 
 @cache
-def model() -> IcubModel:
+def model() -> Plant:
     """A model to be copied."""
-    from rtf.simulator.model import build
-
-    return build()
+    return build_icub()
 
 
 class Outlet:
@@ -82,7 +80,8 @@ class Bench:
         self.boards = self.simulation.boards
         self.arm = SimulatedPart("left_arm", self.boards, self.simulation.lock)
         self.force_torques = {"left_arm": SimulatedForceTorque(own.ft_sensors[0], self.simulation)}
-        self.imu = SimulatedImu(self.simulation)
+        self.model = ICUB
+        self.imus = {"inertial": SimulatedImu(own.imus[0], self.simulation)}
         self.cameras = {"left": SimpleNamespace(faults=[])}
         self.port = Outlet(self)
         self.outlet = SimulatedOutlet(self.port, self.simulation)  # type: ignore[arg-type]  # it writes, as that does
@@ -176,11 +175,11 @@ def health(bench: Bench) -> dict[str, object]:
     names = [name for name in vars(boards) if name.startswith("configured_") or name.endswith("_faults")]
     names += ["minimum", "maximum", "limit_slack", "pids", "max_current"]
     found = numbers_of(boards, names) | numbers_of(boards.controllers, _LAW)
-    engine = bench.simulation.robot.model
+    engine = bench.simulation.plant.model
     found["friction"], found["gains"] = engine.dof_frictionloss.tobytes(), engine.actuator_gainprm.tobytes()
     found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
     found["limits"] = (boards.setpoints.minimum.tobytes(), boards.setpoints.maximum.tobytes())
-    found["told"] = [list(bench.imu.faults), list(bench.force_torques["left_arm"].faults)]
+    found["told"] = [list(bench.imus["inertial"].faults), list(bench.force_torques["left_arm"].faults)]
     found["seen"], found["sent"] = list(bench.cameras["left"].faults), list(bench.outlet.disturbances)
     return found
 
@@ -493,7 +492,7 @@ def inertial(bench: Bench, category: SensorCategory) -> np.ndarray:
     found = []
     for _ in range(50):
         bench.run(0.001)
-        found.append(bench.imu.read_sensor(category, 0).values)
+        found.append(bench.imus["inertial"].read_sensor(category, 0).values)
     return np.mean(found, axis=0)
 
 
@@ -503,16 +502,22 @@ def imu_is_turned(bench: Bench) -> None:
     right = inertial(healthy, SensorCategory.ACCELEROMETER)
     wrong = inertial(bench, SensorCategory.ACCELEROMETER)
     assert wrong == pytest.approx([right[1], -right[0], right[2]], abs=0.05)
-    told = healthy.imu.read_sensor(SensorCategory.ORIENTATION, 0).values
-    turned = bench.imu.read_sensor(SensorCategory.ORIENTATION, 0).values
+    told = healthy.imus["inertial"].read_sensor(SensorCategory.ORIENTATION, 0).values
+    turned = bench.imus["inertial"].read_sensor(SensorCategory.ORIENTATION, 0).values
     assert np.abs(turned - told).max() > 45.0
 
 
 def imu_freezes(bench: Bench) -> None:
     """The same numbers for ever."""
-    before = [bench.imu.read_sensor(kind, 0).values for kind in (SensorCategory.GYROSCOPE, SensorCategory.ORIENTATION)]
+    before = [
+        bench.imus["inertial"].read_sensor(kind, 0).values
+        for kind in (SensorCategory.GYROSCOPE, SensorCategory.ORIENTATION)
+    ]
     bench.run(0.1)
-    after = [bench.imu.read_sensor(kind, 0).values for kind in (SensorCategory.GYROSCOPE, SensorCategory.ORIENTATION)]
+    after = [
+        bench.imus["inertial"].read_sensor(kind, 0).values
+        for kind in (SensorCategory.GYROSCOPE, SensorCategory.ORIENTATION)
+    ]
     assert all(map(np.array_equal, before, after))
 
 
@@ -677,7 +682,7 @@ def test_broken_robots_are_the_same_with_the_same_seed(layer: Layer):
             robot.inject(kind, delay=0.02, duration=0.05)
         robot.publish(10)
         robot.force_torques["left_arm"].read()
-        robot.imu.read_sensor(SensorCategory.GYROSCOPE, 0)
+        robot.imus["inertial"].read_sensor(SensorCategory.GYROSCOPE, 0)
     assert state(robots[0]) == state(robots[1])
     assert robots[0].port.written == robots[1].port.written
 
@@ -809,7 +814,7 @@ def test_a_fault_strikes_its_joint_and_no_other(bench: Bench):
         ("jam", "", {}, "its joints are neck_pitch"),
         ("jam", "elbow", {}, "its joints are neck_pitch"),
         ("ft_bias", "left_hand", {}, "there are left_arm"),
-        ("imu_frozen", "imu2", {}, "one inertial unit, imu"),
+        ("imu_frozen", "imu2", {}, "no inertial unit 'imu2'; there are head_imu_0"),
         ("camera_black", "middle", {}, "there are left"),
         ("loss", "/icubSim/nothing:o", {}, f"there are {PORT}"),
         ("crash", "head", {}, "takes no target"),

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from rtf.simulator.axes import INDEX
-from rtf.simulator.engine import mujoco
+from icub import INDEX, build_icub
+from rtf.robot.model.engine import mujoco
 from rtf.simulator.friction import DryFriction
-from rtf.simulator.model import Options, build
+from rtf.simulator.plant import Options
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rtf.simulator.model import IcubModel
+    from rtf.simulator.plant import Plant
 
 pytestmark = pytest.mark.skipif(
     not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
@@ -29,9 +29,9 @@ ELBOW, FINGER = INDEX["l_elbow"], INDEX["l_index_proximal"]
 
 
 @cache
-def built() -> IcubModel:
+def built() -> Plant:
     """A robot with friction alone to brake it, to be copied."""
-    return build(Options(damping=False, collision="none"))
+    return build_icub(Options(damping=False, collision="none"))
 
 
 class Joint:
@@ -154,7 +154,7 @@ def test_what_is_stopped_is_not_pushed_on(axis: int):
 
 def test_without_friction_nothing_is_added():
     """A robot that was built without has none."""
-    robot = build(Options(friction=False, collision="none"))
+    robot = build_icub(Options(friction=False, collision="none"))
     data = robot.data()
     friction = DryFriction(robot, data)
     data.qvel[:] = 1.0

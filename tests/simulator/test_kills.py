@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Self
 
 import pytest
 
+from icub import ICUB, INDEX
 from rtf import clock
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.server import NameServer
@@ -23,8 +24,7 @@ from rtf.robot.client.boards import connect
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RobotError
-from rtf.simulator.axes import INDEX
-from rtf.simulator.icub import SimulatedIcub
+from rtf.simulator.robot import SimulatedRobot
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -45,8 +45,9 @@ from rtf.middleware.ports.network import Network
 network = Network(RemoteNames(Contact("/root", "127.0.0.1", int(sys.argv[1]), "tcp")))
 """
 _SIMULATOR = f"""{_NETWORK}
-from rtf.simulator.icub import SimulatedIcub
-with SimulatedIcub(network=network, parts=("head",), factor=2.0):
+from rtf.robot.model import load_robot
+from rtf.simulator.robot import SimulatedRobot
+with SimulatedRobot(load_robot("icub"), network=network, parts=("head",), factor=2.0):
     print("ready", flush=True)
     while True:
         clock.sleep(60.0)
@@ -160,7 +161,7 @@ def fails(client: RemoteControlBoard) -> bool:
 def test_a_client_that_is_killed_leaves_every_joint_safe(server: NameServer, network: Network):
     """Speeds, torques, currents and duty cycles end; a move is finished, and a direct position held."""
     with ExitStack() as opened:
-        robot = opened.enter_context(SimulatedIcub(network=network, parts=("left_arm",), factor=1.0))
+        robot = opened.enter_context(SimulatedRobot(ICUB, network=network, parts=("left_arm",), factor=1.0))
         boards, torque = robot.simulation.boards, robot.simulation.data.ctrl
         driven = [INDEX[name] for name in ("l_shoulder_yaw", "l_wrist_yaw", "l_hand_finger")]
         prosup, elbow, wrist = (INDEX[name] for name in ("l_wrist_prosup", "l_elbow", "l_wrist_pitch"))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from icub import ICUB, PARTS
 from rtf import clock
 from rtf.bottle import Bottle, Property, Vocab, as_float
 from rtf.middleware.clocks.network_clock import LockstepClock, NetworkClock
@@ -25,9 +26,8 @@ from rtf.middleware.ports.remote import connect
 from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.client.control_board import RemoteControlBoard
-from rtf.simulator.axes import PARTS
 from rtf.simulator.contacts import touching
-from rtf.simulator.icub import SimulatedIcub
+from rtf.simulator.robot import SimulatedRobot
 from waiting import eventually, open_descriptors
 
 if TYPE_CHECKING:
@@ -50,14 +50,14 @@ def network(tmp_path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Network]:
 
 
 @pytest.fixture
-def robot(network: Network) -> Iterator[SimulatedIcub]:
+def robot(network: Network) -> Iterator[SimulatedRobot]:
     """A robot of two parts."""
-    with SimulatedIcub(network=network, parts=("left_arm", "head"), lockstep=True) as robot:
+    with SimulatedRobot(ICUB, network=network, parts=("left_arm", "head"), lockstep=True) as robot:
         yield robot
 
 
 @pytest.fixture
-def time(network: Network, robot: SimulatedIcub) -> Iterator[clock.Clock]:
+def time(network: Network, robot: SimulatedRobot) -> Iterator[clock.Clock]:
     """Its time, in which the test takes part."""
     with clock.use(LockstepClock("/clock", "test", network=network)) as time:
         yield time
@@ -110,7 +110,7 @@ class TestMessages:
                 assert stamps(one) == [(index + 1) / 100 for index in range(100)], one.name
 
     def test_a_state_read_after_a_sleep_is_that_of_its_end(
-        self, network: Network, robot: SimulatedIcub, time: clock.Clock
+        self, network: Network, robot: SimulatedRobot, time: clock.Clock
     ):
         """A client of the board knows where the robot is now, not where it was."""
         board = robot.parts["left_arm"]
@@ -141,7 +141,7 @@ class TestMessages:
 class TestParticipants:
     """Who takes part in the time."""
 
-    def test_each_wakes_at_its_own_moments(self, network: Network, robot: SimulatedIcub):
+    def test_each_wakes_at_its_own_moments(self, network: Network, robot: SimulatedRobot):
         """Time goes to anyone who wakes first, however differently they sleep."""
         woken: list[tuple[str, float]] = []
         ready = threading.Barrier(2)
@@ -168,7 +168,7 @@ class TestParticipants:
             names = RemoteNames(server.contact)
             opened.callback(names.close)
             network = Network(names, report=lambda _sentence: None)
-            robot = opened.enter_context(SimulatedIcub(network=network, parts=("head",), lockstep=True))
+            robot = opened.enter_context(SimulatedRobot(ICUB, network=network, parts=("head",), lockstep=True))
             words = [sys.executable, "-c", _PARTICIPANT, str(server.contact.port)]
             other = opened.enter_context(subprocess.Popen(words, stdout=subprocess.PIPE, text=True))
             opened.callback(other.kill)
@@ -209,12 +209,12 @@ class TestDirecting:
     """Time that is paused, stepped through and begun anew."""
 
     @pytest.fixture
-    def ask(self, network: Network, robot: SimulatedIcub) -> Iterator[Any]:
+    def ask(self, network: Network, robot: SimulatedRobot) -> Iterator[Any]:
         """Somebody who directs the time without taking part."""
         with closing(RpcClient("", "/clock", network=network)) as client:
             yield lambda *words: client.call(Bottle(words), timeout=20.0)
 
-    def test_pause_step_and_continue(self, network: Network, robot: SimulatedIcub, ask: Any):
+    def test_pause_step_and_continue(self, network: Network, robot: SimulatedRobot, ask: Any):
         """While it is paused only steps let time pass, and who sleeps goes on sleeping."""
         assert ask("pause") == Bottle([Vocab("ok"), 0.0])
         woken: list[float] = []
@@ -234,7 +234,7 @@ class TestDirecting:
         sleeper.join(10.0)
         assert woken == [0.25]
 
-    def test_reset(self, network: Network, robot: SimulatedIcub, time: clock.Clock, ask: Any):
+    def test_reset(self, network: Network, robot: SimulatedRobot, time: clock.Clock, ask: Any):
         """The robot is at home at once, and time goes on."""
         with client_of(network, "left_arm") as arm:
             time.sleep(0.02)
@@ -248,7 +248,7 @@ class TestDirecting:
             assert time.now() == pytest.approx(1.04)
             assert arm.target_positions(3) == pytest.approx([45.0], abs=0.1)
 
-    def test_the_clock_is_published_and_followed(self, network: Network, robot: SimulatedIcub, ask: Any):
+    def test_the_clock_is_published_and_followed(self, network: Network, robot: SimulatedRobot, ask: Any):
         """Who lives by ``/clock`` without taking part knows the time as it is, to the millisecond."""
         with closing(NetworkClock("/clock", network=network)) as follower:
             ask("pause")
@@ -281,7 +281,7 @@ def test_all_limits_of_all_parts_are_reached(network: Network):
     missed: list[str] = []
     reached = 0
     with (
-        SimulatedIcub(network=network, lockstep=True) as robot,
+        SimulatedRobot(ICUB, network=network, lockstep=True) as robot,
         clock.use(LockstepClock("/clock", "sweep", network=network)) as time,
         ExitStack() as opened,
     ):
@@ -296,7 +296,7 @@ def test_all_limits_of_all_parts_are_reached(network: Network):
                     client.position_move(target, joint)
                 while not all(client.motion_done(joint) for client, joint, _ in told):
                     time.sleep(0.1)
-                    touched |= {*touching(robot.simulation.robot.model, robot.simulation.data)}
+                    touched |= {*touching(robot.simulation.plant.model, robot.simulation.data)}
                 time.sleep(0.2)
                 for client, joint, target in told:
                     reached += 1

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from icub import AXES, COUPLINGS, ICUB, PARTS, joint_to_motor, part_slice
 from rtf import clock
 from rtf.bottle import Property
 from rtf.middleware.clocks.network_clock import LockstepClock
@@ -17,9 +18,8 @@ from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import IInteractionMode, IRemoteVariables, PidType
-from rtf.simulator.axes import AXES, COUPLINGS, PARTS, joint_to_motor, part_slice
-from rtf.simulator.icub import SimulatedIcub
 from rtf.simulator.part import SimulatedPart
+from rtf.simulator.robot import SimulatedRobot
 from rtf.simulator.setpoints import LEAST_MOVE
 
 from ..robot.contract import ControlBoardContract  # noqa: TID252 - test folders are no packages
@@ -42,15 +42,15 @@ def rig() -> Rig:
 
 
 @pytest.fixture(scope="module")
-def robot() -> Iterator[SimulatedIcub]:
+def robot() -> Iterator[SimulatedRobot]:
     """One of a single part on a network, likewise."""
     network = Network(LocalNames(), report=lambda _sentence: None)
-    with SimulatedIcub(network=network, parts=("left_arm",), lockstep=True) as robot:
+    with SimulatedRobot(ICUB, network=network, parts=("left_arm",), lockstep=True) as robot:
         yield robot
 
 
 @pytest.fixture(scope="module")
-def time(robot: SimulatedIcub) -> Iterator[clock.Clock]:
+def time(robot: SimulatedRobot) -> Iterator[clock.Clock]:
     """Its time, in which all tests that come after take part."""
     with clock.use(LockstepClock("/clock", "test", network=robot.network)) as time:
         yield time
@@ -124,7 +124,7 @@ class TestThroughTheNetwork(_PartContract):
     """The arm behind its ports, in a simulator's time."""
 
     @pytest.fixture
-    def board(self, robot: SimulatedIcub, time: clock.Clock) -> Iterator[RemoteControlBoard]:
+    def board(self, robot: SimulatedRobot, time: clock.Clock) -> Iterator[RemoteControlBoard]:
         """See the contract."""
         robot.simulation.reset()
         with_room(robot.parts["left_arm"])

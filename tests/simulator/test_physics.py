@@ -8,9 +8,9 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from rtf.simulator.axes import AXES, INDEX
-from rtf.simulator.engine import mujoco
-from rtf.simulator.model import GRAVITY, STOP, IcubModel, Options, build
+from icub import AXES, INDEX, build_icub
+from rtf.robot.model.engine import mujoco
+from rtf.simulator.plant import GRAVITY, STOP, Options, Plant
 
 pytestmark = pytest.mark.skipif(
     not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
@@ -28,15 +28,15 @@ FURTHER_LINKS = {
 
 
 @pytest.fixture(scope="module")
-def robot() -> IcubModel:
+def robot() -> Plant:
     """A robot that nobody changes."""
-    return build()
+    return build_icub()
 
 
 @pytest.fixture(scope="module")
-def ideal() -> IcubModel:
+def ideal() -> Plant:
     """A robot without losses, and without anything to touch; nobody changes it."""
-    return build(Options(friction=False, damping=False, collision="none"))
+    return build_icub(Options(friction=False, damping=False, collision="none"))
 
 
 class Servo:
@@ -47,7 +47,7 @@ class Servo:
 
     STEPS = 2
 
-    def __init__(self, robot: IcubModel, frequency: float = 20.0) -> None:
+    def __init__(self, robot: Plant, frequency: float = 20.0) -> None:
         self.robot = robot
         self.data = robot.data()
         omega = 2 * math.pi * frequency
@@ -88,7 +88,7 @@ class Servo:
             self.step()
 
 
-def posed(robot: IcubModel, **degrees: float):
+def posed(robot: Plant, **degrees: float):
     """Give a state in which some axes (deg) are not at home."""
     axes = robot.home_axes.copy()
     for name, angle in degrees.items():
@@ -99,13 +99,13 @@ def posed(robot: IcubModel, **degrees: float):
     return data
 
 
-def touching(robot: IcubModel, data) -> set[frozenset[str]]:
+def touching(robot: Plant, data) -> set[frozenset[str]]:
     """Name the pairs of links that touch."""
     links = [robot.model.body(body).name for body in robot.model.geom_bodyid]
     return {frozenset((links[contact.geom1], links[contact.geom2])) for contact in data.contact[: data.ncon]}
 
 
-def balanced(robot: IcubModel, data) -> None:
+def balanced(robot: Plant, data) -> None:
     """Let the drives carry the robot's weight to the last bit."""
     data.ctrl[:] = robot.axis_torques(data.qfrc_bias)
     mujoco().mj_forward(robot.model, data)
@@ -114,7 +114,7 @@ def balanced(robot: IcubModel, data) -> None:
 class TestMovement:
     """Every axis can be moved."""
 
-    def test_every_axis_alone_reaches_both_limits_without_touching_anything(self, robot: IcubModel):
+    def test_every_axis_alone_reaches_both_limits_without_touching_anything(self, robot: Plant):
         """From home, at 60 degrees a second, within 0.06 degrees or on the stop behind it, all 106 of them."""
         servo = Servo(robot)
         short = {}
@@ -130,7 +130,7 @@ class TestMovement:
         assert short == {}
 
     @pytest.mark.parametrize("name", ["l_elbow", "r_knee", "eyes_vergence", "l_pinky", "torso_yaw"])
-    def test_stop_holds_against_the_whole_drive(self, robot: IcubModel, name):
+    def test_stop_holds_against_the_whole_drive(self, robot: Plant, name):
         """Pushed with all the drive can give, an axis goes no more than 3 degrees beyond its stop."""
         servo, index = Servo(robot), INDEX[name]
         ratio = robot.model.actuator_gear[index, 0]
@@ -144,7 +144,7 @@ class TestMovement:
         assert 0 < beyond[-1] < 3 * ratio
         assert max(beyond) < 3 * ratio
 
-    def test_moving_all_axes_at_once_stays_finite(self, robot: IcubModel):
+    def test_moving_all_axes_at_once_stays_finite(self, robot: Plant):
         """Sinusoids on everything, touching included, for a second."""
         servo = Servo(robot)
         low, high = (np.radians([getattr(axis, end) for axis in AXES]) for end in ("minimum", "maximum"))
@@ -159,7 +159,7 @@ class TestMovement:
 class TestDynamics:
     """The mechanics are those of theory."""
 
-    def test_torques_of_a_held_pose_are_gravitys(self, ideal: IcubModel):
+    def test_torques_of_a_held_pose_are_gravitys(self, ideal: Plant):
         """Held by springs until at rest, the drives give what inverse dynamics says."""
         servo = Servo(ideal)
         servo.target += np.radians(np.linspace(1, 8, 53))
@@ -171,9 +171,9 @@ class TestDynamics:
         np.testing.assert_allclose(given, ideal.axis_torques(still.qfrc_inverse), atol=1e-4)
         assert np.abs(given).max() > 3
 
-    def test_energy_is_kept_in_a_free_swing(self, ideal: IcubModel):
+    def test_energy_is_kept_in_a_free_swing(self, ideal: Plant):
         """Without losses and stops, height turns into speed and nothing is lost."""
-        swinging = build(Options(friction=False, damping=False, collision="none", timestep=2e-4))
+        swinging = build_icub(Options(friction=False, damping=False, collision="none", timestep=2e-4))
         swinging.model.jnt_limited[:] = 0
         swinging.model.tendon_limited[:] = 0
         swinging.model.opt.enableflags |= int(mujoco().mjtEnableBit.mjENBL_ENERGY)
@@ -187,7 +187,7 @@ class TestDynamics:
         assert kinetic > 3
         assert drift < 0.01 * kinetic
 
-    def test_same_torques_make_the_same_movement_to_the_bit(self, robot: IcubModel):
+    def test_same_torques_make_the_same_movement_to_the_bit(self, robot: Plant):
         """A run can be repeated."""
         states = []
         for _ in range(2):
@@ -203,7 +203,7 @@ class TestEyes:
     """Version and vergence."""
 
     @pytest.mark.parametrize(("axis", "signs"), [("eyes_version", (1, 1)), ("eyes_vergence", (1, -1))])
-    def test_torque_moves_its_axis_and_not_the_other(self, ideal: IcubModel, axis, signs):
+    def test_torque_moves_its_axis_and_not_the_other(self, ideal: Plant, axis, signs):
         """Version turns both eyes alike, vergence one against the other, and neither stirs its twin."""
         data = posed(ideal, eyes_vergence=20)
         other = {"eyes_version": "eyes_vergence", "eyes_vergence": "eyes_version"}[axis]
@@ -216,26 +216,26 @@ class TestEyes:
         moved = data.actuator_length - before
         assert moved[INDEX[axis]] > math.radians(0.2)
         assert abs(moved[INDEX[other]]) < 0.02 * moved[INDEX[axis]]
-        pans = [data.joint(f"{side}_eye_pan_joint").qvel[0] for side in "lr"]
+        pans = [data.joint(f"eyes_{side}_pan").qvel[0] for side in ("left", "right")]
         assert tuple(np.sign(pans)) == signs
 
     @pytest.mark.parametrize(
         ("axis", "degrees", "left", "right"),
         [("eyes_version", 20, 20, 20), ("eyes_vergence", 20, 10, -10), ("eyes_tilt", 20, 0, 0)],
     )
-    def test_angles_of_the_axes_are_angles_of_the_view(self, robot: IcubModel, axis, degrees, left, right):
+    def test_angles_of_the_axes_are_angles_of_the_view(self, robot: Plant, axis, degrees, left, right):
         """Forward is -x: positive version looks right (+y), vergence inwards, tilt up."""
         data = posed(robot, **{axis: degrees})
-        for name, wanted in (("left_eye", left), ("right_eye", right)):
+        for name, wanted in (("eyes_left", left), ("eyes_right", right)):
             view = -data.camera(name).xmat.reshape(3, 3)[:, 2]
             assert math.degrees(math.atan2(view[1], -view[0])) == pytest.approx(wanted, abs=0.1)
             tilt = degrees if axis == "eyes_tilt" else 0
             assert math.degrees(math.asin(view[2])) == pytest.approx(tilt, abs=0.1)
 
-    def test_cameras_are_where_eyes_are(self, robot: IcubModel):
+    def test_cameras_are_where_eyes_are(self, robot: Plant):
         """Left is -y; they are 68 mm apart, and upright."""
         data = robot.data()
-        left, right = data.camera("left_eye"), data.camera("right_eye")
+        left, right = data.camera("eyes_left"), data.camera("eyes_right")
         np.testing.assert_allclose(right.xpos - left.xpos, [0, 0.068, 0], atol=1e-3)
         np.testing.assert_allclose(left.xmat.reshape(3, 3)[:, 1], [0, 0, 1], atol=1e-3)
 
@@ -245,7 +245,7 @@ class TestFingers:
 
     @pytest.mark.parametrize("side", ["l", "r"])
     @pytest.mark.parametrize("finger", ["index_proximal", "middle_distal", "pinky"])
-    def test_fingers_close_towards_the_palm(self, robot: IcubModel, side, finger):
+    def test_fingers_close_towards_the_palm(self, robot: Plant, side, finger):
         """With a growing angle the tip comes to the hand's -y side, on both hands."""
         link = f"{side}_{finger}_link"
         tips = []
@@ -257,7 +257,7 @@ class TestFingers:
         assert tips[1] < tips[0] - 0.005
 
     @pytest.mark.parametrize("side", ["l", "r"])
-    def test_stretched_fingers_reach_forward_of_the_hand(self, robot: IcubModel, side):
+    def test_stretched_fingers_reach_forward_of_the_hand(self, robot: Plant, side):
         """At zero the fingers' tips are the far end of the arm."""
         data = robot.data()
         elbow = data.body(f"{side}_forearm").xpos
@@ -280,7 +280,7 @@ class TestContacts:
         ],
         ids=["arm and thigh", "hand and head", "both hands", "both legs"],
     )  # fmt: skip
-    def test_limbs_that_meet_touch(self, robot: IcubModel, pose, pair):
+    def test_limbs_that_meet_touch(self, robot: Plant, pose, pair):
         """Collisions of the robot with itself are found."""
         pairs = touching(robot, posed(robot, **pose))
         assert any(
@@ -289,7 +289,7 @@ class TestContacts:
             for one, two in map(tuple, pairs)
         ), pairs
 
-    def test_an_arm_does_not_go_through_a_thigh(self, robot: IcubModel):
+    def test_an_arm_does_not_go_through_a_thigh(self, robot: Plant):
         """The leg comes up under the forearm, and is stopped by it."""
         servo = Servo(robot, frequency=5)
         for name, angle in (("l_shoulder_roll", 10), ("l_shoulder_pitch", -20), ("l_hip_roll", 5)):
@@ -301,9 +301,9 @@ class TestContacts:
         deepest = min(contact.dist for contact in servo.data.contact[: servo.data.ncon])
         assert -0.01 < deepest < 0
 
-    def test_hulls_and_capsules_agree_on_what_touches(self, robot: IcubModel):
+    def test_hulls_and_capsules_agree_on_what_touches(self, robot: Plant):
         """In nine of ten poses at random both shapes say the same."""
-        hulls = build(Options(collision="hulls"))
+        hulls = build_icub(Options(collision="hulls"))
         generator = np.random.default_rng(53)
         low, high = (np.radians([getattr(axis, end) for axis in AXES]) for end in ("minimum", "maximum"))
         agreed = touched = 0
@@ -324,7 +324,7 @@ class TestForceTorque:
     """The six-axis sensors."""
 
     @pytest.mark.parametrize("name", FURTHER_LINKS)
-    def test_force_is_the_weight_of_what_hangs_on_it(self, ideal: IcubModel, name):
+    def test_force_is_the_weight_of_what_hangs_on_it(self, ideal: Plant, name):
         """At rest the further links pull downwards with their weight, and turn about their centre of mass."""
         data = posed(ideal, l_knee=-40, r_knee=-40, torso_roll=10, l_elbow=80)
         balanced(ideal, data)
@@ -340,7 +340,7 @@ class TestForceTorque:
         np.testing.assert_array_equal(wrench[:3], -data.sensordata[sensor.force])
         np.testing.assert_array_equal(wrench[3:], -data.sensordata[sensor.torque])
 
-    def test_frames_are_the_descriptions(self, ideal: IcubModel):
+    def test_frames_are_the_descriptions(self, ideal: Plant):
         """A sensor's frame is the link's that it names; in the leg that has z downwards, as the sensor is mounted."""
         data = posed(ideal, l_hip_roll=0)
         axis = data.site("l_leg_ft_sensor").xmat.reshape(3, 3)[:, 2]
@@ -350,31 +350,31 @@ class TestForceTorque:
 class TestInertialUnit:
     """The unit in the head."""
 
-    def test_at_rest_it_feels_gravity_upwards(self, ideal: IcubModel):
+    def test_at_rest_it_feels_gravity_upwards(self, ideal: Plant):
         """The accelerometer reads 0, 0, 9.81, the gyroscope nothing."""
         data = ideal.data()
         balanced(ideal, data)
-        np.testing.assert_allclose(data.sensordata[ideal.imu.accelerometer], [0, 0, GRAVITY], atol=1e-3)
-        np.testing.assert_allclose(data.sensordata[ideal.imu.gyroscope], 0, atol=1e-9)
+        np.testing.assert_allclose(data.sensordata[ideal.imus[0].accelerometer], [0, 0, GRAVITY], atol=1e-3)
+        np.testing.assert_allclose(data.sensordata[ideal.imus[0].gyroscope], 0, atol=1e-9)
 
-    def test_orientation_turns_the_world_into_what_it_feels(self, ideal: IcubModel):
+    def test_orientation_turns_the_world_into_what_it_feels(self, ideal: Plant):
         """With the head aslant, gravity and field are those of the world, seen in the sensor's frame."""
         data = posed(ideal, neck_pitch=-30, neck_roll=10, torso_yaw=20)
         balanced(ideal, data)
         rotation = np.zeros(9)
-        mujoco().mju_quat2Mat(rotation, data.sensordata[ideal.imu.orientation])
+        mujoco().mju_quat2Mat(rotation, data.sensordata[ideal.imus[0].orientation])
         to_sensor = rotation.reshape(3, 3).T
-        np.testing.assert_allclose(data.sensordata[ideal.imu.accelerometer], to_sensor @ [0, 0, GRAVITY], atol=1e-6)
+        np.testing.assert_allclose(data.sensordata[ideal.imus[0].accelerometer], to_sensor @ [0, 0, GRAVITY], atol=1e-6)
         np.testing.assert_allclose(
-            data.sensordata[ideal.imu.magnetometer], to_sensor @ ideal.model.opt.magnetic, atol=1e-12
+            data.sensordata[ideal.imus[0].magnetometer], to_sensor @ ideal.model.opt.magnetic, atol=1e-12
         )
 
-    def test_gyroscope_feels_the_neck_turn(self, ideal: IcubModel):
+    def test_gyroscope_feels_the_neck_turn(self, ideal: Plant):
         """Turning the upright head at 1 rad/s is 1 rad/s about the sensor's vertical."""
         data = ideal.data()
         data.qvel[ideal.dofs[INDEX["neck_yaw"]]] = 1.0
         mujoco().mj_forward(ideal.model, data)
-        np.testing.assert_allclose(data.sensordata[ideal.imu.gyroscope], [0, 0, 1], atol=1e-3)
+        np.testing.assert_allclose(data.sensordata[ideal.imus[0].gyroscope], [0, 0, 1], atol=1e-3)
 
 
 class TestFaults:
@@ -382,7 +382,7 @@ class TestFaults:
 
     def test_jammed_joint_does_not_move(self):
         """Friction beyond what the drive can give holds the joint."""
-        robot = build()
+        robot = build_icub()
         servo, index = Servo(robot), INDEX["l_elbow"]
         robot.model.dof_frictionloss[robot.dofs[index]] = 60
         servo.sweep(index, math.radians(90), math.radians(60))
@@ -390,7 +390,7 @@ class TestFaults:
 
     def test_cut_drive_lets_the_arm_fall_and_still_tells_its_angle(self):
         """Without gain the torque is gone, the encoder is not."""
-        robot = build()
+        robot = build_icub()
         servo, index = Servo(robot), INDEX["l_shoulder_pitch"]
         robot.model.actuator_gainprm[index, 0] = 0
         servo.target[INDEX["l_shoulder_roll"]] = math.radians(30)

@@ -162,7 +162,7 @@ def test_a_signal_ends_it_in_order(lab: Lab, how: signal.Signals):
 def test_a_second_signal_ends_it_at_once(lab: Lab):
     """Whatever hangs while it closes."""
     hangs = (
-        "import threading, rtf.simulator.icub as icub\nicub.SimulatedIcub.close = lambda _: threading.Event().wait()"
+        "import threading, rtf.simulator.robot as icub\nicub.SimulatedRobot.close = lambda _: threading.Event().wait()"
     )
     program = lab.ready(before=hangs)
     assert program.end(signal.SIGINT, signal.SIGINT) == 2
@@ -170,9 +170,9 @@ def test_a_second_signal_ends_it_at_once(lab: Lab):
 
 def test_a_signal_while_it_starts(lab: Lab):
     """It is not lost: what was opened is closed."""
-    early = "import os, signal, rtf.simulator.icub as icub\nmade = icub.SimulatedIcub.__init__\n"
+    early = "import os, signal, rtf.simulator.robot as icub\nmade = icub.SimulatedRobot.__init__\n"
     early += "def make(*a, **k):\n    os.kill(os.getpid(), signal.SIGTERM)\n    made(*a, **k)\n"
-    program = lab.start(before=f"{early}icub.SimulatedIcub.__init__ = make")
+    program = lab.start(before=f"{early}icub.SimulatedRobot.__init__ = make")
     assert program.end() == 0
     assert "READY" not in program.said
     assert lab.names == []

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from icub import ICUB
 from rtf.robot.errors import DeviceError, RefusedError
 from rtf.robot.interfaces import SensorCategory, SensorStatus
 from rtf.robot.measurements import DeviceMeasurements
+from rtf.simulator.angle_sensors import SimulatedAngles
 
 if TYPE_CHECKING:
     from rtf.robot.sensor_message import Measurements
@@ -37,7 +39,7 @@ def sensors_of(rig: Rig) -> list[SimulatedForceTorque]:
     """Its force-torque sensors."""
     from rtf.simulator.simulated_sensors import SimulatedForceTorque
 
-    return [SimulatedForceTorque(sensor, rig.simulation) for sensor in rig.simulation.robot.ft_sensors]
+    return [SimulatedForceTorque(sensor, rig.simulation) for sensor in rig.simulation.plant.ft_sensors]
 
 
 def numbers(measured: Measurements) -> list[list[tuple[bytes, float]]]:
@@ -49,7 +51,10 @@ def test_all_at_once_and_one_by_one_are_the_same(rig: Rig):
     """In one step; in the next everything has changed."""
     from rtf.simulator.simulated_sensors import SimulatedForceTorques, SimulatedImu
 
-    devices = SimulatedForceTorques(sensors_of(rig), rig.simulation), SimulatedImu(rig.simulation)
+    devices = (
+        SimulatedForceTorques(sensors_of(rig), rig.simulation),
+        SimulatedImu(rig.simulation.plant.imus[0], rig.simulation),
+    )
     assert [len(devices[0].read_all()[SensorCategory.FORCE_TORQUE]), len(devices[1].read_all()[0])] == [6, 1]
     for device in devices:
         before = numbers(device.read_all())
@@ -62,7 +67,7 @@ def test_one_that_is_not_well_is_named(rig: Rig):
     """All at once, there is nothing to be told while one of them is not well."""
     from rtf.simulator.simulated_sensors import SimulatedForceTorques, SimulatedImu
 
-    sensors, imu = sensors_of(rig), SimulatedImu(rig.simulation)
+    sensors, imu = sensors_of(rig), SimulatedImu(rig.simulation.plant.imus[0], rig.simulation)
     sensors[2].status = imu.status = SensorStatus.ERROR
     for device, name in ((SimulatedForceTorques(sensors, rig.simulation), sensors[2].name), (imu, imu.name)):
         with pytest.raises(DeviceError, match=rf"{name} .* has status ERROR"):
@@ -73,8 +78,6 @@ def test_one_that_is_not_well_is_named(rig: Rig):
 
 def test_what_was_made_zero_is_taken_off_at_once(rig: Rig):
     """Within the step, and for as long as the noise is as it should be; of one channel, and of all."""
-    from rtf.simulator.simulated_sensors import FORCE_NOISE
-
     sensor = sensors_of(rig)[0]
     before = sensor.read().values
     sensor.calibrate(0, 5.0)
@@ -86,7 +89,9 @@ def test_what_was_made_zero_is_taken_off_at_once(rig: Rig):
         rig.boards.tick = tick  # time does not pass, but measurements are taken
         found.append(sensor.read().values)
     assert np.mean(found, axis=0) == pytest.approx(np.zeros(6), abs=0.02)
-    assert np.std(found, axis=0)[:3] == pytest.approx(np.full(3, FORCE_NOISE), rel=0.15)
+    assert np.std(found, axis=0)[:3] == pytest.approx(
+        np.full(3, ICUB.sensors.force_torque["l_arm_ft_sensor"].force_noise), rel=0.15
+    )
     assert len({one.tobytes() for one in found}) == MANY, "noise comes again"
 
 
@@ -94,11 +99,14 @@ def test_what_was_made_zero_is_taken_off_at_once(rig: Rig):
 INDEX_FINGER, LAST_FINGERS, OPEN, HALF = slice(3, 6), slice(9, 15), 240.0, 130.0
 
 
+def fingers_of(side: str, rig: Rig) -> SimulatedAngles:
+    """The sensors of a hand."""
+    return SimulatedAngles(f"{side}_hand", ICUB.sensors.angles[f"{side}_hand"], rig.simulation)
+
+
 def test_the_sensors_of_the_fingers_follow_the_joints_of_the_model(rig: Rig):
     """By fifteen bytes: one axis bends two or six of the joints, each by its share; the other hand stays open."""
-    from rtf.simulator.hand_sensors import SimulatedFingers
-
-    left, right = (SimulatedFingers(side, rig.simulation) for side in "lr")
+    left, right = (fingers_of(side, rig) for side in ("left", "right"))
     assert left.channels() == left.read().values.size == 15
     assert left.read().values == pytest.approx(np.full(15, OPEN), abs=5.0)
     arm = rig.part("left_arm")
@@ -117,9 +125,7 @@ def test_the_sensors_of_the_fingers_follow_the_joints_of_the_model(rig: Rig):
 
 def test_a_finger_that_is_held_shows_where(rig: Rig):
     """It is the joint that is measured, not the command."""
-    from rtf.simulator.hand_sensors import SimulatedFingers
-
-    fingers, arm = SimulatedFingers("l", rig.simulation), rig.part("left_arm")
+    fingers, arm = fingers_of("left", rig), rig.part("left_arm")
     joint = arm.axis_names().index("l_index_proximal")
     rig.push("l_index_proximal", -5.0)  # more than its motor has
     arm.position_move(80.0, joint)

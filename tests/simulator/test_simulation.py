@@ -10,12 +10,11 @@ from itertools import chain
 import numpy as np
 import pytest
 
+from icub import INDEX, build_icub
 from rtf import clock
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.interfaces import PidType
-from rtf.simulator.axes import INDEX
 from rtf.simulator.fair_lock import FairLock
-from rtf.simulator.model import build
 from rtf.simulator.simulation import Simulation
 from waiting import eventually
 
@@ -29,7 +28,7 @@ pytestmark = pytest.mark.skipif(
 @pytest.fixture
 def simulation() -> Simulation:
     """A robot at home."""
-    return Simulation(build())
+    return Simulation(build_icub())
 
 
 class Diary:
@@ -228,8 +227,8 @@ class TestGate:
         def forces(simulation: Simulation) -> list[float]:
             return np.concatenate([sensor.read(simulation.data.sensordata) for sensor in sensors]).tolist()
 
-        looked_at, stepped = Simulation(build()), Simulation(build())
-        sensors = stepped.robot.ft_sensors
+        looked_at, stepped = Simulation(build_icub()), Simulation(build_icub())
+        sensors = stepped.plant.ft_sensors
         for simulation in (looked_at, stepped):
             simulation.boards.move(np.array([INDEX["r_elbow"]]), np.array([90.0]))
         seen: dict[int, list[float]] = {}
@@ -304,7 +303,7 @@ class TestPace:
     @pytest.mark.parametrize("factor", [0.1, 1.0, 5.0])
     def test_factor(self, machine: Machine, factor: float):
         """So many times as fast as the machine's clock, also when steps themselves take most of the time."""
-        simulation = Simulation(build(), factor=factor)
+        simulation = Simulation(build_icub(), factor=factor)
         simulation.advance(0.1)
         assert self.timed(simulation, machine, 1.0) == pytest.approx(factor, rel=0.02)
         machine.cost = 0.008 / factor
@@ -312,14 +311,14 @@ class TestPace:
 
     def test_another_factor_holds_from_then_on(self, machine: Machine):
         """Nothing of the time before is caught up with, in either direction."""
-        simulation = Simulation(build(), factor=10.0)
+        simulation = Simulation(build_icub(), factor=10.0)
         for factor in (10.0, 1.0, 10.0):
             simulation.factor = factor
             assert self.timed(simulation, machine, 1.0) == pytest.approx(factor, rel=0.02)
 
     def test_a_standstill_is_not_made_up_for(self, machine: Machine):
         """After somebody held the time it goes on at its pace; a hitch of some milliseconds is made up for."""
-        simulation = Simulation(build(), factor=4.0)
+        simulation = Simulation(build_icub(), factor=4.0)
         self.timed(simulation, machine, 0.2)
         machine.time += 3.0
         assert self.timed(simulation, machine, 1.0) == pytest.approx(4.0, rel=0.02)
@@ -330,7 +329,7 @@ class TestPace:
 
     def test_it_is_never_faster_on_a_real_machine(self):
         """Whatever else that has to do."""
-        simulation = Simulation(build(), factor=5.0)
+        simulation = Simulation(build_icub(), factor=5.0)
         simulation.advance(0.01)
         begin, start = clock.monotonic(), simulation.now
         simulation.advance(1.0)
@@ -338,7 +337,7 @@ class TestPace:
 
     def test_commands_get_in_while_it_waits(self):
         """At a pace the loop mostly sleeps, and does not keep the lock meanwhile."""
-        simulation = Simulation(build(), factor=0.01)  # it would take twenty seconds
+        simulation = Simulation(build_icub(), factor=0.01)  # it would take twenty seconds
         runner = threading.Thread(target=simulation.advance, args=(0.2,))
         runner.start()
         eventually(lambda: simulation.now > 0.0, "time does not begin")
@@ -404,7 +403,7 @@ class TestReset:
         rig = Rig()
         self.spoilt(rig)
         rig.simulation.reset()
-        assert rig.farthest(0.3, np.degrees(rig.simulation.robot.home_axes)) < 0.05
+        assert rig.farthest(0.3, np.degrees(rig.simulation.plant.home_axes)) < 0.05
 
 
 class TestNoise:
@@ -419,7 +418,7 @@ class TestNoise:
 
     def test_the_seed_decides(self):
         """The same seed, the same numbers; another one, others."""
-        robot = build()
+        robot = build_icub()
         one, same, other = (Simulation(robot, seed=seed).noise(5).tolist() for seed in (3, 3, 4))
         assert one == same
         assert one != other

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from rtf.simulator.axes import AXES, INDEX, PARTS
+from rtf.robot.model import default_robot
 from rtf.simulator.faults import KINDS, Layer, Target, find_kind
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
 def others_of(claims: Claims, reasons: Sequence[Reason]) -> Iterator[Case]:
     """Yield the cases of a test with each fault that no claim covers, at default severity, in the tested part."""
     claimed = {claim.fault for claim in claims.claims}
-    parameters = {**({"part": AXES[INDEX[_AXIS]].part} if claims.of_a_part else {}), **claims.parameters}
+    parameters = {**({"part": default_robot().axis(_AXIS).part} if claims.of_a_part else {}), **claims.parameters}
     for name in provable_kinds():
         if name not in claimed:
             reason = next((one.text for one in reasons if one.holds_for(claims.test, name)), "")
@@ -111,8 +111,9 @@ def provable_kinds() -> list[str]:
 def _target(fault: str, part: str) -> str:
     """Return the default target of a fault: that of its kind, or the first joint of another part."""
     kind = KINDS[fault].target_kind
-    if kind is Target.AXIS and part in PARTS and part != AXES[INDEX[_AXIS]].part:
-        return PARTS[part][0].name
+    robot = default_robot()
+    if kind is Target.AXIS and part in robot.parts and part != robot.axis(_AXIS).part:
+        return robot.parts[part].axes[0].name
     return _TARGETS[kind]
 
 

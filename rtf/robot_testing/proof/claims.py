@@ -33,7 +33,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from rtf.robot.errors import RobotError
-from rtf.simulator.axes import AXES, INDEX
+from rtf.robot.model import default_robot
 from rtf.simulator.faults import find_kind
 from rtf.testing import Parameter
 from rtf.testing.plugins import PluginError, find, load_test
@@ -133,9 +133,10 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _with_part(claim: Claim) -> Claim:
     """Return the claim with the part of the faulty joint as the part under test, unless the claim names one."""
-    if "part" in claim.parameters or claim.target not in INDEX:
+    robot = default_robot()
+    if "part" in claim.parameters or claim.target not in robot.index:
         return claim
-    return replace(claim, parameters={"part": AXES[INDEX[claim.target]].part, **claim.parameters})
+    return replace(claim, parameters={"part": robot.axis(claim.target).part, **claim.parameters})
 
 
 def _claim(path: Path, kind: str, entry: dict[str, Any]) -> Claim:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
+from rtf.robot.model import default_robot
 from rtf.robot_testing.proof.cases import Expectation
-from rtf.simulator.axes import INDEX
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -90,8 +90,9 @@ def _found(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgeme
 
 def _names(problem: Message, name: str) -> bool:
     """Return whether a failure names the faulty component. A failure of a joint's sub-result is of that joint only."""
-    joints = INDEX.keys() & set(re.split(r"[ /]", problem.subject))
-    if joints and name in INDEX:
+    known = default_robot().index.keys()
+    joints = known & set(re.split(r"[ /]", problem.subject))
+    if joints and name in known:
         return name in joints
     return name in f"{problem.subject}: {problem.detail}"
 

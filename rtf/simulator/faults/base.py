@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from rtf.robot.errors import RefusedError
-from rtf.simulator.axes import INDEX
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rtf.simulator.icub import SimulatedIcub
+    from rtf.simulator.robot import SimulatedRobot
 
 
 class Layer(Enum):
@@ -74,7 +73,7 @@ class Fault(ABC):
     description: ClassVar[str]
     symptom: ClassVar[str]
 
-    def __init__(self, robot: SimulatedIcub, target: str = "", values: Mapping[str, float] | None = None) -> None:
+    def __init__(self, robot: SimulatedRobot, target: str = "", values: Mapping[str, float] | None = None) -> None:
         self.robot = robot
         self.simulation = robot.simulation
         self.boards = robot.simulation.boards
@@ -115,17 +114,18 @@ class Fault(ABC):
 
 
 class AxisFault(Fault):
-    """A fault of one joint; ``axis`` is its index in :data:`~rtf.simulator.axes.AXES`."""
+    """A fault of one joint; ``axis`` is its index in :attr:`~rtf.robot.model.RobotModel.axes`."""
 
     target_kind = Target.AXIS
     axis: int
 
     def aim(self) -> None:
-        if self.target not in INDEX:
+        index = self.robot.model.index
+        if self.target not in index:
             raise RefusedError(
-                f"{self.kind}: the robot has no joint {self.target!r}; its joints are {', '.join(INDEX)}"
+                f"{self.kind}: the robot has no joint {self.target!r}; its joints are {', '.join(index)}"
             )
-        self.axis = INDEX[self.target]
+        self.axis = index[self.target]
 
     @property
     def axes(self) -> np.ndarray[tuple[int], np.dtype[np.intp]]:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rtf.simulator.faults.base import Fault
-    from rtf.simulator.icub import SimulatedIcub
+    from rtf.simulator.robot import SimulatedRobot
 
 #: The greatest number of faults at the same time.
 MOST_FAULTS = 1000
@@ -34,7 +34,7 @@ class ActiveFault:
 class FaultInjector:
     """The faults of one robot. Several can be active at the same time, also on the same joint."""
 
-    def __init__(self, robot: SimulatedIcub) -> None:
+    def __init__(self, robot: SimulatedRobot) -> None:
         self._robot = robot
         self._simulation = robot.simulation
         self._numbers = itertools.count(1)

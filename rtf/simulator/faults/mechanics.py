@@ -28,11 +28,11 @@ class _Friction(AxisFault):
 
     @property
     def _dofs(self) -> list[int]:
-        return [int(dof) for dof in self.simulation.robot.dofs[self.axis]]
+        return [int(dof) for dof in self.simulation.plant.dofs[self.axis]]
 
     @property
     def _losses(self) -> FloatArray:
-        losses: FloatArray = self.simulation.robot.model.dof_frictionloss
+        losses: FloatArray = self.simulation.plant.model.dof_frictionloss
         return losses
 
 
@@ -67,12 +67,12 @@ class Push(AxisFault):
     torque: float
 
     def begin(self) -> None:
-        dofs = self.simulation.robot.dofs[self.axis]
+        dofs = self.simulation.plant.dofs[self.axis]
         self._before = self.simulation.data.qfrc_applied[dofs].copy()
         self.simulation.data.qfrc_applied[dofs] += self.torque / len(dofs)
 
     def end(self) -> None:
-        self.simulation.data.qfrc_applied[self.simulation.robot.dofs[self.axis]] = self._before
+        self.simulation.data.qfrc_applied[self.simulation.plant.dofs[self.axis]] = self._before
 
 
 class _MotorFault(AxisFault):

@@ -98,9 +98,15 @@ class _ImuFault(_SensorFault):
     target_kind = Target.IMU
 
     def aim(self) -> None:
-        if self.target not in ("", "imu"):
-            raise RefusedError(f"{self.kind}: the robot has one inertial unit, imu, and no {self.target!r}")
-        self.sensor = self.robot.imu
+        units = {sensor.name: sensor for sensor in self.robot.imus.values()}
+        if self.target in ("", "imu") and len(units) == 1:
+            (self.sensor,) = units.values()
+        elif self.target in units:
+            self.sensor = units[self.target]
+        else:
+            raise RefusedError(
+                f"{self.kind}: the robot has no inertial unit {self.target!r}; there are {', '.join(units) or 'none'}"
+            )
 
 
 class ImuRotated(_ImuFault):

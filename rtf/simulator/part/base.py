@@ -8,7 +8,6 @@ import numpy as np
 
 from rtf.robot.device import Device
 from rtf.robot.interfaces import selected, values_for
-from rtf.simulator.axes import PARTS, part_slice
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Property
     from rtf.robot.control_modes import ControlMode
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
+    from rtf.robot.model import RobotModel
     from rtf.simulator.boards import Boards
     from rtf.simulator.fair_lock import FairLock
 
@@ -30,8 +30,13 @@ class PartBase(Device):
         self.part = part
         self.boards = boards
         self.lock = lock
-        self.own = part_slice(part)
-        self.size = len(PARTS[part])
+        self._choose(boards.plant.robot)
+
+    def _choose(self, robot: RobotModel) -> None:
+        """Find the part among the robot's axes. Raises RefusedError for a part that it does not have."""
+        self.description = robot.part(self.part)
+        self.own = robot.part_slice(self.part)
+        self.size = len(self.description.axes)
 
     def open(self, configuration: Property) -> None:
         """Do nothing: the part lives as long as the simulation."""

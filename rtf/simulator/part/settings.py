@@ -25,7 +25,6 @@ from rtf.robot.interfaces import (
     modes_for,
     values_for,
 )
-from rtf.simulator.axes import AXES, COUPLINGS
 from rtf.simulator.part.base import PartBase
 
 _DIRECT = frozenset({ControlMode.POSITION_DIRECT})
@@ -53,12 +52,11 @@ class PartSettings(
     # IAxisInfo
 
     def axis_name(self, joint: int) -> str:
-        return str(AXES[self._axis(joint)].name)
+        return self.description.axes[self._axis(joint) - int(self.own.start)].name
 
     def joint_type(self, joint: int) -> JointType:
-        """See IAxisInfo: all joints are revolute."""
-        self._axis(joint)
-        return JointType.REVOLUTE
+        axis = self.description.axes[self._axis(joint) - int(self.own.start)]
+        return JointType.PRISMATIC if axis.prismatic else JointType.REVOLUTE
 
     # IControlMode, IInteractionMode, IJointFault
 
@@ -232,7 +230,7 @@ class PartSettings(
         matrix = self.boards.configured_couplings[self.own, self.own]
         return [
             matrix[block.first : block.first + block.size, block.first : block.first + block.size]
-            for block in COUPLINGS[self.part]
+            for block in self.description.couplings
         ]
 
     def set_variable(self, key: str, value: Bottle) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from icub import PARTS
 from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.middleware.naming import configuration
@@ -27,7 +28,6 @@ from rtf.robot.devices.calibrator import BoardCalibrator
 from rtf.robot.errors import ConfigurationError, DeviceError, StaleStateError
 from rtf.robot.interface.robot_reader import read_robot
 from rtf.robot.interfaces import IPositionControl, PidType, SensorCategory
-from rtf.simulator.axes import PARTS
 from rtf.simulator.part import SimulatedPart
 from waiting import eventually
 
@@ -153,16 +153,18 @@ def test_the_time_of_the_simulation_is_that_of_the_process(network: Network):
 
 def test_a_board_that_is_not_attached(network: Network):
     """It says so; attached it is the part, and detached again it says so again."""
-    with pytest.raises(ConfigurationError, match="tail"):
-        make_device("simulatedBoard", Property({"part": "tail"}))
+    with pytest.raises(ConfigurationError, match="the part of the simulated robot"):
+        make_device("simulatedBoard", Property())
     board = make_device("simulatedBoard", Property({"part": "torso"}), name="torso")
     position = board.view(IPositionControl)
     with pytest.raises(DeviceError, match="torso is attached to no simulated robot"):
         position.position_move(10.0, 0)
-    with pytest.raises(DeviceError, match="one simulatedICub"):
+    with pytest.raises(DeviceError, match="one simulatedRobot"):
         board.attach({"board": board})
     robot = make_device("simulatedICub", Property({"factor": 20.0}), network=network)
     with closing(robot):
+        with pytest.raises(RefusedError, match="no part 'tail'"):
+            make_device("simulatedBoard", Property({"part": "tail"})).attach({"robot": robot})
         board.attach({"robot": robot})
         position.position_move(10.0, 0)
         clock.current().sleep(2.0)

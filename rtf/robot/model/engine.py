@@ -1,7 +1,4 @@
-"""Optional packages of the simulator, imported on first use: the physics engine and the robot's description.
-
-Both are typed as Any, because neither package has type annotations.
-"""
+"""The physics engine, an optional package, imported on first use. It is typed as Any: it has no type annotations."""
 
 from __future__ import annotations
 
@@ -9,10 +6,9 @@ import os
 from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rtf.simulator.errors import MissingPackageError
+from rtf.robot.model.errors import MissingPackageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,16 +24,6 @@ def mujoco() -> Any:
     """
     with _without_window_system():
         return _optional("mujoco", "mujoco-core")
-
-
-def robot_description(name: str = "iCubGazeboV2_5") -> Path:
-    """Return the URDF of a published iCub. The message of MissingPackageError says how to install the descriptions."""
-    return Path(_optional("icub_models", "icub-models").get_model_file(name))
-
-
-def shared_folder() -> Path:
-    """Return the folder for ``package://iCub`` in a robot's description."""
-    return Path(_optional("icub_models", "icub-models").get_models_path()).parent
 
 
 def _optional(module: str, package: str) -> Any:

@@ -1,4 +1,4 @@
-"""The face of the simulated robot: eyelids and lips by kinematics alone, as they move hardly any mass."""
+"""Parts of a simulated robot that move hardly any mass, such as eyelids and lips: by kinematics alone."""
 
 from __future__ import annotations
 
@@ -13,29 +13,22 @@ from rtf.simulator.setpoints import LEAST_MOVE
 if TYPE_CHECKING:
     from rtf.robot.devices.fake_axes import FakeAxes
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
+    from rtf.robot.model import Part
     from rtf.simulator.simulation import Simulation
 
-#: The axes in the order of the robot's board, with their limits (deg), which hold the positions of its test files.
-_AXES = {
-    "eyelids": (-10.0, 60.0),
-    "jaw": (-25.0, 10.0),
-    "lip_upper_left": (-30.0, 30.0),
-    "lip_upper_right": (-30.0, 30.0),
-    "lip_lower_left": (-30.0, 30.0),
-    "lip_lower_right": (-30.0, 30.0),
-}
 
+class KinematicPart(FakeBoard):
+    """The control board of a part without physics, in the time of a simulation; it is open from its construction."""
 
-class SimulatedFace(FakeBoard):
-    """The control board of the face, in the time of a simulation; it is open from its construction."""
-
-    def __init__(self, simulation: Simulation) -> None:
-        super().__init__("face")
+    def __init__(self, part: Part, simulation: Simulation) -> None:
+        super().__init__(part.name)
         self._simulation = simulation
-        low, high = (" ".join(f"{limits[end]:g}" for limits in _AXES.values()) for end in (0, 1))
+        low = " ".join(f"{axis.minimum:g}" for axis in part.axes)
+        high = " ".join(f"{axis.maximum:g}" for axis in part.axes)
+        names = " ".join(axis.name for axis in part.axes)
         self.open(
             Property.parse(
-                f"(GENERAL (Joints {len(_AXES)}) (AxisName ({' '.join(_AXES)}))) (LIMITS (Min ({low})) (Max ({high})))"
+                f"(GENERAL (Joints {len(part.axes)}) (AxisName ({names}))) (LIMITS (Min ({low})) (Max ({high})))"
             )
         )
         simulation.on_reset.append(lambda: self._start(self._axes.minima, self._axes.maxima))

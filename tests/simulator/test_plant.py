@@ -12,11 +12,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rtf.simulator import engine
-from rtf.simulator.axes import AXES, INDEX
-from rtf.simulator.engine import mujoco
-from rtf.simulator.errors import MissingPackageError
-from rtf.simulator.model import STOP, IcubModel, Options, axis_jacobian, build
+from icub import AXES, INDEX, build_icub
+from rtf.robot.model import engine
+from rtf.robot.model.engine import mujoco
+from rtf.robot.model.errors import MissingPackageError
+from rtf.simulator.plant import STOP, Options, Plant, axis_jacobian
 
 pytestmark = pytest.mark.skipif(
     not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
@@ -24,12 +24,12 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module")
-def robot() -> IcubModel:
+def robot() -> Plant:
     """A robot that nobody changes."""
-    return build()
+    return build_icub()
 
 
-def saved(robot: IcubModel) -> bytes:
+def saved(robot: Plant) -> bytes:
     """The model as it is written to a file."""
     buffer = np.zeros(mujoco().mj_sizeModel(robot.model), dtype=np.uint8)
     mujoco().mj_saveModel(robot.model, None, buffer)
@@ -39,12 +39,12 @@ def saved(robot: IcubModel) -> bytes:
 class TestAxes:
     """The actuators are the axes."""
 
-    def test_actuators_are_the_axes_in_order(self, robot: IcubModel):
+    def test_actuators_are_the_axes_in_order(self, robot: Plant):
         """Nobody has to gather: column i is axis i."""
         assert robot.model.nu == robot.model.nactuator == robot.model.nv == 53
         assert [robot.model.actuator(index).name for index in range(53)] == [axis.name for axis in AXES]
 
-    def test_lengths_of_the_actuators_are_angles_of_the_axes(self, robot: IcubModel):
+    def test_lengths_of_the_actuators_are_angles_of_the_axes(self, robot: Plant):
         """A pose made from axes is read back as axes, all different, eyes and fingers included."""
         wanted = (
             np.radians([axis.minimum + 0.3 * (axis.maximum - axis.minimum) for axis in AXES]) + np.arange(53) * 1e-3
@@ -54,7 +54,7 @@ class TestAxes:
         mujoco().mj_forward(robot.model, data)
         np.testing.assert_allclose(data.actuator_length, wanted, atol=1e-12)
 
-    def test_velocities_of_the_actuators_are_the_rates_of_the_angles(self, robot: IcubModel):
+    def test_velocities_of_the_actuators_are_the_rates_of_the_angles(self, robot: Plant):
         """The difference of two poses over the time between them is the speed."""
         data = robot.data()
         data.qvel[:] = np.linspace(-1, 1, 53)
@@ -65,21 +65,21 @@ class TestAxes:
         np.testing.assert_allclose((data.actuator_length - before) / 1e-6, speed, atol=1e-6)
         np.testing.assert_allclose(robot.jacobian @ data.qvel, speed, atol=1e-12)
 
-    def test_jacobian_is_the_same_in_every_pose(self, robot: IcubModel):
+    def test_jacobian_is_the_same_in_every_pose(self, robot: Plant):
         """The relation between axes and hinges is linear, so it can be computed once."""
         data = robot.data()
         data.qpos[:] += 0.2
         mujoco().mj_forward(robot.model, data)
         np.testing.assert_array_equal(axis_jacobian(robot.model, data), robot.jacobian)
 
-    def test_torque_is_cut_at_what_the_drive_can_give(self, robot: IcubModel):
+    def test_torque_is_cut_at_what_the_drive_can_give(self, robot: Plant):
         """A board may ask for anything."""
         data = robot.data()
         data.ctrl[:] = 1e6
         mujoco().mj_forward(robot.model, data)
         np.testing.assert_allclose(data.actuator_force, [axis.max_torque for axis in AXES])
 
-    def test_torque_at_an_axis_does_the_axis_work(self, robot: IcubModel):
+    def test_torque_at_an_axis_does_the_axis_work(self, robot: Plant):
         """Power at the axes is power at the hinges, whatever is between them."""
         data = robot.data()
         data.qvel[:] = np.linspace(-1, 1, 53)
@@ -88,16 +88,16 @@ class TestAxes:
         assert data.qfrc_actuator @ data.qvel == pytest.approx(data.ctrl @ data.actuator_velocity)
         np.testing.assert_allclose(robot.axis_torques(data.qfrc_actuator), data.ctrl, atol=1e-12)
 
-    def test_home_is_the_home_of_the_axes(self, robot: IcubModel):
+    def test_home_is_the_home_of_the_axes(self, robot: Plant):
         """A new state is at home and at rest."""
         data = robot.data()
         np.testing.assert_allclose(np.degrees(data.actuator_length), [axis.home for axis in AXES], atol=1e-9)
         assert not data.qvel.any()
         assert data.time == 0
 
-    def test_dofs_lead_to_the_hinges_of_an_axis(self, robot: IcubModel):
+    def test_dofs_lead_to_the_hinges_of_an_axis(self, robot: Plant):
         """One for a joint, both pans for version and vergence."""
-        pans = {int(robot.model.joint(name).dofadr[0]) for name in ("l_eye_pan_joint", "r_eye_pan_joint")}
+        pans = {int(robot.model.joint(name).dofadr[0]) for name in ("eyes_left_pan", "eyes_right_pan")}
         for axis, dofs in zip(AXES, robot.dofs, strict=True):
             if axis.name in {"eyes_version", "eyes_vergence"}:
                 assert set(dofs) == pans
@@ -108,7 +108,7 @@ class TestAxes:
 class TestLimits:
     """Mechanical limits."""
 
-    def test_software_limits_are_within_the_mechanical_ones(self, robot: IcubModel):
+    def test_software_limits_are_within_the_mechanical_ones(self, robot: Plant):
         """A board that keeps to its limits never touches a stop; the stops are as far beyond as they are said to be."""
         for index, axis in enumerate(AXES):
             actuator = robot.model.actuator(index)
@@ -120,11 +120,11 @@ class TestLimits:
             assert low == pytest.approx(axis.minimum - STOP, abs=0.01), axis.name
             assert high == pytest.approx(axis.maximum + STOP, abs=0.01), axis.name
 
-    def test_description_does_not_limit_the_drives(self, robot: IcubModel):
+    def test_description_does_not_limit_the_drives(self, robot: Plant):
         """Torques are limited in one place only, the actuators."""
         assert not robot.model.jnt_actfrclimited.any()
 
-    def test_losses_and_rotors_are_those_of_the_axes(self, robot: IcubModel):
+    def test_losses_and_rotors_are_those_of_the_axes(self, robot: Plant):
         """Friction and armature of an ordinary joint are the table's; those of a finger count at its axis."""
         elbow, pinky = AXES[INDEX["l_elbow"]], AXES[INDEX["l_pinky"]]
         dof = robot.dofs[INDEX["l_elbow"]]
@@ -133,7 +133,7 @@ class TestLimits:
         assert robot.model.dof_armature[robot.dofs[INDEX["l_pinky"]]] / 9 == pytest.approx(pinky.armature)
         assert robot.model.dof_frictionloss[robot.dofs[INDEX["l_pinky"]]] / 3 == pytest.approx(pinky.friction)
 
-    def test_what_the_eyes_have_adds_up(self, robot: IcubModel):
+    def test_what_the_eyes_have_adds_up(self, robot: Plant):
         """Version has two pans, which share its torque; each has vergence's whole, one against the other."""
         version, vergence = AXES[INDEX["eyes_version"]], AXES[INDEX["eyes_vergence"]]
         pans = robot.dofs[INDEX["eyes_version"]]
@@ -146,7 +146,7 @@ class TestLimits:
 
     def test_inertia_of_an_axis_is_torque_over_acceleration(self):
         """What controllers scale their gains with is what they find."""
-        free = build(Options(friction=False, damping=False, collision="none"))
+        free = build_icub(Options(friction=False, damping=False, collision="none"))
         data = free.data()
         inertia = free.axis_inertia(data)
         for name in ("l_shoulder_pitch", "eyes_version", "eyes_vergence", "l_pinky", "torso_yaw"):
@@ -161,18 +161,18 @@ class TestLimits:
 class TestParts:
     """Links and options."""
 
-    def test_whole_robot_is_there(self, robot: IcubModel):
+    def test_whole_robot_is_there(self, robot: Plant):
         """The root keeps its own weight, and the published 33.06 kg gain only fingers and eyes."""
         assert robot.model.body("root_link").mass[0] == pytest.approx(5.09, abs=0.01)
         added = 2 * 0.106 + 2 * 0.03 + 0.05
         assert robot.model.body_mass.sum() == pytest.approx(33.06 + added, abs=0.02)
 
-    def test_engine_is_set_as_promised(self, robot: IcubModel):
+    def test_engine_is_set_as_promised(self, robot: Plant):
         """A step is a millisecond, and the integrator takes damping implicitly."""
         assert robot.model.opt.timestep == 0.001
         assert robot.model.opt.integrator == mujoco().mjtIntegrator.mjINT_IMPLICITFAST
 
-    def test_near_links_are_left_out_of_collisions(self, robot: IcubModel):
+    def test_near_links_are_left_out_of_collisions(self, robot: Plant):
         """Forearm and upper arm never touch; forearm and thigh may."""
         pairs = {frozenset(divmod(int(pair), 1 << 16)) for pair in robot.model.exclude_signature}
         identity = {name: robot.model.body(name).id for name in ("l_forearm", "l_shoulder_3", "l_upper_leg", "l_hip_1")}
@@ -183,25 +183,25 @@ class TestParts:
     @pytest.mark.parametrize("collision", ["capsules", "hulls"])
     def test_nothing_touches_at_home(self, collision):
         """Home is a pose to start from."""
-        assert build(Options(collision=collision)).data().ncon == 0
+        assert build_icub(Options(collision=collision)).data().ncon == 0
 
     def test_without_collisions_nothing_ever_touches(self):
         """The option takes the shapes away."""
-        model = build(Options(collision="none")).model
+        model = build_icub(Options(collision="none")).model
         assert not model.geom_contype.any()
 
     def test_frictionless_robot_has_no_losses(self):
         """Friction and damping can be left out, to check the mechanics against theory."""
-        model = build(Options(friction=False, damping=False)).model
+        model = build_icub(Options(friction=False, damping=False)).model
         assert not model.dof_frictionloss.any()
         assert not model.dof_damping.any()
 
-    def test_sensors_have_places_of_their_own(self, robot: IcubModel):
+    def test_sensors_have_places_of_their_own(self, robot: Plant):
         """Six numbers for each of six force-torque sensors, then the inertial unit; nothing overlaps."""
         assert [sensor.name for sensor in robot.ft_sensors] == [
             f"{side}_{limb}_ft_sensor" for limb in ("arm", "leg", "foot") for side in "lr"
         ]
-        imu = robot.imu
+        (imu,) = robot.imus
         slices = [part for sensor in robot.ft_sensors for part in (sensor.force, sensor.torque)]
         slices += [imu.orientation, imu.gyroscope, imu.accelerometer, imu.magnetometer]
         assert [part.stop - part.start for part in slices] == [3] * 12 + [4, 3, 3, 3]
@@ -217,7 +217,7 @@ class TestBuilding:
 
         def seconds() -> float:
             began = resource.getrusage(resource.RUSAGE_THREAD).ru_utime
-            build()
+            build_icub()
             return resource.getrusage(resource.RUSAGE_THREAD).ru_utime - began
 
         assert any(seconds() < 0.4 for _ in range(3))
@@ -225,11 +225,11 @@ class TestBuilding:
     @pytest.mark.parametrize("options", [Options(), Options(cameras=True)], ids=["plain", "cameras"])
     def test_two_builds_are_the_same_to_the_byte(self, options):
         """A measurement can be repeated."""
-        assert saved(build(options)) == saved(build(options))
+        assert saved(build_icub(options)) == saved(build_icub(options))
 
-    def test_cameras_change_nothing_in_the_mechanics(self, robot: IcubModel):
+    def test_cameras_change_nothing_in_the_mechanics(self, robot: Plant):
         """What is only seen weighs nothing and touches nothing."""
-        seen = build(Options(cameras=True))
+        seen = build_icub(Options(cameras=True))
         np.testing.assert_array_equal(seen.model.body_mass, robot.model.body_mass)
         np.testing.assert_array_equal(seen.model.body_inertia, robot.model.body_inertia)
         data, other = seen.data(), robot.data()
@@ -243,7 +243,8 @@ class TestBuilding:
         """Importing the simulator is cheap; its engine looks for no window system and leaves the environment alone."""
         program = """
             import os, sys
-            from rtf.simulator import engine, model
+            from rtf.robot.model import engine
+            from rtf.simulator import plant
             assert not {"mujoco", "icub_models"} & set(sys.modules)
             before = dict(os.environ)
             engine.mujoco()
@@ -251,11 +252,10 @@ class TestBuilding:
         """
         subprocess.run([sys.executable, "-c", textwrap.dedent(program)], check=True, timeout=60)
 
-    @pytest.mark.parametrize(("module", "package"), [("mujoco", "mujoco-core"), ("icub_models", "icub-models")])
-    def test_missing_package_is_named_with_its_hint(self, module, package, monkeypatch):
+    def test_missing_engine_is_named_with_its_hint(self, monkeypatch):
         """Anyone who lacks an optional package is told what to install."""
-        monkeypatch.setitem(sys.modules, module, None)
+        monkeypatch.setitem(sys.modules, "mujoco", None)
         engine.mujoco.cache_clear()
-        with pytest.raises(MissingPackageError, match=rf"{package}: pip install 'rtf\[sim\]'"):
-            build()
+        with pytest.raises(MissingPackageError, match=r"mujoco-core: pip install 'rtf\[sim\]'"):
+            build_icub()
         engine.mujoco.cache_clear()

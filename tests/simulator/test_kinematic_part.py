@@ -14,12 +14,13 @@ JAW, HOME, BENT = 1, 0.0, -20.0
 
 def test_it_moves_in_the_time_of_the_simulation_and_is_reset_with_it():
     """A move is done when the simulated time says so, and a reset brings the joints back to zero."""
-    from rtf.simulator.face import SimulatedFace
+    from icub import ICUB
+    from rtf.simulator.kinematic_part import KinematicPart
 
     from .rig import Rig
 
     rig = Rig()
-    face = SimulatedFace(rig.simulation)
+    face = KinematicPart(ICUB.part("face"), rig.simulation)
     face.set_reference_speeds(20.0, JAW)
     face.position_move(BENT, JAW)
     rig.run(0.9)
@@ -38,10 +39,11 @@ def test_it_moves_in_the_time_of_the_simulation_and_is_reset_with_it():
 @pytest.mark.parametrize("joints", [(10.0, -13.0, -20.0, -12.0, -25.0, 12.0), (15.0, 0.0, 0.0, 0.0, 0.0, 10.0)])
 def test_it_reaches_what_the_test_files_of_the_robot_ask_for(joints: tuple[float, ...]):
     """Six joints, with limits beyond the targets of those files."""
-    from rtf.simulator.face import SimulatedFace
+    from icub import ICUB
+    from rtf.simulator.kinematic_part import KinematicPart
 
     from .rig import Rig
 
-    face = SimulatedFace(Rig().simulation)
+    face = KinematicPart(ICUB.part("face"), Rig().simulation)
     face.position_move(joints)
     assert face.target_positions().tolist() == [*joints]

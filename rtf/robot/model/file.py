@@ -1,0 +1,186 @@
+"""The keys of ``robot.toml``, with their types: the schema that a file is read by.
+
+Every table forbids unknown keys. Units: degrees for revolute axes, metres for prismatic ones and for places; newton
+metres, amperes, kilograms.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta, Struct
+
+Positive = Annotated[float, Meta(gt=0.0)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
+Vector = tuple[float, float, float]
+Text = Annotated[str, Meta(min_length=1)]
+
+
+class Table(Struct, frozen=True, forbid_unknown_fields=True):
+    """Base class of the tables."""
+
+
+class Description(Table, frozen=True):
+    """Where the URDF or MJCF file is: beside robot.toml, or in an installed distribution."""
+
+    file: Text  # relative to the folder of robot.toml; with ``package``: how its path in the package ends
+    package: str = ""  # the name of the distribution, as pip knows it
+
+
+class Attachment(Table, frozen=True):
+    """An MJCF file beside robot.toml whose bodies the description lacks."""
+
+    body: Text  # of the description, to which the bodies are attached
+    file: Text
+    prefix: Text  # of the names in the file, such as l_ of the fingers of a left hand; angles in it are in radians
+
+
+class Motor(Table, frozen=True):
+    """A type of motor."""
+
+    rotor_resolution: Positive  # ticks a turn of its encoder
+    nominal_current: Positive  # A
+    peak_current: Positive  # A
+    overload_current: Positive  # A, beyond which the drive switches off
+
+
+class Joint(Table, frozen=True):
+    """A joint of a part. What is missing comes from ``[defaults]``, then from the description."""
+
+    limits: tuple[float, float] | None = None  # configured
+    max_velocity: Positive | None = None
+    max_torque: Positive | None = None
+    gearbox: float | None = None
+    motor: str | None = None
+    encoder_resolution: Positive | None = None  # ticks a unit
+    armature: NotNegative | None = None
+    friction: NotNegative | None = None
+    damping: NotNegative | None = None
+    home: float | None = None
+    torque_control: bool | None = None
+    ratio: float | None = None  # units of the axis a unit of its joint in the description
+    prismatic: bool | None = None
+
+
+class CouplingBlock(Table, frozen=True):
+    """The coupling of neighbouring joints; see :class:`rtf.robot.model.values.Coupling`."""
+
+    first: Annotated[int, Meta(ge=0)]
+    joint_to_motor: Annotated[list[list[float]], Meta(min_length=1)]
+
+
+class PartTable(Table, frozen=True):
+    """A control board. Joints that no coupling names have a motor each."""
+
+    joints: dict[Text, Joint]
+    couplings: list[CouplingBlock] = []
+    boards: list[Annotated[int, Meta(gt=0)]] = []  # joints of each of its electronics; default: one for all
+    together: list[list[list[str]]] = []  # queues of rounds of joints that move together; default: one after another
+    kinematic: bool = False  # moves hardly any mass: without physics, not in the description
+
+
+class Outline(Table, frozen=True):
+    """An outline of a link: a capsule between two points of its frame, or a box along the axes of it."""
+
+    link: Text
+    start: Vector | None = None
+    end: Vector | None = None
+    radius: Positive | None = None
+    centre: Vector | None = None
+    half: Vector | None = None  # half its edges
+
+
+class Body(Table, frozen=True):
+    """What the description lacks, or what is simulated otherwise than it says."""
+
+    attach: list[Attachment] = []
+    outlines: list[Outline] = []  # for collisions, in place of the description's own shapes
+    near: Annotated[int, Meta(ge=0)] = 2  # links with at most this number of joints between them do not collide
+    root: str = ""  # a fixed link that takes part in this
+
+
+class ForceTorque(Table, frozen=True):
+    """A force-torque sensor at the joint of a link, in the link's frame."""
+
+    link: Text
+    port: Text  # /ROBOT/PORT/analog:o
+    parts: list[str] = []  # whose joints decide the direction of its load, from the upright root outwards
+    force_noise: NotNegative = 0.05  # N, standard deviation
+    torque_noise: NotNegative = 0.002  # Nm
+
+
+class Inertial(Table, frozen=True):
+    """An inertial unit on a link."""
+
+    link: Text
+    port: Text = "inertial"
+    position: Vector = (0.0, 0.0, 0.0)  # m, in the frame of the link
+    rotation: Vector = (0.0, 0.0, 0.0)  # rad: roll, pitch, yaw about fixed axes
+
+
+class CameraTable(Table, frozen=True):
+    """A camera of the description, or of an attached file."""
+
+    camera: Text
+    port: Text  # /ROBOT/PORT
+
+
+class AngleSensors(Table, frozen=True):
+    """Sensors that measure joint angles as counts: one number a channel, on one port."""
+
+    port: Text  # /ROBOT/PORT/analog:o
+    channels: list[tuple[str, float]]  # an axis, and the share of it that bends the joint
+    open: float  # counts of an open joint
+    bent: float  # counts of one bent by 90 deg
+    noise: NotNegative = 0.0  # counts, standard deviation
+
+
+class Sensors(Table, frozen=True):
+    """The sensors, by their names."""
+
+    force_torque: dict[str, ForceTorque] = {}
+    inertial: dict[str, Inertial] = {}
+    cameras: dict[str, CameraTable] = {}
+    angles: dict[str, AngleSensors] = {}
+
+
+class Cut(Table, frozen=True):
+    """A visible mesh that is cut off beyond coordinates of its link, as attached bodies take its place."""
+
+    links: list[str]
+    length: Positive  # of x, to both sides
+    width: float  # of z
+
+
+class Bench(Table, frozen=True):
+    """The visible surroundings: nothing of them collides."""
+
+    floor: float = 0.0  # height
+    outside: Vector = (2.0, 1.0, 1.0)  # the place of a camera that shows all of the robot
+    centre: Vector = (0.0, 0.0, 0.5)  # where it looks
+    ball: Vector | None = None  # the place of a red ball
+    box: Vector | None = None  # the place of a green box
+    cut: Cut | None = None
+
+
+class RobotFile(Table, frozen=True):
+    """The whole file."""
+
+    schema: Literal[1]
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+    description: Description
+    parts: dict[Annotated[str, Meta(pattern=r"^[A-Za-z0-9_]+$")], PartTable]
+    title: str = ""
+    profile: Literal["measured", "chosen", "unvalidated"] = "unvalidated"
+    assumed: list[str] = []
+    defaults: Joint = Joint()
+    motors: dict[str, Motor] = {}
+    body: Body = Body()
+    sensors: Sensors = Sensors()
+    scene: Bench = Bench()
+
+
+def json_schema() -> dict[str, object]:
+    """Return the schema as JSON Schema, for editors."""
+    return msgspec.json.schema(RobotFile)

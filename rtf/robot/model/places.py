@@ -1,0 +1,45 @@
+"""Lines of the keys of a TOML file, for messages."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_TABLE = re.compile(r"\s*\[\[?\s*(.+?)\s*\]\]?\s*(?:#.*)?$")
+_KEY = re.compile(r"""\s*((?:"[^"]*"|'[^']*'|[\w-]+)(?:\s*\.\s*(?:"[^"]*"|'[^']*'|[\w-]+))*)\s*=""")
+_WORD = re.compile(r""""([^"]*)"|'([^']*)'|([\w-]+)""")
+#: A word of the path in an error of msgspec: ``$.parts[...].joints`` has keys after dots, and places in brackets.
+_STEP = re.compile(r"\.([\w-]+)|\[(\d+|\.\.\.)\]")
+
+
+def line_of(text: str, path: Sequence[str]) -> int:
+    """Return the line, from 1, of the longest beginning of ``path`` that a line of a TOML file opens.
+
+    A key inside of an inline table has the line of that table. 1 if nothing of the path is found.
+    """
+    best, found = 0, 1
+    table: list[str] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        header = _TABLE.match(line)
+        if header:
+            here = table = _words(header[1])
+        else:
+            key = _KEY.match(line)
+            if key is None:
+                continue
+            here = [*table, *_words(key[1])]
+        if len(here) > best and list(path[: len(here)]) == here:
+            best, found = len(here), number
+    return found
+
+
+def steps_of(path: str) -> list[str]:
+    """Return the steps of a path as msgspec writes it: ``$.parts.head`` is parts and head, ``[...]`` an ellipsis."""
+    return [match[1] or match[2] for match in _STEP.finditer(path)]
+
+
+def _words(dotted: str) -> list[str]:
+    return [match[1] or match[2] or match[3] or "" for match in _WORD.finditer(dotted)]

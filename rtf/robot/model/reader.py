@@ -1,0 +1,328 @@
+"""Reading ``robot.toml``: finding it, checking it, and completing it by the robot's description.
+
+A file is ``robots/<name>/robot.toml`` below the current folder, in the user's folder of plug-ins, or among the shipped
+suites; or it is given by its path. What no file says is read from the description (limits, efforts, types of joints),
+which needs the package of the physics engine.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import os
+import tomllib
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import msgspec
+import numpy as np
+
+from rtf.robot.model.errors import RobotModelError
+from rtf.robot.model.file import CouplingBlock, Joint, PartTable, RobotFile
+from rtf.robot.model.names import DEFAULT_ROBOT, FILE, ROBOT_MODEL_VARIABLE
+from rtf.robot.model.places import line_of, steps_of
+from rtf.robot.model.values import Axis, Coupling, Part, RobotModel
+from rtf.testing.plugins import shipped_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from rtf.robot.model.description import JointDescription
+
+#: Of a joint for which neither the file nor the description says more: those of a small bench.
+_FALLBACK = Joint(
+    max_velocity=90.0, gearbox=100.0, encoder_resolution=182.044, home=0.0, torque_control=False, ratio=1.0,
+    prismatic=False,
+)  # fmt: skip
+#: Ticks a metre of a prismatic joint: a tenth of a millimetre.
+_TICKS_A_METRE = 1e4
+#: Metres a second of a prismatic joint for which nothing is said.
+_SLIDE = 0.2
+#: A coupling with a greater condition number cannot be inverted to any use.
+_SINGULAR = 1e6
+
+
+def robot_folders() -> list[Path]:
+    """Return the folders in which robots are looked for, each ``<folder>/<name>/robot.toml``."""
+    import platformdirs
+
+    user = Path(platformdirs.user_data_dir("rtf", appauthor=False)) / "robots"
+    return [Path.cwd() / "robots", user, shipped_folder("suites") / "robots"]
+
+
+def robot_names() -> list[str]:
+    """Return the names of all robots that can be found, without paths."""
+    return sorted({path.parent.name for folder in robot_folders() for path in folder.glob(f"*/{FILE}")})
+
+
+def find_robot(name: str) -> Path:
+    """Return the file of a robot by its name, or by the path of its file or folder.
+
+    Raises RobotModelError with the places tried.
+    """
+    given = Path(name).expanduser()
+    if "/" in name or given.suffix == ".toml":
+        path = given / FILE if given.is_dir() else given
+        if path.is_file():
+            return path
+        raise RobotModelError(f"{path}: there is no such file; write the name of a robot, or the path of a {FILE}")
+    for folder in robot_folders():
+        path = folder / name / FILE
+        if path.is_file():
+            return path
+    places = "\n".join(f"  tried {folder / name / FILE}" for folder in robot_folders())
+    raise RobotModelError(f"there is no robot {name!r}; there are {', '.join(robot_names()) or 'none'}\n{places}")
+
+
+@cache
+def default_robot() -> RobotModel:
+    """Return the robot that the variable ``RTF_ROBOT_MODEL`` names, else the iCub. Raises as :func:`load_robot`."""
+    return load_robot(os.environ.get(ROBOT_MODEL_VARIABLE) or DEFAULT_ROBOT)
+
+
+def load_robot(name: str) -> RobotModel:
+    """Read a robot by its name or path. Raises RobotModelError, with the place, for all that is wrong with it."""
+    return _Reading(find_robot(name)).model()
+
+
+class _Reading:
+    """The reading of one file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._text = path.read_text(encoding="utf-8")
+            data = tomllib.loads(self._text)
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise RobotModelError(f"{path}: {error}") from None
+        self._file = self._converted(data)
+        self._description = self._find_description()
+        self._described: Mapping[str, JointDescription] | None = None
+
+    def _fail(self, keys: Sequence[str], problem: str) -> NoReturn:
+        raise RobotModelError(f"{self._path}:{line_of(self._text, keys)}: {problem}")
+
+    def _converted(self, data: dict[str, Any]) -> RobotFile:
+        try:
+            return msgspec.convert(data, RobotFile)
+        except msgspec.ValidationError as error:
+            sentence, _, path = str(error).partition(" - at ")
+            keys = _named(data, steps_of(path.strip("`$")), str(error))
+            self._fail(keys, f"{'.'.join(keys) or 'the file'}: {sentence[:1].lower()}{sentence[1:]}")
+
+    def _find_description(self) -> Path:
+        given = self._file.description
+        if not given.package:
+            path = self._path.parent / given.file
+            if not path.is_file():
+                self._fail(["description", "file"], f"there is no {path}")
+            return path
+        try:
+            files = distribution(given.package).files or []
+        except PackageNotFoundError:
+            self._fail(
+                ["description", "package"], f"the package {given.package} is not installed: pip install {given.package}"
+            )
+        found = [file for file in files if str(file).endswith(given.file)]
+        if len(found) != 1:
+            self._fail(["description", "file"], f"{given.package} has {len(found)} files that end with {given.file}")
+        return Path(str(found[0].locate())).resolve()
+
+    def model(self) -> RobotModel:
+        """Return the checked model."""
+        file = self._file
+        parts: dict[str, Part] = {}
+        kinematic: dict[str, Part] = {}
+        seen: dict[str, str] = {}
+        for name, table in file.parts.items():
+            for joint in table.joints:
+                if joint in seen:
+                    self._fail(
+                        ["parts", name, "joints", joint],
+                        f"the joint {joint} belongs to {seen[joint]} and {name}; a joint has one part",
+                    )
+                seen[joint] = name
+            (kinematic if table.kinematic else parts)[name] = self._part(name, table)
+        self._check_sensors(seen)
+        self._check_outlines()
+        return RobotModel(
+            name=file.name,
+            title=file.title or file.name,
+            folder=self._path.parent,
+            description=self._description,
+            parts=parts,
+            kinematic_parts=kinematic,
+            body=file.body,
+            sensors=file.sensors,
+            scene=file.scene,
+            profile=file.profile,
+            assumed=tuple(file.assumed),
+        )
+
+    def _part(self, name: str, table: PartTable) -> Part:
+        if not table.joints:
+            self._fail(["parts", name], f"the part {name} has no joints")
+        axes = tuple(self._axis(name, joint, table) for joint in table.joints)
+        couplings = self._couplings(name, table)
+        unknown = [j for queue in table.together for round_ in queue for j in round_ if j not in table.joints]
+        if unknown:
+            self._fail(["parts", name, "together"], f"{name} has no joint {', '.join(unknown)}")
+        together = tuple(tuple(tuple(round_) for round_ in queue) for queue in table.together)
+        return Part(name, axes, couplings, together)
+
+    # Axes ------------------------------------------------------------------------------------------------------------
+
+    def _axis(self, part: str, name: str, table: PartTable) -> Axis:
+        keys = ["parts", part, "joints", name]
+        file, given = self._file, table.joints[name]
+        described = None if table.kinematic else self._needed_description(given, name)
+        prismatic = _first(given.prismatic, described.prismatic if described else None, False)
+        if described and described.prismatic != prismatic:
+            self._fail(keys, f"{name}: prismatic does not agree with {self._description.name}")
+
+        def value(key: str, described_value: float | None = None) -> Any:
+            return _first(*(getattr(one, key) for one in (given, file.defaults)), described_value)
+
+        limits = given.limits or (described.limits if described else None)
+        if limits is None:
+            self._fail(keys, f"{name}: neither this file nor {self._description.name} has its limits; write limits")
+        if not (limits[0] < limits[1] and all(map(math.isfinite, limits))):
+            self._fail(keys, f"{name}: limits are a smaller and a greater number, not {limits[0]:g} and {limits[1]:g}")
+        motor_type = given.motor or file.defaults.motor
+        if motor_type is None or motor_type not in file.motors:
+            known = ", ".join(file.motors) or "none; write a table [motors.NAME]"
+            self._fail(keys, f"{name}: motor {motor_type!r} is none of [motors]: {known}")
+        motor = file.motors[motor_type]
+        torque = value("max_torque", described.effort if described else None)
+        if torque is None:
+            if not table.kinematic:
+                self._fail(keys, f"{name}: neither this file nor {self._description.name} has its max_torque")
+            torque = 1.0
+        ratio = _first(value("ratio"), _FALLBACK.ratio)
+        gearbox = _first(value("gearbox"), _FALLBACK.gearbox)
+        home = _first(value("home"), min(max(0.0, limits[0]), limits[1]))
+        if not gearbox or not ratio:
+            self._fail(keys, f"{name}: gearbox and ratio are not 0")
+        if not limits[0] <= home <= limits[1]:
+            self._fail(keys, f"{name}: its home {home:g} is not within its limits {limits[0]:g} and {limits[1]:g}")
+        speed = described.max_velocity if described else None
+        return Axis(
+            part=part,
+            name=name,
+            minimum=float(limits[0]),
+            maximum=float(limits[1]),
+            max_velocity=_first(value("max_velocity", speed), _SLIDE if prismatic else _FALLBACK.max_velocity),
+            max_torque=torque,
+            gearbox=gearbox,
+            encoder_resolution=_first(
+                value("encoder_resolution"), _TICKS_A_METRE if prismatic else _FALLBACK.encoder_resolution
+            ),
+            rotor_resolution=motor.rotor_resolution,
+            armature=value("armature"),
+            friction=value("friction"),
+            damping=value("damping"),
+            home=home,
+            nominal_current=motor.nominal_current,
+            peak_current=motor.peak_current,
+            overload_current=motor.overload_current,
+            torque_control=_first(value("torque_control"), False),
+            ratio=ratio,
+            prismatic=prismatic,
+        )
+
+    def _needed_description(self, given: Joint, name: str) -> JointDescription | None:
+        """Return what the description says of a joint; None if the file says all, so that it need not be read."""
+        if given.limits and _first(given.max_torque, self._file.defaults.max_torque) is not None:
+            return None
+        if self._described is None:
+            from rtf.robot.model.description import read_joints
+
+            self._described = read_joints(self._description)
+        if name not in self._described:
+            self._fail(
+                ["parts", *(part for part, table in self._file.parts.items() if table.joints.get(name) is given),
+                 "joints", name],
+                f"{self._description.name} has no joint {name!r}; its joints are {', '.join(self._described)}",
+            )  # fmt: skip
+        return self._described[name]
+
+    def _couplings(self, part: str, table: PartTable) -> tuple[Coupling, ...]:
+        """Return the couplings of a part, completed by identities for the joints that none names."""
+        count = len(table.joints)
+        sizes = table.boards or [count]
+        keys = ["parts", part]
+        if sum(sizes) != count:
+            self._fail([*keys, "boards"], f"{part}: its boards have {sum(sizes)} joints together, the part {count}")
+        given = {block.first: block for block in table.couplings}
+        found: list[Coupling] = []
+        first = 0
+        for size in sizes:
+            block = given.pop(first, None)
+            if block is None:
+                rows = tuple(tuple(float(row == column) for column in range(size)) for row in range(size))
+            else:
+                rows = self._matrix([*keys, "couplings"], part, block, size)
+            found.append(Coupling(first, rows))
+            first += size
+        if given:
+            self._fail(
+                [*keys, "couplings"], f"{part}: no board begins at joint {', '.join(map(str, given))}; see boards"
+            )
+        return tuple(found)
+
+    def _matrix(self, keys: Sequence[str], part: str, block: CouplingBlock, size: int) -> tuple[tuple[float, ...], ...]:
+        rows = tuple(tuple(map(float, row)) for row in block.joint_to_motor)
+        if len(rows) != size or any(len(row) != size for row in rows):
+            self._fail(keys, f"{part}: the coupling from joint {block.first} is not {size} rows of {size} numbers")
+        if not np.isfinite(rows).all() or np.linalg.cond(np.array(rows)) > _SINGULAR:
+            self._fail(keys, f"{part}: the coupling from joint {block.first} cannot be inverted")
+        return rows
+
+    def _check_sensors(self, joints: Mapping[str, str]) -> None:
+        sensors = self._file.sensors
+        for name, sensor in sensors.force_torque.items():
+            for part in sensor.parts:
+                if part not in self._file.parts:
+                    self._fail(["sensors", "force_torque", name], f"{name}: there is no part {part!r}")
+        for name, angles in sensors.angles.items():
+            for axis, _ in angles.channels:
+                if axis not in joints:
+                    self._fail(["sensors", "angles", name], f"{name}: there is no joint {axis!r}")
+
+    def _check_outlines(self) -> None:
+        for number, shape in enumerate(self._file.body.outlines):
+            capsule = [value is not None for value in (shape.start, shape.end, shape.radius)]
+            box = [value is not None for value in (shape.centre, shape.half)]
+            if not ((all(capsule) and not any(box)) or (all(box) and not any(capsule))):
+                self._fail(
+                    ["body", "outlines"],
+                    f"outline {number} of {shape.link}: write start, end and radius, or centre and half",
+                )
+
+
+def _first(*values: Any) -> Any:
+    """Return the first value that is not None."""
+    return next((value for value in values if value is not None), None)
+
+
+def _named(data: dict[str, Any], steps: list[str], error: str) -> list[str]:
+    """Return ``steps`` with the names of the keys that msgspec writes as an ellipsis: those that raise this error."""
+    data = copy.deepcopy(data)
+    here: Any = data
+    for place, step in enumerate(steps):
+        if step == "..." and isinstance(here, dict):
+            everything = dict(here)
+            for key, value in everything.items():
+                here.clear()
+                here[key] = value
+                try:
+                    msgspec.convert(data, RobotFile)
+                except msgspec.ValidationError as again:
+                    if str(again) == error:
+                        steps[place] = key
+                        break
+            step = steps[place]  # noqa: PLW2901 - its name is known now
+        here = here[int(step)] if isinstance(here, list) else here.get(step)
+    return steps
