@@ -76,9 +76,15 @@ class FtSensorTest(RateTest):
 
     def _sensors(self) -> list[str]:
         """Return the ports of the known sensors of the robot, and the ports of several sensors that add others."""
-        single = [name for name in self.known_ports(_ENDING) if parts_above(robot_model(self), self._place(name))]
+        robot = robot_model(self)
+        single = [name for name in self.known_ports(_ENDING) if parts_above(robot, self._place(name))]
         known = {self._place(name) for name in single}
-        return single + [name for name in self.known_ports(MEASURES) if {*map(place_of, self._names(name))} - known]
+        several = [
+            name
+            for name in self.known_ports(MEASURES)
+            if {place_of(robot, sensor) for sensor in self._names(name)} - known
+        ]
+        return single + several
 
     def _place(self, port: str) -> str:
         return port.removesuffix(_ENDING).rpartition("/")[2]
@@ -167,8 +173,9 @@ class FtSensorTest(RateTest):
 
     def _modelled(self, place: str) -> FloatArray:
         """Return the load by the model. Raises MissingPackageError, or RefusedError for an unknown place."""
-        model = WeightModel(robot_model(self))
-        for part_name in parts_above(robot_model(self), place):
+        robot = robot_model(self)
+        model = WeightModel(robot)
+        for part_name in parts_above(robot, place):
             part = self.open_part(part_name)
             model.set(part.names, part.board.encoders())
         return model.load(place)

@@ -59,6 +59,11 @@ class Settings:
     allow_admin: tuple[str, ...] = ()  # who may change connections; everyone
     ready_file: Path | None = None
 
+    @property
+    def name(self) -> str:
+        """The prefix of the robot's ports."""
+        return self.robot or self.model.simulated_name
+
 
 def run_simulator(settings: Settings) -> int:
     """Run a simulated robot until a signal, or a request at its control port, ends it; return the exit code.
@@ -87,9 +92,7 @@ class _Program:
                 if not self._end.is_set():
                     self._tell_ready(robot, opened)
             except (RtfError, OSError) as error:
-                _say(
-                    f"FAILED: {self._settings.robot or self._settings.model.simulated_name} could not be started: {error}"
-                )
+                _say(f"FAILED: {self._settings.name} could not be started: {error}")
                 return FAILED
             self._end.wait()
         return FAILED if self._failed else FINE
@@ -114,7 +117,7 @@ class _Program:
         network = _network(settings, opened)
         network.report = self._report
         model = settings.model
-        name = settings.robot or model.simulated_name
+        name = settings.name
         port = control_port(name)
         if exists(network, Contact(port)):
             raise ConnectError(f"there is a port {port} already; end the simulator that has it, or use --robot")

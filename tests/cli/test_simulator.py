@@ -45,7 +45,7 @@ class TestStarting:
     def test_nothing_said_is_a_whole_robot_in_real_time(self, started: list[program.Settings]):
         """The defaults of the program."""
         assert simulator([]) == 0
-        assert started == [program.Settings()]
+        assert started == [program.Settings(ICUB)]
 
     def test_everything_said(self, started: list[program.Settings], tmp_path: Path):
         """Each option comes to where it belongs."""
@@ -54,6 +54,7 @@ class TestStarting:
         assert simulator(words.split()) == 0
         (settings,) = started
         assert settings == program.Settings(
+            ICUB,
             robot="bot",
             parts=("head", "left_arm"),
             seed=5,

@@ -34,9 +34,10 @@ PROGRAM = """
 import sys
 from pathlib import Path
 from rtf.bottle import Dialect
+from rtf.robot.model import load_robot
 from rtf.simulator.program import Settings, run_simulator
 {before}
-sys.exit(run_simulator(Settings({settings})))
+sys.exit(run_simulator(Settings(load_robot("icub"), {settings})))
 """
 BLIND = "import ctypes.util; ctypes.util.find_library = lambda name: None"
 _LIMIT = 30.0

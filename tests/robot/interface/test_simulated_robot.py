@@ -25,7 +25,7 @@ from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import make_device
 from rtf.robot.devices.calibrator import BoardCalibrator
-from rtf.robot.errors import ConfigurationError, DeviceError, StaleStateError
+from rtf.robot.errors import ConfigurationError, DeviceError, RefusedError, StaleStateError
 from rtf.robot.interface.robot_reader import read_robot
 from rtf.robot.interfaces import IPositionControl, PidType, SensorCategory
 from rtf.simulator.part import SimulatedPart
