@@ -42,6 +42,8 @@ def build_parser() -> Parser:
     _what(parser.add_argument_group("what to run"))
     _which(parser.add_argument_group("which of it"))
     _how(parser.add_argument_group("how"))
+    _limits(parser.add_argument_group("limits"))
+    _robot(parser.add_argument_group("the robot, its operator and its station"))
     add_report_options(parser.add_argument_group("what is said and written"))
     add_page_options(parser.add_argument_group("the live page"))
     parser.add_argument("--show-config", action="store_true", help="print the settings, and where each is from")
@@ -125,6 +127,35 @@ def _how(group: argparse._ArgumentGroup) -> None:
         help="run up to N suites at a time, if they share no fixture, and tests of suites that have copies",
     )
     group.add_argument(
+        "--retries", metavar="N", type=count, help="try a test that did not pass N more times; a late pass is 'flaky'"
+    )
+    group.add_argument(
+        "--maxfail", metavar="N", type=count, default=0, help="start no further test after N that did not pass"
+    )
+    group.add_argument(
+        "-x", "--fail-fast", action="store_const", const=1, dest="maxfail", help="the same as --maxfail 1"
+    )
+    group.add_argument("--allow-empty", action="store_true", help="exit with 0 even when no test was run")
+    group.add_argument(
+        "--feature", metavar="WORD", action="append", default=[], help="grant what tests require by a bare word"
+    )
+    group.add_argument(
+        "--isolation",
+        choices=("test", "suite", "none"),
+        help="a process per test (default), per suite, or none, for debugging",
+    )
+    group.add_argument(
+        "--debug",
+        action="store_true",
+        help="open the debugger at breakpoint() and where a test raises; one test at a time, without limits",
+    )
+    group.add_argument(
+        "--core-dumps", action="store_true", help="keep core dumps of programs that crash with the files of their test"
+    )
+
+
+def _limits(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
         "--timeout", metavar="S", type=seconds, help="limit of one run() where the suite says none (default 300)"
     )
     group.add_argument("--setup-timeout", metavar="S", type=seconds, help="limit of one setup() (default 60)")
@@ -137,40 +168,23 @@ def _how(group: argparse._ArgumentGroup) -> None:
         help="what a test that is stopped may take to react, before a kill (default 2)",
     )
     group.add_argument(
-        "--retries", metavar="N", type=count, help="try a test that did not pass N more times; a late pass is 'flaky'"
-    )
-    group.add_argument(
-        "--maxfail", metavar="N", type=count, default=0, help="start no further test after N that did not pass"
-    )
-    group.add_argument(
-        "-x", "--fail-fast", action="store_const", const=1, dest="maxfail", help="the same as --maxfail 1"
-    )
-    group.add_argument(
-        "--isolation",
-        choices=("test", "suite", "none"),
-        help="a process per test (default), per suite, or none, for debugging",
-    )
-    group.add_argument(
         "--memory",
         metavar="MIB",
         type=count,
         help="private memory a test may use (default: 3/4 of the machine's; 0: no limit)",
     )
-    group.add_argument(
-        "--feature", metavar="WORD", action="append", default=[], help="grant what tests require by a bare word"
-    )
+
+
+def _robot(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--allow-motion",
         action="store_true",
         help="let tests move a real robot (a simulated one needs no permission); the operator is asked before each",
     )
     group.add_argument(
-        "--debug",
-        action="store_true",
-        help="open the debugger at breakpoint() and where a test raises; one test at a time, without limits",
-    )
-    group.add_argument(
-        "--core-dumps", action="store_true", help="keep core dumps of programs that crash with the files of their test"
+        "--answer",
+        metavar="TEXT",
+        help="answer operator questions with this, instead of asking ('default': their defaults)",
     )
     group.add_argument(
         "--wait",
@@ -181,12 +195,6 @@ def _how(group: argparse._ArgumentGroup) -> None:
         default=0.0,
         help="wait for a robot that another run works with, at most so long (without SECONDS: until it is free)",
     )
-    group.add_argument(
-        "--answer",
-        metavar="TEXT",
-        help="answer operator questions with this, instead of asking ('default': their defaults)",
-    )
-    group.add_argument("--allow-empty", action="store_true", help="exit with 0 even when no test was run")
     add_dialect(group)
     group.add_argument("--robot", metavar="NAME", default="", help="name of the robot, for the record")
     group.add_argument(

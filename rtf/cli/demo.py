@@ -2,7 +2,8 @@
 
 First the demonstration suite, which crashes, hangs and fails on purpose, so that its own exit code is that of a run
 with failures; what is judged is whether the framework saw exactly what happened. Then two programs that talk, a
-simulated robot that moves, and the battery: all tests of a lab on the simulated iCub, with the live page.
+simulated robot that moves, and the battery: all tests of a lab on the simulated iCub, with the live page. Unless a
+dialect is set, the battery runs on robots of YARP 3, and a share of it on one of YARP 4.
 """
 
 from __future__ import annotations
@@ -16,28 +17,33 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rtf import clock
-from rtf.cli.parser import Parser
+from rtf.cli.parser import Parser, add_dialect
 from rtf.errors import RtfError
+from rtf.middleware.naming.configuration import find_dialect
 from rtf.testing.journal import results_of
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from rtf.bottle import Dialect
     from rtf.middleware.ports.network import Network
     from rtf.testing.results import RunResult
 
 #: The suites of the battery: the longest first, so that the others run beside it.
 BATTERY = ("control", "encoders", "motors", "basics", "stress", "sensors", "streams")
+#: The suite with a share of the battery on a robot of YARP 4.
+YARP4_SHARE = "yarp4"
 
 
 class _Shown(NamedTuple):
-    """What a run of the demonstration came to: its exit code, its tests, what is not as expected, and its page."""
+    """A run of the demonstration: exit code, tests, what is not as expected, page, and a note for the last line."""
 
     code: ExitCode
     tests: int
     wrong: list[str]
     page: Path
+    note: str = ""
 
 
 def demo(words: Sequence[str]) -> ExitCode:
@@ -45,7 +51,9 @@ def demo(words: Sequence[str]) -> ExitCode:
     parser = Parser(prog="rtf demo", description="Run the demonstration and check every verdict.")
     parser.add_argument("--runs", metavar="DIR", default="rtf-runs", help="where the folders of the runs are made")
     parser.add_argument("--quick", action="store_true", help="leave out the battery, which takes some minutes")
+    add_dialect(parser)
     options, rest = parser.parse_known_args(words)
+    dialect = find_dialect()
     runs = Path(options.runs)
     first = _what_goes_wrong(runs, rest)
     if first.code not in (ExitCode.PASSED, ExitCode.FAILURES):
@@ -55,7 +63,7 @@ def demo(words: Sequence[str]) -> ExitCode:
     if _can_simulate():
         wrong += _show("a robot that moves", lambda: move(runs))
         if not options.quick:
-            shown.append(_battery(runs / "battery"))
+            shown.append(_battery(runs / "battery", dialect))
             wrong += shown[-1].wrong
     return _verdict(shown, wrong)
 
@@ -70,7 +78,8 @@ def _verdict(shown: Sequence[_Shown], wrong: Sequence[str]) -> ExitCode:
         return ExitCode.FAILURES
     for one in shown:
         print(f"A page to look at in a browser: {one.page.resolve()}")
-    print(f"DEMO PASSED  all {total} tests ended as expected: crash, hang, lost fixture and the rest")
+    notes = "".join(one.note for one in shown)
+    print(f"DEMO PASSED  all {total} tests ended as expected: crash, hang, lost fixture and the rest{notes}")
     return ExitCode.PASSED
 
 
@@ -122,14 +131,14 @@ def _can_simulate() -> bool:
     return True
 
 
-def _battery(runs: Path) -> _Shown:
-    """All tests of a lab, on simulated robots."""
+def _battery(runs: Path, dialect: Dialect | None) -> _Shown:
+    """All tests of a lab, on simulated robots of one dialect, or of both if none is set."""
     from rtf.cli import testrunner
     from rtf.testing.plugins import shipped_folder
 
     print("\nThe battery: all tests of a lab, on the simulated robot; it takes some minutes")
     folder = shipped_folder("suites") / "icubSim"
-    suites = [word for suite in (*BATTERY, *_cameras()) for word in ("--suite", str(folder / f"{suite}.xml"))]
+    suites = [word for name in battery_suites(dialect) for word in ("--suite", str(folder / f"{name}.xml"))]
     page = ["--web-reporter", "--web-port", "0", "--history", str(runs / "battery-history.sqlite")]
     runs.mkdir(parents=True, exist_ok=True)
     words = ["--runs", str(runs), "--answer", "default", "--junit", str(runs / "battery-junit.xml")]
@@ -140,7 +149,15 @@ def _battery(runs: Path) -> _Shown:
     wrong = [f"battery: {test.id}: {test.verdict}" for test in tests if test.verdict is None or not test.verdict.good]
     if code != ExitCode.PASSED and not wrong:
         wrong.append(f"battery: it ended with exit code {code}")
-    return _Shown(code, len(results.tests), wrong, (runs / "latest" / "report.html").resolve())
+    share = sum(test.id.startswith(f"{YARP4_SHARE}/") for test in tests)
+    note = f"; battery: {len(tests) - share} tests with YARP {dialect or 3}"
+    note += f", {share} with YARP 4" if share else ""
+    return _Shown(code, len(tests), wrong, (runs / "latest" / "report.html").resolve(), note)
+
+
+def battery_suites(dialect: Dialect | None) -> tuple[str, ...]:
+    """Return the names of the suites of the battery; one of them has a robot of YARP 4 unless a dialect is set."""
+    return *BATTERY, *_cameras(), *([] if dialect else [YARP4_SHARE])
 
 
 def _cameras() -> tuple[str, ...]:

@@ -21,6 +21,10 @@ class ConnectError(MiddlewareError, ConnectionError):
     """Two ports cannot be connected, or their connection was lost."""
 
 
+class NameServerError(ConnectError):
+    """The name server does not answer, so nothing is known of any name."""
+
+
 class ProtocolError(MiddlewareError, ConnectionError):
     """A peer violated the protocol, or exceeded one of its limits."""
 

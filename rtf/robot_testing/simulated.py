@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.errors import RtfError
+from rtf.middleware.errors import NameServerError
 from rtf.simulator.control_client import BOARD_ENDS, SimulatorControl, control_port
 
 if TYPE_CHECKING:
@@ -18,7 +19,8 @@ def is_simulated(network: Network, robot: str, part: str = "") -> bool:
     """Return whether a simulator answers for a robot and, with ``part``, serves that part.
 
     The simulator reports the addresses of its ports. They have to be those of the name server, all on one host. In any
-    doubt, such as no answer, the robot counts as real.
+    doubt, such as no answer, the robot counts as real. Raises NameServerError without the name server: then it is
+    unknown, and a simulated robot must not be taken for a real one.
     """
     names = [control_port(robot), *(f"/{robot}/{part}/{end}" for end in BOARD_ENDS if part)]
     needed = {control_port(robot), *([f"/{robot}/{part}/command:i"] if part else [])}
@@ -26,6 +28,8 @@ def is_simulated(network: Network, robot: str, part: str = "") -> bool:
         with SimulatorControl(robot, network=network, patience=PATIENCE) as control:
             own = {(contact.name, contact.host, contact.port) for contact in control.serves(part)}
         found = [network.names.query(name) for name in names]
+    except NameServerError:
+        raise
     except RtfError:
         return False
     there = {(contact.name, contact.host, contact.port) for contact in found if contact is not None}

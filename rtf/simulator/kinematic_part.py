@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rtf.bottle import Property
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.simulator.setpoints import LEAST_MOVE
 
 if TYPE_CHECKING:
     from rtf.robot.devices.fake_axes import FakeAxes
-    from rtf.robot.interfaces import AxisSelection, FloatArray, Values
+    from rtf.robot.interfaces import FloatArray
     from rtf.robot.model import Part
     from rtf.simulator.simulation import Simulation
 
@@ -37,16 +34,7 @@ class KinematicPart(FakeBoard):
         with self._lock:
             super()._start(minima, maxima)
             self._axes.time = self._simulation.now
-            self._commanded = np.full(self._axes.count, -np.inf)  # when positions were commanded, s
 
     def _now(self) -> FakeAxes:
         self._axes.advance(self._simulation.now)
         return self._axes
-
-    def position_move(self, targets: Values, joints: AxisSelection = None) -> None:
-        super().position_move(targets, joints)
-        self._commanded[self._chosen(joints)] = self._simulation.now
-
-    def motion_done(self, joints: AxisSelection = None) -> bool:
-        since = self._simulation.now - self._commanded[self._chosen(joints)]
-        return bool((since >= LEAST_MOVE).all()) and super().motion_done(joints)

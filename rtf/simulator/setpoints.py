@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rtf.robot.devices.fake_axes import LEAST_MOVE
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -20,9 +22,6 @@ if TYPE_CHECKING:
 
 #: The number of steps of a block.
 BLOCK = 64
-#: Seconds after a position command in which the motion is not done, even to where the axis stands: trajectories of
-#: boards have a least duration, and clients take an early *done* for that of the move before.
-LEAST_MOVE = 0.05
 _DEGREE = 5
 #: The greatest acceleration of a minimum-jerk move from rest, as a factor of distance / duration².
 _GREATEST = 10 / np.sqrt(3)

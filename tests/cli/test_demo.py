@@ -11,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from rtf.bottle import Dialect
+from rtf.cli.demo import BATTERY, YARP4_SHARE, battery_suites
+
 ROOT = Path(__file__).parents[2]
 #: A test whose run the demonstration finds, and compares itself with.
 BEFORE = """
@@ -38,6 +41,13 @@ def test_the_demo_sees_what_happens(tmp_path: Path):
     page, verdict = done.stdout.rstrip().splitlines()[-2:]
     assert verdict.startswith("DEMO PASSED")
     assert Path(page.partition(": ")[2]).read_text(encoding="utf-8").startswith("<!doctype html>")
+
+
+def test_both_dialects_are_shown_unless_one_is_set():
+    """A set dialect is that of all robots, so the suite whose robot is of YARP 4 is left out."""
+    assert {*BATTERY, YARP4_SHARE} <= {*battery_suites(None)}
+    assert YARP4_SHARE not in {*battery_suites(Dialect.YARP3), *battery_suites(Dialect.YARP4)}
+    assert all((ROOT / "suites" / "icubSim" / f"{name}.xml").exists() for name in battery_suites(None))
 
 
 @pytest.fixture(scope="module")

@@ -1,37 +1,32 @@
-"""Robot tests on a simulated robot of YARP 4: the same tests, found by the ports that it has registered."""
+"""Robot tests on a simulated robot of YARP 4: the same tests, found by the ports that it has registered.
+
+They are those of the suite ``yarp4``, which the demonstration runs, too.
+"""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from harness import run_command
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
     from harness import Outcome
 
-    from .conftest import Runs
-
-PART = '<parameter name="part">torso</parameter>'
-TESTS = {
-    "limits": f"{PART} JointLimits",
-    "modes": f"{PART} ControlModes",
-    "moves": f"{PART} PositionDirect",
-    "references": f"{PART} MovementReferences",
-    "open-loop": f"{PART} OpenLoopConsistency",
-    "drift": f"{PART} OpticalEncodersDrift",
-    "motor": f"{PART} MotorTest",
-    "duplicates": "SensorsDuplicateReadings",
-    "rates": "PortsFrequency",
-}
+SUITE = Path(__file__).parents[2] / "suites" / "icubSim" / "yarp4.xml"
+TESTS = (
+    *("limits-torso", "modes-torso", "sine-torso", "references-torso", "open-loop-torso", "drift-torso", "moves-torso"),
+    *("rates", "duplicates"),
+)
 
 
 @pytest.fixture(scope="module")
-def outcome(run_on_robot: Runs) -> Outcome:
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     """One run of all of them, without any setting but that of the robot."""
-    rows = "".join(f'<test name="{name}"> {text} </test>' for name, text in TESTS.items())
-    return run_on_robot(rows, dialect=4, parts="head,torso")
+    return run_command(tmp_path_factory.mktemp("yarp4"), "--suite", str(SUITE), limit=240.0)
 
 
 @pytest.mark.parametrize("test", TESTS)

@@ -95,6 +95,20 @@ def test_a_move_lasts_the_way_over_the_speed(stepped: ManualClock):
     assert board.encoder(0) == pytest.approx(10.0)
 
 
+@pytest.mark.parametrize(("target", "speed"), [(0.0, 10.0), (0.0, 0.0), (10.0, 1e6)])
+def test_a_move_has_a_least_duration(stepped: ManualClock, target: float, speed: float):
+    """It is not done at once, neither to where the joint is nor at any speed; a client would miss its begin."""
+    board = opened()
+    board.set_reference_speeds(speed, 0)
+    board.position_move(target, 0)
+    assert not board.motion_done(0)
+    stepped.sleep(0.049)
+    assert not board.motion_done(0)
+    stepped.sleep(0.001)
+    assert board.motion_done(0)
+    assert board.encoder(0) == pytest.approx(target)
+
+
 @pytest.mark.parametrize("steps", [1, 7, 1000])
 def test_speeds_do_not_depend_on_how_often_one_looks(stepped: ManualClock, steps: int):
     """A ramp of 50 deg/s² to 10 deg/s for a second comes to 9 deg, however many times it was looked at."""

@@ -12,7 +12,9 @@ import pytest
 from harness import MARK, Outcome, run_suite
 from icub import ICUB
 from rtf.bottle import Bottle, Property, Vocab
+from rtf.middleware.errors import NameServerError
 from rtf.middleware.naming import configuration
+from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.configuration import find_network
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.network import Network, listen
@@ -181,8 +183,16 @@ def test_the_simulator_says_where_its_ports_are(lab: Lab):
     assert [contact.name for contact in control.serves()] == [control_port("bot")]
 
 
+def test_without_the_name_server_it_is_unknown():
+    """A simulated robot is not taken for a real one, which would need permission to move."""
+    with NameServer() as gone:
+        network = Network(RemoteNames(gone.contact))
+    with pytest.raises(NameServerError, match="does not answer"):
+        is_simulated(network, "bot")
+
+
 def test_no_simulator_is_no_simulator(lab: Lab):
-    """Nor is a robot whose name server is gone."""
+    """It is a real robot."""
     assert not is_simulated(lab.network, "bot")
     assert not is_simulated(lab.network, "bot", "head")
 

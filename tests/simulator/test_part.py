@@ -16,11 +16,11 @@ from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.devices.fake_axes import LEAST_MOVE
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import IInteractionMode, IRemoteVariables, PidType
 from rtf.simulator.part import SimulatedPart
 from rtf.simulator.robot import SimulatedRobot
-from rtf.simulator.setpoints import LEAST_MOVE
 
 from ..robot.contract import ControlBoardContract  # noqa: TID252 - test folders are no packages
 from .rig import Rig

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtf.simulator.setpoints import BLOCK, LEAST_MOVE, Setpoints
+from rtf.robot.devices.fake_axes import LEAST_MOVE
+from rtf.simulator.setpoints import BLOCK, Setpoints
 
 STEP = 1e-3
 AXES = np.arange(3)

@@ -14,7 +14,7 @@ from rtf import clock
 from rtf.bottle import Bottle, to_string
 from rtf.middleware.carriers import registry
 from rtf.middleware.carriers.tcp_connection import open_stream
-from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError, ProtocolError
+from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError, NameServerError, ProtocolError
 from rtf.middleware.naming.network_interfaces import own_addresses
 from rtf.middleware.naming.registration_keeper import Record, RegistrationKeeper
 from rtf.middleware.ports.names import Names
@@ -146,7 +146,7 @@ class RemoteNames(Names):
         except (OSError, MiddlewareError) as error:
             self._keeper.mark_unanswered()
             reason = error.strerror if isinstance(error, OSError) and error.strerror else error
-            raise ConnectError(
+            raise NameServerError(
                 f"the name server at {self._place} does not answer: {reason};"
                 " start one with 'rtf nameserver', or look for one with 'rtf detect --write'"
             ) from None

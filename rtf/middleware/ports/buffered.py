@@ -12,7 +12,6 @@ from rtf.middleware.errors import PortClosedError, WaitTimeoutError
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.sender import Sender
 from rtf.middleware.types.codecs import BOTTLE
-from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -149,8 +148,7 @@ class BufferedPort(Port, Generic[T]):
             senders = [*self._senders.values()]
         if not senders:
             return 0
-        message = OutgoingMessage("D", value, self.codec, self.network.dialect, self.envelope)
-        self._written = message
+        message = self._message("D", value, self.codec, self.network.dialect)
         message.freeze()
         if strict:
             for sender in senders:

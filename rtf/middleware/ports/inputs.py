@@ -85,7 +85,7 @@ class Input(Connection):
         #: The dialect that the caller is assumed to speak; corrected when it sends something that only the other one
         #: allows.
         self.dialect = port.network.dialect
-        self._turned = False  # the stream belongs to an output now
+        self.turned = False  # the stream belongs to an output now
         self._shared = False
         self._changing = threading.Lock()  # guards the change between own thread and shared reader
         self._ended = threading.Event()
@@ -159,7 +159,7 @@ class Input(Connection):
     def _end(self) -> None:
         if self._shared:
             _SHARED_READER.remove(self._stream.socket)
-        if not self._turned:
+        if not self.turned:
             if self.link is not None:
                 self.link.close()
                 self.link.release()
@@ -218,8 +218,12 @@ class Input(Connection):
         target = Contact(link.sender, carrier=link.carrier.name)
         ask = partial(dialect_of_reader, self.port.network, link.carrier, target)
         output = Output(link.reversed(self._stream), target, ask)
-        self.port.adopt(output)
-        self._turned = True
+        self.turned = True  # first, so that the connection is never listed in both directions
+        try:
+            self.port.adopt(output)
+        except BaseException:
+            self.turned = False
+            raise
         if link.carrier.pull:  # the reader says nothing more: all that can be read is its end
             with contextlib.suppress(StreamClosedError):
                 while True:

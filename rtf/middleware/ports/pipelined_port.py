@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types.codecs import codec_of
-from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.middleware.ports.outputs import Output
     from rtf.middleware.types.codecs import Codec
+    from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 T = TypeVar("T")
 #: Seconds that a reader may take for a message before it is disconnected.
@@ -65,10 +65,7 @@ class PipelinedPort(Port):
         outputs = self._outputs
         if not outputs:
             return 0
-        message = OutgoingMessage(
-            "D", value, codec or self._codec or codec_of(value), self.network.dialect, self.envelope
-        )
-        self._written = message
+        message = self._message("D", value, codec or self._codec or codec_of(value), self.network.dialect)
         if self._together == 1:
             return self._send((message,))
         message.freeze()

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from types import TracebackType
 
+    from rtf.bottle import Dialect
     from rtf.errors import RtfError
     from rtf.middleware.carriers.base import Group
     from rtf.middleware.ports.network import Network
@@ -155,10 +156,14 @@ class Port:
         outputs = self._outputs
         if not outputs:
             return 0
-        message = OutgoingMessage("D", value, codec or codec_of(value), self.network.dialect, self.envelope)
-        self._written = message
+        message = self._message("D", value, codec or codec_of(value), self.network.dialect)
         with self._writing:
             return send_to_all(outputs, message, self._lost)
+
+    def _message(self, key: str, value: object, codec: Codec[Any], dialect: Dialect) -> OutgoingMessage:
+        """Return an object as a message with the port's envelope, and keep it for the page."""
+        message = self._written = OutgoingMessage(key, value, codec, dialect, self.envelope)
+        return message
 
     def _lost(self, output: Output, error: BaseException) -> None:
         """Remove an output whose connection failed during a write."""
@@ -342,9 +347,9 @@ class Port:
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """The incoming connections whose handshake is done."""
+        """The incoming connections whose handshake is done, without those that became outputs."""
         with self._lock:
-            return tuple(one for one in self._inputs if one.link is not None)
+            return tuple(one for one in self._inputs if one.link is not None and not one.turned)
 
     def remove_input(self, name: str) -> bool:
         """End the inputs from a port. Return False if there is none."""

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 from rtf.middleware.errors import ConnectError, MiddlewareError
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types.codecs import BOTTLE, codec_of
-from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -88,9 +87,7 @@ class RpcClient(Port):
         if not outputs:
             raise ConnectError(f"{self.name} is not connected to a server")
         output = outputs[0]
-        dialect = output.dialect or self.network.dialect
-        message = OutgoingMessage("d", request, codec or codec_of(request), dialect, self.envelope)
-        self._written = message
+        message = self._message("d", request, codec or codec_of(request), output.dialect or self.network.dialect)
         try:
             return output.call(message, answer, timeout)
         except BaseException as error:

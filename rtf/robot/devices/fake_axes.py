@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
     from rtf.robot.interfaces import FloatArray
 
-#: The shortest duration of a move, in seconds.
-_SHORTEST = 1e-6
+#: Shortest duration of a move (s), also to where the joint is: trajectories of boards have one, and clients take an
+#: earlier *done* for that of the move before.
+LEAST_MOVE = 0.05
 #: Initial reference speed (deg/s) and acceleration (deg/s²).
 SPEED, ACCELERATION = 10.0, 50.0
 
@@ -80,9 +81,10 @@ class FakeAxes:
             self._from[joint] = self.positions[joint]
             self._way[joint] = self.targets[joint] - self.positions[joint]
             self._began[joint] = self.time
-            speed = self.reference_speeds[joint]
-            self._duration[joint] = max(abs(self._way[joint]) / speed, _SHORTEST) if speed > 0 else np.inf
-            self.moving[joint] = self._way[joint] != 0
+            way, speed = abs(self._way[joint]), self.reference_speeds[joint]
+            needed = way / speed if speed > 0 else np.inf if way else 0.0
+            self._duration[joint] = max(needed, LEAST_MOVE)
+            self.moving[joint] = True
 
     def run(self, joints: Sequence[int], speeds: FloatArray) -> None:
         """Set the target speeds of the joints in a velocity mode."""
