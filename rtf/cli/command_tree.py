@@ -122,6 +122,12 @@ _SIMULATOR = (
     Command("inject", "KIND [TARGET]", "break something", "rtf.cli.simulator:inject"),
     Command("clear", "[NUMBER]", "mend it, or everything", "rtf.cli.simulator:clear"),
 )
+_ROBOT = (
+    Command("list", "", "the robots that can be tested", "rtf.cli.robot:list_robots"),
+    Command("check", "ROBOT", "its joints and drives, and what is wrong or assumed", "rtf.cli.robot:check_robot"),
+    Command("new", "FILE.urdf|.xml", "a draft for a new robot", "rtf.cli.robot:new_robot"),
+    Command("test", "ROBOT", "the suites for any robot, on a simulated one", "rtf.cli.robot:test_robot"),
+)
 RTF = Command(
     "rtf",
     "COMMAND ...",
@@ -143,11 +149,12 @@ RTF = Command(
         Command(
             "simulator",
             "",
-            "start a simulated iCub, and break it on purpose",
+            "start a simulated robot, and break it on purpose",
             "rtf.cli.simulator:simulator",
             commands=_SIMULATOR,
             group="robot",
         ),
+        Command("robot", "COMMAND", "robots as data: list, check, new, test", commands=_ROBOT, group="robot"),
         Command("version", "", "the version of the framework", "rtf.cli.commands:version", group="other"),
     ),
 )

@@ -1,0 +1,202 @@
+"""``rtf robot``: the robots that can be tested, one looked at in full, and a draft for a new one."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf.cli.parser import Parser
+from rtf.errors import RtfError
+from rtf.robot.model.names import FILE
+from rtf.testing.verdict import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from rtf.robot.model import RobotModel
+    from rtf.simulator.plant import Plant
+
+#: A drive that gravity loads with more than this share of its torque has too little left to move.
+_LOADED = 0.8
+_PICTURE = (640, 480)
+
+
+def _told(command: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], int]:
+    """A command that ends with 1 and a sentence when a robot cannot be read."""
+
+    def run(words: Sequence[str]) -> int:
+        try:
+            return command(words)
+        except RtfError as error:
+            print(f"rtf robot: {error}", file=sys.stderr)
+            return int(ExitCode.FAILURES)
+
+    return run
+
+
+@_told
+def list_robots(words: Sequence[str]) -> int:
+    """List the robots that can be found, a line each."""
+    from rtf.robot.model import find_robot, load_robot, robot_names
+
+    parser = Parser(prog="rtf robot list", description="The robots in ./robots, in the user's folder, and shipped.")
+    parser.parse_args(words)
+    for name in robot_names():
+        try:
+            robot = load_robot(name)
+        except RtfError as error:
+            print(f"{name:<12} cannot be read: {str(error).splitlines()[0]}")
+            continue
+        parts = ", ".join(f"{part.name} {len(part.axes)}" for part in robot.parts.values())
+        print(
+            f"{name:<12} {len(robot.axes):>3} joints ({parts}), thresholds {robot.profile}, {find_robot(name).parent}"
+        )
+    return int(ExitCode.PASSED)
+
+
+@_told
+def check_robot(words: Sequence[str]) -> int:
+    """Read a robot, build it, and say what is wrong or assumed; 1 if a robot like this could not be tested."""
+    from rtf.robot.model import load_robot
+    from rtf.simulator.plant import Options, build
+
+    parser = Parser(prog="rtf robot check", description="Look at a robot: its joints, its drives, what was assumed.")
+    parser.add_argument("robot", metavar="ROBOT", help=f"its name, or the path of its {FILE}")
+    parser.add_argument("--picture", metavar="FILE.png", type=Path, help="draw it in its home pose")
+    options = parser.parse_args(words)
+    robot = load_robot(options.robot)
+    plant = build(robot, Options(cameras=options.picture is not None))
+    _print_joints(robot, plant)
+    problems = _problems(robot, plant)
+    for sentence in robot.assumed:
+        print(f"assumed: {sentence}")
+    for problem in problems:
+        print(f"problem: {problem}")
+    if options.picture is not None:
+        _draw(plant, options.picture)
+        print(f"picture: {options.picture}")
+    state = f"{len(robot.assumed)} assumptions, thresholds {robot.profile}"
+    print(f"{'NOT IN ORDER' if problems else 'IN ORDER'}  {robot.name}: {len(robot.axes)} joints, {state}")
+    return int(ExitCode.FAILURES if problems else ExitCode.PASSED)
+
+
+def _print_joints(robot: RobotModel, plant: Plant) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("part", "joint", "limits", "home", "speed", "torque", "gravity", "gear", title=robot.title)
+    gravity = plant.axis_torques(plant.data().qfrc_bias)
+    for axis, load in zip(robot.axes, gravity.tolist(), strict=True):
+        unit, force = axis.unit, "N" if axis.prismatic else "Nm"
+        table.add_row(
+            axis.part,
+            axis.name,
+            f"{axis.minimum:g} to {axis.maximum:g} {unit}",
+            f"{axis.home:g}",
+            f"{axis.max_velocity:.4g} {unit}/s",
+            f"{axis.max_torque:g} {force}",
+            f"{load:.2f}",
+            f"{axis.gearbox:g}",
+        )
+    Console(width=110, highlight=False).print(table)
+
+
+def _problems(robot: RobotModel, plant: Plant) -> list[str]:
+    """Return what would keep a robot from being tested, a sentence each."""
+    from rtf.simulator.contacts import touching
+
+    data = plant.data()
+    found = [f"{first} and {second} touch in the home pose" for first, second in touching(plant.model, data)]
+    for axis, load in zip(robot.axes, plant.axis_torques(data.qfrc_bias).tolist(), strict=True):
+        if abs(load) > _LOADED * axis.max_torque:
+            found.append(
+                f"{axis.name}: gravity takes {abs(load):.3g} of its {axis.max_torque:g} at home; see max_torque"
+            )
+    return found
+
+
+def _draw(plant: Plant, path: Path) -> None:
+    from PIL import Image
+
+    from rtf.simulator.cameras import Camera
+
+    with Camera(plant.model, "outside", *_PICTURE) as camera:
+        Image.fromarray(camera.render(plant.data())).save(path)
+
+
+@_told
+def new_robot(words: Sequence[str]) -> int:
+    """Write a draft of a robot.toml from a description."""
+    from rtf.simulator.derive import draft
+
+    parser = Parser(
+        prog="rtf robot new",
+        description="Write robots/NAME/robot.toml with all that can be derived, and a list of what had to be assumed.",
+    )
+    parser.add_argument("description", metavar="FILE.urdf|.xml", type=Path, help="its description, URDF or MJCF")
+    parser.add_argument("--name", help="the robot's name (default: that of the file)")
+    parser.add_argument(
+        "--folder", type=Path, default=Path("robots"), help="where to make its folder (default: robots)"
+    )
+    parser.add_argument(
+        "--package", default="", help="the installed distribution that has the file; its path is not written then"
+    )
+    options = parser.parse_args(words)
+    description: Path = options.description.resolve()
+    if not description.is_file():
+        parser.error(f"there is no file {options.description}")
+    name = options.name or re.sub(r"\W+", "_", options.description.stem)
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+        parser.error(f"argument --name: {name!r} is no name; write letters, digits and underscores")
+    path: Path = options.folder / name / FILE
+    if path.exists():
+        parser.error(f"{path} exists; use --name or --folder, or delete it")
+    made = draft(name, description, _source(description, options.package, path))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(made.text, encoding="utf-8")
+    print(f"{path}: {made.joints} joints; assumed, and to be looked at:")
+    for sentence in made.assumed:
+        print(f"  {sentence}")
+    print(f"next: rtf robot check {path.parent}/ --picture {name}.png, then: rtf robot test {path.parent}/")
+    return int(ExitCode.PASSED)
+
+
+@_told
+def test_robot(words: Sequence[str]) -> int:
+    """Run the suites of ``suites/any`` on a simulated robot: those whose subject the robot has."""
+    from rtf.cli import testrunner
+    from rtf.robot.model import load_robot
+    from rtf.testing.plugins import shipped_folder
+
+    parser = Parser(
+        prog="rtf robot test",
+        usage="rtf robot test ROBOT [options of testrunner]",
+        description="Test a simulated robot with all tests that need no more than its model; see testrunner --help.",
+    )
+    parser.add_argument("robot", metavar="ROBOT", help=f"its name, or the path of its {FILE}")
+    options, rest = parser.parse_known_args(words)
+    robot = load_robot(options.robot)
+    torque = [part.name for part in robot.parts.values() if any(axis.torque_control for axis in part.axes)]
+    chosen = [("joints", True), ("torque", bool(torque)), ("force-torque", bool(robot.sensors.force_torque))]
+    folder = shipped_folder("suites") / "any"
+    suites = [word for name, has in chosen if has for word in ("--suite", str(folder / f"simulated-{name}.xml"))]
+    defined = {"model": str(robot.folder / FILE), "parts": " ".join(robot.parts), "torque_parts": " ".join(torque)}
+    needed = ["model", "parts", *(["torque_parts"] if torque else [])]
+    defines = [word for name in needed for word in ("--define", f"{name}={defined[name]}")]
+    print(f"{robot.title}: {len(robot.axes)} joints in {len(robot.parts)} parts, thresholds {robot.profile}")
+    for name, has in chosen:
+        if not has:
+            print(f"not tested: {name}, which the robot does not have")
+    return int(testrunner.main([*suites, *defines, *rest]))
+
+
+def _source(description: Path, package: str, path: Path) -> str:
+    """Return the table [description] of a new file."""
+    import os
+
+    if package:
+        return f'package = "{package}"\nfile = "/{"/".join(description.parts[-3:])}"'
+    relative = os.path.relpath(description, path.parent.resolve())
+    return f'file = "{relative}"'

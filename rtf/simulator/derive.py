@@ -1,0 +1,262 @@
+"""A first ``robot.toml`` from a description alone: what can be derived, and a list of what had to be assumed."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rtf.robot.errors import RefusedError
+from rtf.robot.model.description import load_description, read_joints, repair
+from rtf.robot.model.engine import mujoco
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from rtf.robot.model.description import JointDescription
+
+#: Random poses in which the loads of gravity and the inertias are computed.
+_POSES = 200
+#: The rotor's inertia, as a share of the greatest inertia of the links that a joint moves: behind a gear of 100 it is
+#: of this order, and the whole inertia then varies by less than a factor of five.
+_ROTOR = 0.3
+#: Without an effort in the description: this many times the greatest torque of gravity, and at least this (Nm, N).
+_STRENGTH, _WEAKEST = 3.0, 0.1
+#: Dry friction as a share of the torque, and viscous friction as a share of the torque at the greatest speed.
+_DRY, _VISCOUS = 0.02, 0.05
+#: Limits of a joint without any (deg), and the speed up to which a robot on a bench is moved (deg/s, m/s).
+_TURN, _FAST, _FAST_SLIDE = 180.0, 180.0, 0.25
+
+
+@dataclass(slots=True)
+class Draft:
+    """A draft of a robot.toml."""
+
+    text: str
+    joints: int
+    assumed: list[str] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _Loads:
+    """What the links of a description do to its joints: greatest torque of gravity (Nm, N), and greatest inertia."""
+
+    gravity: NDArray[np.float64]
+    inertia: NDArray[np.float64]
+    centre: NDArray[np.float64]  # m, of the whole robot
+    extent: float  # m
+    lowest: float  # m
+
+
+def draft(name: str, description: Path, source: str) -> Draft:
+    """Return a draft for a description. ``source`` is the table ``[description]`` as text.
+
+    Raises ConfigurationError for a description that cannot be read, and RefusedError for one without joints that move.
+    """
+    joints = read_joints(description)
+    mimics = _mimics(description)
+    driven = [joint for joint in joints.values() if joint.name not in mimics]
+    if not driven:
+        raise RefusedError(f"{description}: it has no joint that turns or slides, so there is nothing to test")
+    loads = _loads(description, [joint.name for joint in joints.values()])
+    places = {joint: place for place, joint in enumerate(joints)}
+    assumed = _general_assumptions(description, mimics)
+    parts, slowed = [], list[str]()
+    for part, members in _parts(description, driven):
+        rows = [_joint(joint, loads, places[joint.name], assumed, slowed) for joint in members]
+        parts.append(f"[parts.{part}.joints]\n" + "\n".join(rows) + "\n")
+    if slowed:
+        assumed.append(f"at most {_FAST:g} deg/s, {_FAST_SLIDE:g} m/s, as on a bench: {', '.join(slowed)}")
+    away = np.round(loads.centre + np.array([1.4, 1.0, 0.5]) * max(loads.extent, 0.3), 3)
+    listed = "\n".join(f"    {_quoted(line)}," for line in assumed)
+    text = _HEAD.format(name=name, source=source, assumed=listed, rotor=_ROTOR) + "\n" + "\n".join(parts)
+    centre = ", ".join(f"{value:.3f}" for value in loads.centre)
+    text += (
+        f"\n[scene]\nfloor = {loads.lowest:.3f}\ncentre = [{centre}]\n"
+        f"outside = [{', '.join(map(str, away.tolist()))}]\n"
+    )
+    return Draft(text, len(driven), assumed)
+
+
+_HEAD = """\
+# A draft, made from the description alone. What stands in 'assumed' is not known of this robot: measure it, or take it
+# from its data sheet, correct the values below, and delete the line. Then 'rtf robot check' looks at it once more.
+
+schema = 1
+name = "{name}"
+profile = "unvalidated"
+assumed = [
+{assumed}
+]
+
+[description]
+{source}
+
+[motors.assumed]
+rotor_resolution = 4096   # ticks a turn
+nominal_current = 2.5     # A
+peak_current = 5.0
+overload_current = 15.0
+
+[defaults]
+motor = "assumed"
+gearbox = 100.0
+"""
+
+
+def _general_assumptions(description: Path, mimics: Sequence[str]) -> list[str]:
+    found = [
+        "motors: encoders of 4096 ticks a turn, 2.5 A nominal, 5 A peak, behind gears of 100:1, without couplings",
+        f"armature: {_ROTOR:g} of the greatest inertia of the links that a joint moves",
+        f"friction: {_DRY:.0%} of the greatest torque dry, {_VISCOUS:.0%} of it viscous at the greatest speed",
+        "no outlines: the links do not collide; no sensors, no torque control, no joints that move together",
+    ]
+    if mimics:
+        found.append(f"left out, as they follow other joints: {', '.join(mimics)}")
+    if description.suffix.lower() == ".urdf":
+        found += repair(_unrepaired(description))
+    return found
+
+
+def _unrepaired(description: Path) -> Any:
+    return load_description(description, shapes=False, repaired=False)
+
+
+def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str], slowed: list[str]) -> str:
+    """Return the line of a joint."""
+    words = []
+    low, high = joint.limits or (-_TURN, _TURN)
+    if joint.limits is None:
+        words.append(f"limits = [{low}, {high}]")
+        assumed.append(f"{joint.name}: it has no limits; {low:g} to {high:g}")
+    torque = joint.effort or 0.0
+    need = float(loads.gravity[place])
+    if torque < 1.5 * need or not torque:
+        torque = float(f"{max(_STRENGTH * need, _WEAKEST):.3g}")
+        reason = f"less than gravity needs ({need:.3g})" if joint.effort else "none"
+        assumed.append(f"{joint.name}: its effort in the description is {joint.effort or 0:g}, {reason}; {torque:g}")
+        words.append(f"max_torque = {torque}")
+    fast = _FAST_SLIDE if joint.prismatic else _FAST
+    speed = joint.max_velocity or fast / 2
+    if speed > fast:
+        slowed.append(joint.name)
+        speed = fast
+    words.append(f"max_velocity = {speed:.6g}")
+    words.append(f"armature = {max(_ROTOR * float(loads.inertia[place]), joint.armature):.3g}")
+    words.append(f"friction = {joint.friction or _DRY * torque:.3g}")
+    internal = speed if joint.prismatic else math.radians(speed)
+    words.append(f"damping = {joint.damping or _VISCOUS * torque / internal:.3g}")
+    if joint.prismatic:
+        words.append("prismatic = true")
+        words.append("gearbox = 1000.0")
+    return f"{_key(joint.name)} = {{ {', '.join(words)} }}"
+
+
+def _loads(description: Path, names: Sequence[str]) -> _Loads:
+    """Compute the loads in random poses within the limits, with the root fixed."""
+    engine = mujoco()
+    spec = load_description(description, shapes=False)
+    for joint in list(spec.joints):
+        if joint.type == engine.mjtJoint.mjJNT_FREE:
+            spec.delete(joint)
+    for key in list(spec.keys):
+        spec.delete(key)
+    model = spec.compile()
+    data = engine.MjData(model)
+    random = np.random.default_rng(0)
+    dofs = np.array([int(model.joint(name).dofadr[0]) for name in names])
+    places = np.array([int(model.joint(name).qposadr[0]) for name in names])
+    limited = np.array([bool(model.jnt_limited[model.joint(name).id]) for name in names])
+    ranges = np.array([model.joint(name).range for name in names])
+    ranges[~limited] = -math.pi, math.pi
+    gravity = np.zeros(len(names))
+    inertia = np.zeros(len(names))
+    full = np.zeros((model.nv, model.nv))
+    for _ in range(_POSES):
+        data.qpos[places] = random.uniform(ranges[:, 0], ranges[:, 1])
+        engine.mj_forward(model, data)
+        np.maximum(gravity, np.abs(data.qfrc_bias[dofs]), out=gravity)
+        engine.mj_fullM(model, data, full)
+        np.maximum(inertia, np.diag(full)[dofs], out=inertia)
+    engine.mj_resetData(model, data)
+    engine.mj_forward(model, data)
+    bodies = data.xpos[1:]
+    extent = float(np.linalg.norm(bodies.max(axis=0) - bodies.min(axis=0))) if len(bodies) else 1.0
+    return _Loads(gravity, inertia, bodies.mean(axis=0), extent, float(bodies[:, 2].min()) - 0.1)
+
+
+def _mimics(description: Path) -> list[str]:
+    """Return the joints of a URDF that follow others."""
+    if description.suffix.lower() != ".urdf":
+        return []
+    from lxml import etree
+
+    tree = etree.parse(description, etree.XMLParser(resolve_entities=False, no_network=True))
+    return [str(joint.get("name")) for joint in tree.iter("joint") if joint.find("mimic") is not None]
+
+
+def _parts(description: Path, driven: Sequence[JointDescription]) -> list[tuple[str, list[JointDescription]]]:
+    """Split the joints into chains, a part each: a new one begins where the tree of links branches.
+
+    Single joints that hang on one link, such as the fingers of a gripper, are one part together.
+    """
+    spec = load_description(description, shapes=False)
+    by_body = {joint.body: joint for joint in driven}
+    chains: list[list[JointDescription]] = []
+
+    def walk(body: Any, chain: list[JointDescription]) -> None:
+        below = [child for child in body.bodies if _leads_to(child, by_body)]
+        for child in below:
+            own = chain if len(below) == 1 else []
+            if own is not chain:
+                chains.append(own)
+            if child.name in by_body:
+                own.append(by_body[child.name])
+            walk(child, own)
+        single = [chain for chain in chains if len(chain) == 1 and chain[0].body in {child.name for child in below}]
+        if len(single) > 1:
+            for one in single[1:]:
+                single[0].extend(one)
+                chains.remove(one)
+
+    first: list[JointDescription] = []
+    chains.append(first)
+    walk(spec.worldbody, first)
+    found: dict[str, list[JointDescription]] = {}
+    for chain in chains:
+        if chain:
+            name = _part_name([joint.name for joint in chain])
+            while name in found:
+                name += "_2"
+            found[name] = chain
+    return list(found.items())
+
+
+def _leads_to(body: Any, by_body: dict[str, JointDescription]) -> bool:
+    return body.name in by_body or any(_leads_to(child, by_body) for child in body.bodies)
+
+
+def _part_name(names: list[str]) -> str:
+    """Return what the names of joints begin with, such as ``arm_left`` of ``arm_left_1_joint``, else the first name."""
+    words = [re.split(r"[^A-Za-z0-9]+", name) for name in names]
+    common = []
+    for several in zip(*words, strict=False):
+        if len(set(several)) > 1 or several[0].isdigit() or several[0] == "joint":
+            break
+        common.append(several[0])
+    chosen = "_".join(common) or re.sub(r"[^A-Za-z0-9]+", "_", names[0]).strip("_").removesuffix("_joint")
+    return chosen or "joints"
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
