@@ -23,6 +23,7 @@ from rtf.middleware.errors import ConnectError, ProtocolError
 from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.outputs import Output
 from rtf.middleware.ports.qos import Connection
+from rtf.middleware.wire import modifiers
 from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
@@ -51,7 +52,10 @@ class InputOwner(CarrierPort, Protocol):
     def nonblocking(self) -> bool: ...
 
     def input_opened(self, caller: Input) -> None:
-        """Add an input whose handshake is done and end an older one from the same port."""
+        """Add an input whose handshake is done and end an older one from the same port.
+
+        Raises ProtocolError for modifiers that are not known.
+        """
 
     def input_closed(self, caller: Input) -> None:
         """Remove an input that has ended."""
@@ -103,7 +107,7 @@ class Input(Connection):
 
     @property
     def carrier(self) -> str:
-        return "" if self.link is None else self.link.carrier.name
+        return "" if self.link is None else modifiers.join(self.link.carrier.name, modifiers.read(self.link.modifiers))
 
     @property
     def connectionless(self) -> bool:
