@@ -12,6 +12,7 @@ import contextlib
 import os
 import select
 import socket
+import threading
 from typing import TYPE_CHECKING
 
 from rtf.middleware.carriers.base import Carrier, InputLink, OutputLink, StreamInput, introduction
@@ -32,25 +33,34 @@ _CLOSED = "the connection was closed"
 
 
 class _Terminal(Stream):
-    """A stream whose bytes are shown to a person and typed by one. A socket pair of its own ends the wait for a key."""
+    """A stream whose bytes are shown to a person and typed by one. A socket pair of its own ends the wait for a key.
+
+    A wait uses a duplicate of the socket: poll looks descriptors up again when it is woken, and by then the number of a
+    closed one may be that of another connection.
+    """
 
     def __init__(self, network: CarrierNetwork) -> None:
         if network.keyboard is None:
             raise ConnectError("nobody is at the keyboard of this program, as at that of rtf read and rtf write")
         own, self._other = socket.socketpair()
         super().__init__(own)
+        self._closing = threading.Lock()  # so that no socket is duplicated while it is closed
         self._keyboard = network.keyboard
         self._show = network.report
 
     def more(self, size: int = 1, flags: int = 0) -> None:  # noqa: ARG002 - lines are short, and always waited for
         """Wait for something to be typed."""
-        poll = select.poll()
         try:
-            poll.register(self.socket, select.POLLIN)
-        except ValueError:
+            with self._closing:
+                own = self.socket.dup()
+        except OSError:
             raise StreamClosedError(_CLOSED) from None
-        poll.register(self._keyboard, select.POLLIN)
-        if [descriptor for descriptor, _ in poll.poll()] != [self._keyboard]:
+        with own:
+            poll = select.poll()
+            poll.register(own, select.POLLIN)
+            poll.register(self._keyboard, select.POLLIN)
+            ready = [descriptor for descriptor, _ in poll.poll()]
+        if ready != [self._keyboard]:
             raise StreamClosedError(_CLOSED)
         if _in_background(self._keyboard):
             raise ConnectError("the program runs in the background: it may not read from the terminal; use fg")
@@ -69,8 +79,9 @@ class _Terminal(Stream):
             self._show(f"Type this at the other terminal: {line}")
 
     def close(self) -> None:
-        super().close()
-        self._other.close()
+        with self._closing:
+            super().close()
+            self._other.close()
 
 
 def _in_background(keyboard: int) -> bool:

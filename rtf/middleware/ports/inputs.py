@@ -89,6 +89,7 @@ class Input(Connection):
         #: The dialect that the caller is assumed to speak; corrected when it sends something that only the other one
         #: allows.
         self.dialect = port.network.dialect
+        self._carrier = ""  # with modifiers, when they have been read
         self.turned = False  # the stream belongs to an output now
         self._shared = False
         self._changing = threading.Lock()  # guards the change between own thread and shared reader
@@ -107,7 +108,7 @@ class Input(Connection):
 
     @property
     def carrier(self) -> str:
-        return "" if self.link is None else modifiers.join(self.link.carrier.name, modifiers.read(self.link.modifiers))
+        return self._carrier or ("" if self.link is None else self.link.carrier.name)
 
     @property
     def connectionless(self) -> bool:
@@ -178,6 +179,7 @@ class Input(Connection):
         self.link = link
         if self._closing:  # ``close`` was called before there was a link to close
             return False
+        self._carrier = modifiers.join(link.carrier.name, modifiers.read(link.modifiers))
         self.port.input_opened(self)
         link.welcome(stream, self.port)
         stream.limit_waiting(None)
