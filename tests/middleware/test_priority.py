@@ -164,6 +164,7 @@ class TestSettings:
         """Settings of the sending side are its own affair."""
         assert of_input("/a", "") is of_input("/a", "(send portmonitor) (file x)") is of_input("/a", "(ack)") is None
         assert of_input("/a", "(send portmonitor) (file x) (recv priority)") is not None
+        assert of_input("/a", "(ack) (recv priority) (tc 1)") is not None
 
 
 @pytest.fixture

@@ -37,6 +37,8 @@ _THRESHOLD = 1.0
 _TENTHS = 10.0
 _NUMBERS = {"tc": 1.0, "tr": 0.0, "st": 10.0, "bs": 10.0}
 _KNOWN = (*_NUMBERS, "ex", "virtual", "debug", "rate")
+#: A part of the name ``unix_stream+ack``, which YARP's programs send as a modifier.
+_OF_CARRIERS = ("ack",)
 #: Modifiers of the sending side, which this library has not.
 _OF_SENDERS = ("send", "log")
 
@@ -130,7 +132,7 @@ def of_input(sender: str, text: str) -> Priority | None:
     wanted = as_string(found["recv"].get(0))
     if wanted != _NAME:
         raise ProtocolError(f"there is no modifier recv.{wanted}; there is recv.{_NAME}")
-    unknown = [key for key in found if key not in ("recv", *_KNOWN)]
+    unknown = [key for key in found if key not in ("recv", *_KNOWN, *_OF_CARRIERS)]
     if unknown and "send" not in found:  # whose settings these may be
         raise ProtocolError(f"recv.{_NAME} has no setting {unknown[0]!r}; its settings are {', '.join(_KNOWN)}")
     numbers = {key: _number(key, found[key]) if key in found else usual for key, usual in _NUMBERS.items()}
