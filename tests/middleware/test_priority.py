@@ -51,7 +51,7 @@ class TestDecisions:
 
     @pytest.mark.parametrize("version", ["3.12.3", "4.0.0"])
     def test_are_those_of_yarp(self, version: str):
-        """Recorded beside a real port, which delivered the same messages: three writers that pause now and then, with weights, a rest, a virtual one."""
+        """Recorded beside a real port: three writers that pause now and then, with weights, a rest, a virtual one."""
         lines = [line for line in (DATA / version / "priority.txt").read_text().splitlines() if line[:1] != "#"]
         settings = [line.split(" ", 1) for line in lines if line[0] == "/"]
         members = {name: of_input(name, split(f"tcp+{text}")[1]) for name, text in settings}
