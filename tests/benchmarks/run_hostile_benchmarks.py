@@ -89,6 +89,8 @@ def conversations() -> list[bytes]:
     return [
         *binary,
         group,
+        framing.header(131) + framing.sender("/hostile (recv priority) (tc 1) ((ex (/other -5)))") + message,
+        b"HUMANITY/hostile (recv priority) (st 5)\r\nhuman says d\r\nset 1.5\r\n",
         b"CONNECT hostile\r\nd\r\nset 1.5 (1 2 3)\r\n*\r\n?\r\na\r\n[list] [in]\r\nq\r\n",
         b"CONNACK hostile\r\nd\r\nset 1.5\r\na\r\n[prop] [get] /rpc:i\r\nq\r\n",
         b"NAME_SERVER register /hostile/x tcp 127.0.0.1 1\r\nNAME_SERVER list\r\nNAME_SERVER unregister /hostile/x\r\n",

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from rtf.cli.parser import Parser
     from rtf.middleware.wire.incoming_message import IncomingMessage
 
+#: Standard input, from which people type what the carrier ``human`` needs.
+_KEYBOARD = 0
 _KEYWORDS = ("envelope", "envelope2", "once")
 #: Characters that ``trim`` leaves of a message when it is not told how many.
 _TRIM = 80
@@ -58,6 +60,7 @@ def read(words: Sequence[str]) -> ExitCode:
     options = parser.parse_args(words)
     read_options = _read_options(parser, options.words)
     network = make_network()
+    network.keyboard = _KEYBOARD
     name = opening(os.environ, options.port).name
     if name and remote.exists(network, Contact(name)):
         complain(f"There is a port {name} already.", "choose another name, or end the program that has it")
@@ -173,6 +176,7 @@ def write(words: Sequence[str]) -> ExitCode:
     )
     options = parser.parse_args(words)
     network = make_network()
+    network.keyboard = _KEYBOARD
     make = partial(Port, options.port, network=network, inputs=False)
     with contextlib.suppress(KeyboardInterrupt), opened(make) as port:
         progress(f"Port {port.name} active at {port.contact}")

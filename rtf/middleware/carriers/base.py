@@ -17,7 +17,7 @@ from rtf.bottle import BottleError
 from rtf.bottle.binary import TruncatedBottleError
 from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError
 from rtf.middleware.types.codecs import Arriving, other_dialect
-from rtf.middleware.wire import framing
+from rtf.middleware.wire import framing, modifiers
 
 if TYPE_CHECKING:
     import socket as sockets
@@ -44,6 +44,8 @@ class CarrierNetwork(Protocol):
 
     @property
     def report(self) -> Callable[[str], object]: ...
+    @property
+    def keyboard(self) -> int | None: ...
 
     def reach(self, target: Contact, patience: float | None = None) -> Stream:
         """Open a connection to an address. Raises ConnectError."""
@@ -224,10 +226,10 @@ class StreamInput(InputLink):
     #: The acknowledgement of a message, for carriers that have one.
     acknowledgement: ClassVar[bytes] = b""
 
-    def __init__(self, carrier: Carrier, stream: Stream, sender: str, modifiers: str = "") -> None:
+    def __init__(self, carrier: Carrier, stream: Stream, sender: str, modified: str = "") -> None:
         self.carrier = carrier
         self.sender = sender
-        self.modifiers = modifiers
+        self.modifiers = modified
         self.endpoint = stream.socket
         self._stream = stream
         self._acknowledged = carrier.acknowledged
@@ -288,9 +290,17 @@ class StreamOutput(OutputLink):
         """Send the quit command, for protocols that have one."""
 
 
+def introduction(port: CarrierPort, target: Contact) -> str:
+    """Return the name of a caller and the modifiers of its connection. Raises ConnectError if they are too long."""
+    text = f"{port.name} {modifiers.split(target.carrier)[1]}".rstrip()
+    if text != port.name and len(text.encode("utf-8", "surrogateescape")) >= framing.MAX_NAME:
+        raise ConnectError(f"the modifiers of {target.carrier[:80]}… are too long")
+    return text
+
+
 def read_sender(stream: Stream) -> tuple[str, str]:
     """Read the name of a binary carrier's sender, and the modifiers behind it."""
     (size,) = struct.unpack("<i", stream.take(4))
     raw = bytes(stream.take(min(max(size, 1), framing.MAX_NAME)))
-    name, _, modifiers = raw.split(b"\0", 1)[0].decode("utf-8", "surrogateescape").partition(" ")
-    return name, modifiers
+    name, _, modified = raw.split(b"\0", 1)[0].decode("utf-8", "surrogateescape").partition(" ")
+    return name, modified

@@ -15,8 +15,9 @@ import zlib
 from collections import deque
 from typing import TYPE_CHECKING
 
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, read_sender
+from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, introduction, read_sender
 from rtf.middleware.carriers.stream import Stream, StreamClosedError
+from rtf.middleware.carriers.text import tell_end
 from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError, WaitTimeoutError
 from rtf.middleware.wire import framing
 
@@ -233,14 +234,7 @@ class DatagramOutput(OutputLink):
         self.endpoint.close()
         if politely:
             with contextlib.suppress(OSError, MiddlewareError):  # the other port is gone
-                self._tell()
-
-    def _tell(self) -> None:
-        stream = self._network.reach(self._target)
-        with contextlib.closing(stream):
-            stream.send(f"CONNECT admin\r\n~{self._sender}\r\nq\r\n".encode("utf-8", "surrogateescape"))
-            while True:  # until it closes: a later connection must not be affected by this command
-                stream.take_line()
+                tell_end(self._network, self._target, self._sender)
 
 
 class Datagrams(Carrier):
@@ -275,7 +269,7 @@ class Udp(Datagrams):
 
     def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Send from the local address of the handshake."""
-        stream.send(self.header + framing.sender(port.name))
+        stream.send(self.header + framing.sender(introduction(port, target)))
         number = framing.read_number(stream.take(8))
         if not 0 < number < 1 << 16:
             raise ConnectError(f"{target.name} answered with the impossible UDP port {number}")
@@ -340,7 +334,9 @@ class Mcast(Datagrams):
         interface = stream.socket.getsockname()[0]
         group = port.multicast_group(interface)
         address = socket.inet_aton(group.contact.host)
-        stream.send(self.header + framing.sender(port.name) + address + struct.pack(">H", group.contact.port))
+        stream.send(
+            self.header + framing.sender(introduction(port, target)) + address + struct.pack(">H", group.contact.port)
+        )
         sending = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(interface))

@@ -12,7 +12,7 @@ from weakref import WeakValueDictionary
 from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, StreamInput, StreamOutput, read_sender
 from rtf.middleware.carriers.stream import StreamClosedError
 from rtf.middleware.errors import ConnectError
-from rtf.middleware.wire import framing
+from rtf.middleware.wire import framing, modifiers
 
 if TYPE_CHECKING:
     from rtf.bottle import Dialect
@@ -89,6 +89,8 @@ class Local(Carrier):
 
     def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Find the target port in this process."""
+        if modifiers.split(target.carrier)[1]:
+            raise ConnectError("local takes no modifiers, as it passes objects without a message: use tcp")
         other = _ports.get((target.host, target.port))
         if other is None:
             raise ConnectError(f"{target.name} is not a port of this process: connect it by tcp or unix_stream")

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from rtf.middleware.errors import ConnectError
+from rtf.middleware.wire import modifiers
 
 if TYPE_CHECKING:
     from rtf.middleware.carriers.base import Carrier
@@ -20,6 +21,7 @@ _HOMES = {
     "udp": "datagram:Udp",
     "mcast": "datagram:Mcast",
     "local": "local:Local",
+    "human": "human:Human",
     "text": "text:Text",
     "text_ack": "text:TextAck",
     "unix_stream": "unix_stream:UnixStream",
@@ -30,7 +32,10 @@ _HOMES = {
 
 @cache
 def by_name(name: str) -> Carrier:
-    """Return the carrier of this name. Raises ConnectError if there is none."""
+    """Return the carrier of this name, which may have modifiers. Raises ConnectError if there is none."""
+    plain = modifiers.split(name)[0]
+    if plain != name:
+        return by_name(plain)
     home = _HOMES.get(name)
     if home is None:
         raise ConnectError(f"there is no carrier {name!r}; the carriers are {', '.join(_HOMES)}")
@@ -46,7 +51,8 @@ def for_header(header: bytes) -> Carrier | None:
 
 def pulls(name: str) -> bool:
     """Return whether connections by this carrier are opened by the port that receives."""
-    return name in _HOMES and by_name(name).pull
+    plain = modifiers.split(name)[0]
+    return plain in _HOMES and by_name(plain).pull
 
 
 def names() -> list[str]:

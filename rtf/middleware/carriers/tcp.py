@@ -15,6 +15,7 @@ from rtf.middleware.carriers.base import (
     PollableInputLink,
     StreamInput,
     StreamOutput,
+    introduction,
     read_sender,
 )
 from rtf.middleware.carriers.stream import CHUNK, JOINED
@@ -198,8 +199,8 @@ class Tcp(Carrier):
         sender, modifiers = read_sender(stream)
         return TcpInput(self, stream, sender, modifiers)
 
-    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:  # noqa: ARG002
-        return self.call(stream, port.name)
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
+        return self.call(stream, introduction(port, target))
 
     def call(self, stream: Stream, name: str) -> TcpOutput:
         """Send the name of the caller, a port or a label. The peer's answer has no meaning."""

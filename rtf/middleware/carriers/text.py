@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import contextlib
+from typing import TYPE_CHECKING, ClassVar
 
 from rtf.bottle import Balance, Bottle
 from rtf.bottle.binary import encode
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, StreamInput, StreamOutput
+from rtf.middleware.carriers.base import (
+    Carrier,
+    InputLink,
+    Message,
+    OutputLink,
+    StreamInput,
+    StreamOutput,
+    introduction,
+)
 from rtf.middleware.carriers.stream import MAX_LINE
 from rtf.middleware.errors import ProtocolError
 from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
     from rtf.bottle import Dialect
-    from rtf.middleware.carriers.base import CarrierPort
+    from rtf.middleware.carriers.base import CarrierNetwork, CarrierPort
     from rtf.middleware.carriers.stream import Stream
     from rtf.middleware.types.codecs import Codec
     from rtf.middleware.wire.contact import Contact
@@ -36,11 +45,13 @@ class TextInput(StreamInput):
 
     def receive(self) -> Message:
         """Wait for the next command. Data lines are joined while a parenthesis or quote is open."""
-        line = _text(self._stream.take_line())
-        command = framing.text_command(line)
+        command = framing.text_command(self._command_line())
         if command.key not in _WITH_DATA:
             return command.key, command.text, b""
         return command.key, command.text if command.key != "a" else "", self._data()
+
+    def _command_line(self) -> str:
+        return _text(self._stream.take_line())
 
     def _data(self) -> bytes:
         balance = Balance()
@@ -57,6 +68,8 @@ class TextInput(StreamInput):
 
 class TextOutput(StreamOutput):
     """The sending end."""
+
+    acknowledgement: ClassVar[bytes] = _ACK
 
     def send(self, message: OutgoingMessage) -> None:
         command = f"{message.key} {message.envelope}" if message.envelope else message.key
@@ -79,7 +92,7 @@ class TextOutput(StreamOutput):
         while self._due:
             line = self._stream.take_line()
             size += len(line)
-            if line + b"\r\n" == _ACK:
+            if line + b"\r\n" == self.acknowledgement:
                 self._due = False
             elif size > MAX_LINE:
                 raise ProtocolError(f"a reply of more than {MAX_LINE} bytes in text")
@@ -105,11 +118,11 @@ class Text(Carrier):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002 - it answers with the caller's name
         """Read the caller's name from the rest of the line, and send the greeting."""
-        name, _, modifiers = _text(stream.take_line())[: framing.MAX_NAME].strip().partition(" ")
-        return TextInput(self, stream, name, modifiers)
+        name, _, modified = _text(stream.take_line())[: framing.MAX_NAME].strip().partition(" ")
+        return TextInput(self, stream, name, modified)
 
-    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:  # noqa: ARG002
-        return self.call(stream, port.name)
+    def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
+        return self.call(stream, introduction(port, target))
 
     def call(self, stream: Stream, name: str) -> TextOutput:
         """Send the name of the caller, a port or a label, and read the greeting."""
@@ -124,6 +137,17 @@ class TextAck(Text):
     name = "text_ack"
     header = b"CONNACK "
     acknowledged = True
+
+
+def tell_end(network: CarrierNetwork, target: Contact, sender: str) -> None:
+    """Tell a port, over a separate connection, that it receives nothing more from ``sender``. Raises ConnectError.
+
+    For carriers whose receivers cannot notice the end.
+    """
+    with contextlib.closing(network.reach(target)) as stream:
+        stream.send(f"CONNECT admin\r\n~{sender}\r\nq\r\n".encode("utf-8", "surrogateescape"))
+        while True:  # until it closes: a later connection must not be affected by this command
+            stream.take_line()
 
 
 def _text(line: bytes) -> str:

@@ -15,7 +15,16 @@ from rtf import clock
 from rtf.bottle.binary import TruncatedBottleError
 from rtf.bottle.errors import BottleSyntaxError
 from rtf.bottle.extent import Scanner
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, StreamInput, StreamOutput, read_sender
+from rtf.middleware.carriers.base import (
+    Carrier,
+    InputLink,
+    Message,
+    OutputLink,
+    StreamInput,
+    StreamOutput,
+    introduction,
+    read_sender,
+)
 from rtf.middleware.carriers.stream import CHUNK, Stream
 from rtf.middleware.errors import ConnectError, ProtocolError
 from rtf.middleware.types.codecs import other_dialect
@@ -115,7 +124,7 @@ class UnixStream(Carrier):
 
     def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Send the caller's name, and connect to the socket that the other end creates."""
-        stream.send(self.header + framing.sender(port.name))
+        stream.send(self.header + framing.sender(introduction(port, target)))
         path = _socket_path(target.port, stream.socket.getsockname()[1])
         deadline = clock.Deadline.after(_MEETING)
         connection = socket.socket(socket.AF_UNIX)

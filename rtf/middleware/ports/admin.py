@@ -113,7 +113,7 @@ def _list(port: AdministeredPort, request: Bottle) -> Bottle:
 
 
 def _modify(port: AdministeredPort, request: Bottle) -> Bottle:
-    """Answer ``get`` and ``set``. Our carriers have no settings, so only the existence of the connection is checked."""
+    """Answer ``get`` and ``set``. Only inputs with a priority have settings; others accept any and tell none."""
     inward = _word(request.get(1)) == "in"
     name = as_string(request.get(2))
     if not name:
@@ -122,11 +122,14 @@ def _modify(port: AdministeredPort, request: Bottle) -> Bottle:
         return Bottle([_FAIL, f"No port modifier is attached to the {'input' if inward else 'output'}"])
     known: Sequence[qos.Connection] = port.inputs if inward else port.outputs
     way = "from" if inward else "to"
-    if all(connection.peer != name for connection in known):
+    found = next((connection for connection in known if connection.peer == name), None)
+    if found is None:
         # YARP writes "incoming" for both directions, and programs may look for that text.
         return Bottle([-1, f"Could not find an incoming connection {way} {name}\r\n"])
     if _word(request.get(0)) == "get":
-        return Bottle([Property()])
+        return Bottle([Property() if found.priority is None else found.priority.describe()])
+    if found.priority is not None:
+        found.priority.change(request)
     return Bottle([0, f"Configured connection {way} {name}\r\n"])
 
 

@@ -23,6 +23,7 @@ from rtf.middleware.errors import ConnectError, ProtocolError
 from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.outputs import Output
 from rtf.middleware.ports.qos import Connection
+from rtf.middleware.wire import modifiers
 from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
@@ -51,7 +52,10 @@ class InputOwner(CarrierPort, Protocol):
     def nonblocking(self) -> bool: ...
 
     def input_opened(self, caller: Input) -> None:
-        """Add an input whose handshake is done and end an older one from the same port."""
+        """Add an input whose handshake is done and end an older one from the same port.
+
+        Raises ProtocolError for modifiers that are not known.
+        """
 
     def input_closed(self, caller: Input) -> None:
         """Remove an input that has ended."""
@@ -85,6 +89,7 @@ class Input(Connection):
         #: The dialect that the caller is assumed to speak; corrected when it sends something that only the other one
         #: allows.
         self.dialect = port.network.dialect
+        self._carrier = ""  # with modifiers, when they have been read
         self.turned = False  # the stream belongs to an output now
         self._shared = False
         self._changing = threading.Lock()  # guards the change between own thread and shared reader
@@ -103,7 +108,7 @@ class Input(Connection):
 
     @property
     def carrier(self) -> str:
-        return "" if self.link is None else self.link.carrier.name
+        return self._carrier or ("" if self.link is None else self.link.carrier.name)
 
     @property
     def connectionless(self) -> bool:
@@ -174,6 +179,7 @@ class Input(Connection):
         self.link = link
         if self._closing:  # ``close`` was called before there was a link to close
             return False
+        self._carrier = modifiers.join(link.carrier.name, modifiers.read(link.modifiers))
         self.port.input_opened(self)
         link.welcome(stream, self.port)
         stream.limit_waiting(None)

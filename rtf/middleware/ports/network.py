@@ -40,6 +40,7 @@ class Network:
     actual name and number; the configuration may rename ports or fix their numbers. ``dialect`` is used with all ports;
     None: each reader is asked for its own, see :mod:`rtf.middleware.ports.dialect_probe`. ``key`` is the shared key
     that both ends of every connection must know, see :mod:`rtf.middleware.carriers.authentication`; empty: no key.
+    ``keyboard`` is the descriptor from which the carrier ``human`` reads, if there is a person to type.
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class Network:
         notice: Callable[[str], None] | None = None,
         opening: Callable[[str], Opening] = Opening,
         key: bytes = b"",
+        keyboard: int | None = None,
     ) -> None:
         self.names = names
         self._dialect = dialect
@@ -59,6 +61,7 @@ class Network:
         self.report = report or _say_nothing
         self.notice = notice or _say_nothing
         self.key = key
+        self.keyboard = keyboard
         self._opening = opening
         #: Who may send to the guarded ports of this process, and who may change the connections of all of them.
         self.writers = Access()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rtf.middleware.errors import ConnectError, MiddlewareError
 from rtf.middleware.ports.qos import Connection
 from rtf.middleware.types.codecs import other_dialect
+from rtf.middleware.wire import modifiers
 
 if TYPE_CHECKING:
     import socket as sockets
@@ -43,7 +44,8 @@ class Output(Connection):
 
     @property
     def carrier(self) -> str:
-        return self.link.carrier.name
+        name = self.link.carrier.name
+        return self.target.carrier if modifiers.split(self.target.carrier)[0] == name else name
 
     @property
     def connectionless(self) -> bool:

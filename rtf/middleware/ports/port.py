@@ -21,13 +21,14 @@ from rtf.middleware.carriers import local, registry
 from rtf.middleware.carriers.socket_watcher import SHARED_LISTENER
 from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError, ProtocolError
-from rtf.middleware.ports import access, admin, describe
+from rtf.middleware.ports import access, admin, describe, priority
 from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.disconnect_sources import disconnect_sources
 from rtf.middleware.ports.inputs import Input
 from rtf.middleware.ports.message_handoff import MessageHandoff
 from rtf.middleware.ports.outputs import Output, send_to_all
 from rtf.middleware.types.codecs import BOTTLE, codec_of
+from rtf.middleware.wire import modifiers
 from rtf.middleware.wire.contact import Contact
 from rtf.middleware.wire.incoming_message import IncomingMessage, LocalMessage
 from rtf.middleware.wire.outgoing_message import OutgoingMessage
@@ -103,6 +104,7 @@ class Port:
         self._dialled = threading.Condition(self._lock)
         self._dialling: set[str] = set()  # peers with a connection attempt in progress
         self._inputs: dict[Input, None] = {}
+        self._priorities = priority.PriorityGroup(lambda text: self.network.report(f"{self.name}: {text}"))
         self._outputs: tuple[Output, ...] = ()
         self._groups: dict[str, Group] = {}
         self._closed = False
@@ -190,6 +192,7 @@ class Port:
         if found is None:
             raise NameNotFoundError(f"Do not know how to connect to {contact.name}")
         found = found.by(carrier or contact.carrier or found.carrier or "tcp")
+        priority.check_output(found.carrier)
         if registry.by_name(found.carrier).pull:
             self._pull(found)
             return found
@@ -274,6 +277,7 @@ class Port:
         stream = self.network.reach(source)
         try:
             link = registry.by_name(source.carrier).pull_from(stream, source)
+            link.modifiers = modifiers.split(source.carrier)[1]
             if not self._start_input(Input(self, stream, link)):
                 raise ConnectError(f"{self.name} is closed, or receives from {MAX_INPUTS} ports already")
         except (MiddlewareError, OSError) as error:
@@ -385,6 +389,10 @@ class Port:
 
     def input_opened(self, caller: Input) -> None:
         """Add an input whose handshake is done and end an older one from the same port. Runs in the input's thread."""
+        assert caller.link is not None
+        caller.priority = priority.of_input(caller.sender, caller.link.modifiers)
+        if caller.priority is not None:
+            self._priorities.add(caller.priority)
         if not caller.sender.startswith("/"):
             return
         for other in self.inputs:
@@ -399,6 +407,8 @@ class Port:
         """Remove an input that has ended. Runs in the input's thread."""
         with self._lock:
             self._inputs.pop(caller, None)
+        if caller.priority is not None:
+            self._priorities.discard(caller.priority)
         if caller.announced:
             self.network.notice(f"Removing input from {caller.sender} to {self.name}")
 
@@ -413,6 +423,8 @@ class Port:
         if key in _DATA:
             if self.guarded and not self.network.writers.allows(link.sender, caller.socket):
                 raise ProtocolError("it is not among the allowed writers of this port")
+            if caller.priority is not None and not self._priorities.accepts(caller.priority, clock.current().now()):
+                return _NO_REPLY if key == "d" and not link.carrier.text else ()
             asks, in_lines, own = key == "d", link.carrier.text, len(data) > link.reuses
             delivery = IncomingMessage(link.sender, text, data, caller.dialect, asks, in_lines, own)
             self.deliver(delivery)

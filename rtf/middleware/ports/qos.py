@@ -20,6 +20,8 @@ from rtf.middleware.errors import MiddlewareError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rtf.middleware.ports.priority import Priority
+
 #: DSCP classes by name (RFC 2474, 2597, 3246, 5865).
 DSCP = {
     **{f"CS{number}": 8 * number for number in range(8)},
@@ -193,6 +195,8 @@ class Connection(ABC):
     #: The kernel's id of the thread that handles the connection; 0 if it has none, and ``instead`` says why.
     thread = 0
     instead = "it is sent in the thread of the writer"
+    #: The priority of its messages among those of the other inputs of the port, if it has one.
+    priority: Priority | None = None
 
     @property
     @abstractmethod

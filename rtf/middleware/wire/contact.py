@@ -8,8 +8,8 @@ from typing import Self
 
 from rtf.middleware.errors import AddressError
 
-#: A carrier may have modifiers: ``tcp+recv.portmonitor+file.x``.
-_CONTACT = re.compile(r"(?:(?P<carrier>[^:/]+):)?(?P<rest>/.*)", re.DOTALL)
+#: A carrier may have modifiers, whose values may be anything: ``tcp+recv.priority+(ex (/a -5))``.
+_CONTACT = re.compile(r"(?:(?P<carrier>[^:/+]+(?:\+.*?)?):)?(?P<rest>/.*)", re.DOTALL)
 _NUMERIC = re.compile(r"/(?P<host>\[[0-9A-Fa-f:.]+\]|[^:/\[\]]+):(?P<port>[0-9]{1,5})(?P<name>/.*)?", re.DOTALL)
 _MOST = 65535
 #: An address or a host name. Other texts are refused here, because the resolver raises odd errors for some.
