@@ -75,9 +75,7 @@ def repair(spec: Any) -> list[str]:
         if not body.explicitinertial and not (moves and not body.geoms):
             continue
         inertia = _principal(body)
-        sound = (
-            inertia is not None and inertia.min() > _TINY**2 and inertia.max() <= inertia.sum() - inertia.max() + 1e-12
-        )
+        sound = inertia is not None and inertia.min() > _TINY**2 and inertia.max() <= inertia.sum() / 2 + _TINY**2
         if sound and (body.mass >= _TINY or not moves):
             continue
         mass = max(float(body.mass), LEAST_MASS if moves else 0.0)
@@ -127,9 +125,7 @@ def read_joints(path: Path) -> dict[str, JointDescription]:
         found[joint.name] = JointDescription(
             name=joint.name,
             body=model.body(int(joint.bodyid[0])).name,
-            limits=(float(joint.range[0]) * scale, float(joint.range[1]) * scale)
-            if model.jnt_limited[number]
-            else None,
+            limits=(float(joint.range[0]) * scale, float(joint.range[1]) * scale) if limited else None,
             effort=efforts.get(joint.name),
             max_velocity=None if speed is None else speed * scale,
             prismatic=slides,
