@@ -14,6 +14,7 @@ from rtf.bottle import Bottle, Dialect, Property
 from rtf.bottle.binary import decode_from
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import call
 from rtf.middleware.types.codecs import codec_of
@@ -145,7 +146,7 @@ def test_intrinsic_parameters(network: Network):
     )[0]
     real = next(answer for question, answer in RECORDED if "Intrinsic" in question)
     names = decode_from(bytes.fromhex(real), 0, Dialect.YARP4)[0][1]
-    assert {entry[0] for entry in answer[0][1]} == {entry[0] for entry in names}
+    assert {entry[0] for entry in answer[1]} == {entry[0] for entry in names}
 
 
 def test_a_camera_without_controls(network: Network):
@@ -260,7 +261,16 @@ def test_errors_of_a_camera(network: Network, code: str, error: type[Exception])
         client.has_feature(CameraFeature.GAIN)
 
 
-def test_a_server_that_does_not_answer(network: Network):
+def test_a_server_that_is_not_there(network: Network):
     """The client is not opened, and the message names the port."""
     with pytest.raises(DeviceError, match="/cam/rpc"):
+        open_client(network)
+
+
+def test_a_server_without_a_camera_yet(network: Network):
+    """One of YARP 4 gives no reply while it starts; it is not taken for one of YARP 3."""
+    with (
+        Port("/cam/rpc", lambda _request: None, network=network, outputs=False, rpc=True),
+        pytest.raises(DeviceError, match="is its camera attached"),
+    ):
         open_client(network)

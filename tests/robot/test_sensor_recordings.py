@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from replaying import VERSIONS, playing, receive, recordings, segments
-from rtf.bottle import Bottle, Dialect, Property
+from rtf.bottle import Bottle, Dialect, Property, Vocab
 from rtf.middleware.ports.rpc import RpcServer
 from rtf.middleware.types import Image, Stamp
 from rtf.middleware.wire import framing
@@ -188,7 +188,7 @@ def test_an_image_of_a_real_camera(network: Network, version: str, expected: Dia
     (envelope, body) = messages(talk)[0]
     missing = 60 + 230400 - len(body)
     whole = [*talk[:2], (">", talk[2][1] + bytes(missing)), ("<", framing.ACK)]
-    with RpcServer("/icubSim/cam/left/rpc", lambda question: Bottle(), network=network), ExitStack() as opened:
+    with RpcServer("/icubSim/cam/left/rpc", lambda _: Bottle([Vocab("nak")]), network=network), ExitStack() as opened:
         listening = opened.enter_context(listen(network, "/icubSim/cam/left"))
         reply = b'0 "Added connection from /icubSim/cam/left to fast_tcp://rd4\\r\\n"\r\n<ACK>\r\n'
         added = [(">", b"CONNACK admin\r\n"), ("<", b"Welcome admin\r\n")]

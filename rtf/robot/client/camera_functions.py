@@ -25,14 +25,17 @@ def has_functions(server: str, network: Network, *, patience: float) -> bool:
     """Return whether the RPC port of a camera has the functions of YARP 4, by calling one.
 
     Cameras of YARP 3 answer it with ``[nak]``; both versions have the same port. ``patience`` is the timeout in seconds
-    of real time. Raises DeviceError if there is no server, or it does not answer.
+    of real time. Raises DeviceError if there is no server, or it does not answer: one of YARP 4 gives an empty reply
+    until its camera is attached.
     """
     try:
         with RpcClient("", server, network=network) as port:
             answer = port.call(call("getWidthRPC"), timeout=patience)
     except RtfError as error:
         raise DeviceError(f"{server} cannot be asked: {error}; is its robot running?") from error
-    return answer is not None and isinstance(answer.get(0), Bottle)  # the return value is a list of one word
+    if not answer:
+        raise DeviceError(f"{server} gives no answer; is its camera attached?")
+    return isinstance(answer.get(0), Bottle)  # the return value is a list of one word
 
 
 class CameraFunctions(IFrameGrabber, IFrameGrabberControls):
