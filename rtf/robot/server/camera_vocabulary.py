@@ -112,11 +112,10 @@ class CameraResponder:
     # Controls --------------------------------------------------------------------------------------------------------
 
     def _control(self, request: Bottle) -> Bottle:
-        camera = self._camera
-        camera.controls  # noqa: B018 - raises NotSupportedError if there are none
+        camera, controls = self._camera, self._camera.controls
         verb, word = as_vocab(request.get(1)), as_vocab(request.get(2))
         if verb == GET and word.text == "camd":
-            return Bottle([CONTROLS, word, IS, *camera.camera_description()])
+            return Bottle([CONTROLS, word, IS, *controls.camera_description()])
         feature = _feature(request)
         if verb == HAS:
             return Bottle([CONTROLS, HAS, FEATURE, word.value, int(_has(camera, word.text, feature))])
