@@ -13,7 +13,7 @@ import numpy as np
 
 from rtf.bottle import BottleError, Dialect, Property
 from rtf.bottle.binary import encode
-from rtf.middleware.types import IMAGE, Image
+from rtf.middleware.types import Image
 from rtf.robot import service_rows as row
 from rtf.robot.interfaces import CameraFeature, IFrameGrabber, IFrameGrabberControls
 from rtf.robot.service_kinds import BOTTLE, NUMBER, TEXT, TRUTH, WHOLE, Kind, enumeration, read_all, several, single
@@ -44,7 +44,7 @@ class Configuration(NamedTuple):
 
 def _take_image(value: Value) -> Image:
     try:
-        return IMAGE.decode(encode(BOTTLE.take([value])), Dialect.YARP4)
+        return Image.codec.decode(encode(BOTTLE.take([value])), Dialect.YARP4)
     except ValueError as error:
         raise BottleError(f"an image was expected: {error}") from error
 
@@ -60,9 +60,7 @@ def _take_corner(value: Value) -> tuple[int, int]:
 
 # Values ---------------------------------------------------------------------------------------------------------------
 
-IMAGE_KIND = single(
-    "yarp::sig::FlexImage", _take_image, lambda image: image, Image(np.zeros((0, 0, 3), np.uint8), "rgb")
-)
+IMAGE = single("yarp::sig::FlexImage", _take_image, lambda image: image, Image(np.zeros((0, 0, 3), np.uint8), "rgb"))
 PROPERTY = single(
     "yarp::os::Property", lambda value: Property.from_bottle(BOTTLE.take([value])), lambda found: found, Property()
 )
@@ -82,8 +80,8 @@ def _about_feature(name: str, method: str, kind: Kind = TRUTH) -> Message:
 MESSAGES: tuple[Message, ...] = (
     row.call("getHeightRPC", IFrameGrabber, "height", gives=(WHOLE,)),
     row.call("getWidthRPC", IFrameGrabber, "width", gives=(WHOLE,)),
-    row.call("getImageRPC", IFrameGrabber, "colour_image", gives=(IMAGE_KIND,)),
-    row.call("getImageCropRPC", IFrameGrabber, "cropped_image", takes=(CROP, CORNERS), gives=(IMAGE_KIND,)),
+    row.call("getImageRPC", IFrameGrabber, "colour_image", gives=(IMAGE,)),
+    row.call("getImageCropRPC", IFrameGrabber, "cropped_image", takes=(CROP, CORNERS), gives=(IMAGE,)),
     row.call("getRgbWidthRPC", IFrameGrabber, "width", gives=(WHOLE,)),
     row.call("getRgbHeightRPC", IFrameGrabber, "height", gives=(WHOLE,)),
     row.call("getRgbSupportedConfigurationsRPC", IFrameGrabber, "configurations", gives=(CONFIGURATIONS,)),

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.bottle import Bottle, Vocab
-from rtf.bottle.binary import encode
-from rtf.middleware.types import IMAGE
-from rtf.robot.camera_messages import FeatureMode
+from rtf.bottle import Bottle, BottleError, Vocab
+from rtf.robot.camera_messages import IMAGE, FeatureMode
 from rtf.robot.errors import NoAnswerError, RefusedError
 from rtf.robot.interfaces import CameraFeature, IFrameGrabber, IFrameGrabberControls
 from rtf.robot.server.camera_vocabulary import COLOUR, CONTROLS, FEATURE, GET, HAS, IS, OPTICS, SET
+from rtf.robot.service_kinds import read_all
 
 if TYPE_CHECKING:
-    from rtf.bottle import Dialect
     from rtf.middleware.types import Image
     from rtf.robot.client.rpc_connection import RpcConnection
 
@@ -26,10 +24,9 @@ _VALUES = 3
 class CameraWords(IFrameGrabber, IFrameGrabberControls):
     """A camera at the other end of a connection; every method is a request. ``name`` is for messages."""
 
-    def __init__(self, rpc: RpcConnection, name: str, dialect: Dialect) -> None:
+    def __init__(self, rpc: RpcConnection, name: str) -> None:
         self._rpc = rpc
         self._name = name
-        self._dialect = dialect
 
     # The image -------------------------------------------------------------------------------------------------------
 
@@ -42,12 +39,11 @@ class CameraWords(IFrameGrabber, IFrameGrabberControls):
     def image(self) -> tuple[Image, float]:
         asked = clock.current().now()
         values = self._ask(COLOUR, GET, COLOUR)
-        if len(values) != 1 or not isinstance(values[0], Bottle):
-            raise NoAnswerError(f"{self._name}: the server's answer holds no image")
         try:
-            return IMAGE.decode(encode(values[0]), self._dialect), asked
-        except ValueError as error:
+            (image,) = read_all((IMAGE,), values)
+        except BottleError as error:
             raise NoAnswerError(f"{self._name}: the server's answer holds no image: {error}") from error
+        return image, asked
 
     def field_of_view(self) -> tuple[float, float]:
         horizontal, vertical = self._numbers(2, OPTICS, GET, Vocab("fov"))

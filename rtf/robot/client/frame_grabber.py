@@ -61,7 +61,7 @@ class FrameGrabberClient(Device, IFrameGrabber, IFrameGrabberControls):
                 stream = LatestMessage(local, IMAGE, timeout=timeout, network=self.network)
                 opened.callback(stream.close)
                 stream.connect(source, carrier)
-            requests = CameraFunctions(rpc, self.name) if functions else CameraWords(rpc, self.name, network.dialect)
+            requests = CameraFunctions(rpc, self.name) if functions else CameraWords(rpc, self.name)
             self._stream, self._requests, self._opened = stream, requests, opened.pop_all()
 
     def close(self) -> None:
