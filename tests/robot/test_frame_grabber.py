@@ -182,8 +182,8 @@ def test_raw_images(network: Network):
         connect(network, "/cam", "/reader")
         server.publish(1.0)
         assert reader.read(10) == GREY
-        answer = rpc.call(Bottle.parse("[fgir] [get] [fgir]"))
-        assert answer[:3] == Bottle.parse("[fgir] [fgir] [is]")
+        answer = rpc.call(Bottle.parse("[fgir] [get] [imgr]"))
+        assert answer[:3] == Bottle.parse("[fgir] [imgr] [is]")
         assert IMAGE.decode(encode(answer[3]), network.dialect) == GREY
 
 
@@ -200,7 +200,7 @@ def test_a_camera_that_fails(network: Network, said: list[str]):
         server.publish(1.0)
         server.publish(2.0)
         assert said == ["/cam: nothing is published: ZeroDivisionError: division by zero"]
-        assert rpc.call(Bottle.parse("[fgi] [get] [fgi]")) == Bottle.parse("[fail]")
+        assert rpc.call(Bottle.parse("[fgi] [get] [imgr]")) == Bottle.parse("[fail]")
         assert rpc.call(Bottle.parse("[fgi] [get] [w]")) == Bottle.parse("[fgi] [w] [is] 4")
     assert len(said) == 2
 
@@ -215,8 +215,8 @@ def test_a_camera_that_fails(network: Network, said: list[str]):
         ("[fgi] [get] [h]", "[fgi] [h] [is] 48"),
         ("fgi get w", "[fgi] [w] [is] 64"),
         ("[fgir] [get] [h]", "[fgir] [h] [is] 48"),
-        ("[fgir] [get] [fgir]", "[fail]"),
-        ("[fgi] [get] [fgir]", "[fail]"),
+        ("[fgir] [get] [imgr]", "[fail]"),
+        ("[fgi] [get] [fgi]", "[fail]"),
         ("[fgi] [set] [w] 3", "[fail]"),
         ("[fgi]", "[fail]"),
         ("[fgi] [get] [crop] 0 (0 0 64 48)", "[fail]"),
@@ -310,7 +310,7 @@ def test_a_camera_without_controls(network: Network):
 
 bottles = st.lists(
     st.one_of(
-        st.sampled_from([Vocab(word) for word in ("fgi", "fgir", "visr", "fgc", "fgfw", "get", "set", "has", "crop")]),
+        st.sampled_from([Vocab(word) for word in ("fgi", "fgir", "visr", "fgc", "fgfw", "get", "set", "has", "imgr")]),
         st.sampled_from([Vocab(word) for word in ("feat", "fea2", "mirr", "mode", "actv", "camd", "fov", "conf", "w")]),
         st.integers(-(2**63), 2**63 - 1),
         st.floats(),
@@ -377,7 +377,7 @@ def test_wrong_parameters(network: Network, parameters: dict[str, object]):
         FrameGrabberDevice("server", network=network).open(Property(parameters))
 
 
-HEADS = ("[fgi] [w] [is]", "[fgi] [fgi] [is]", "[visr] [fov] [is]", "[fgc] [camd] [is]", "[fgc] [feat] [is]", "([ok])")
+HEADS = ("[fgi] [w] [is]", "[fgi] [imgr] [is]", "[visr] [fov] [is]", "[fgc] [camd] [is]", "[fgc] [feat] [is]", "([ok])")
 ANSWERS = st.one_of(
     bottles,
     st.builds(lambda head, rest: Bottle([*Bottle.parse(head), *rest]), st.sampled_from(HEADS), bottles),

@@ -11,8 +11,9 @@ import pytest
 
 from replaying import VERSIONS, playing, receive, recordings, segments
 from rtf.bottle import Bottle, Dialect, Property, Vocab
-from rtf.middleware.ports.rpc import RpcServer
-from rtf.middleware.types import Image, Stamp
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
+from rtf.middleware.types import IMAGE, Image, Stamp
+from rtf.middleware.types.codecs import RAW
 from rtf.middleware.wire import framing
 from rtf.robot.client.analog_sensors import AnalogSensorsClient
 from rtf.robot.client.frame_grabber import FrameGrabberClient
@@ -40,6 +41,8 @@ QUESTIONS = [
     for talk in RECORDED[version]["camera_questions"]
     if b"get\0widt".hex() not in talk[2][1] or version == "3.12.3"
 ]
+#: The bytes of the three words before an image that is asked for.
+_WORDS = 32
 _GREETING = 8  # bytes of the number that a port answers first
 
 
@@ -127,6 +130,24 @@ def test_questions_to_a_camera(network: Network, version: str, talk: list[list[s
     with closing(FrameGrabberServer(camera, "/icubSim/cam/left", network=network, period=0.033)):
         contact = network.names.query("/icubSim/cam/left/rpc")
         put(contact, segments(talk))
+
+
+@pytest.mark.parametrize(("question", "answer"), recordings("3.12.3", "camera_images.json")["answers"])
+def test_an_image_that_is_asked_for(network: Network, question: str, answer: str):
+    """A camera of YARP 3 with the recorded image answers with the same bytes, and the client reads the colours."""
+    data = bytes.fromhex(answer)
+    camera = FakeFrameGrabber("camera")
+    camera.open(Property())
+    image = IMAGE.decode(data[_WORDS:], Dialect.YARP3)
+    camera.image = lambda: (image, 1.0)  # type: ignore[method-assign]
+    with (
+        closing(FrameGrabberServer(camera, "/cam", network=network, period=0.033)),
+        RpcClient("", "/cam/rpc", network=network) as rpc,
+        closing(FrameGrabberClient("client", network=network)) as client,
+    ):
+        assert rpc.call(Bottle.parse(question), answer=RAW, timeout=10) == data
+        client.open(Property({"remote": "/cam", "no_stream": True}))
+        assert client.image()[0] == image.to("rgb")
 
 
 def test_the_head_of_an_image(network: Network, version: str):

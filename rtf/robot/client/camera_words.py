@@ -9,7 +9,7 @@ from rtf.bottle import Bottle, BottleError, Vocab
 from rtf.robot.camera_messages import IMAGE, FeatureMode
 from rtf.robot.errors import NoAnswerError, RefusedError
 from rtf.robot.interfaces import CameraFeature, IFrameGrabber, IFrameGrabberControls
-from rtf.robot.server.camera_vocabulary import COLOUR, CONTROLS, FEATURE, GET, HAS, IS, OPTICS, SET
+from rtf.robot.server.camera_vocabulary import COLOUR, CONTROLS, FEATURE, GET, HAS, IS, OPTICS, PICTURE, SET
 from rtf.robot.service_kinds import read_all
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class CameraWords(IFrameGrabber, IFrameGrabberControls):
 
     def image(self) -> tuple[Image, float]:
         asked = clock.current().now()
-        values = self._ask(COLOUR, GET, COLOUR)
+        values = self._ask(COLOUR, GET, PICTURE)
         try:
             (image,) = read_all((IMAGE,), values)
         except BottleError as error:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from rtf.middleware.types import Image
 
 COLOUR, RAW, OPTICS, CONTROLS, FIREWIRE = (Vocab(word) for word in ("fgi", "fgir", "visr", "fgc", "fgfw"))
+#: The word for the image itself, of either kind.
+PICTURE = Vocab("imgr")
 GET, SET, HAS, IS, FEATURE = (Vocab(word) for word in ("get", "set", "has", "is", "feat"))
 NAK = Bottle([Vocab("nak")])
 _CORNERS = 4  # numbers of a rectangle
@@ -63,7 +65,7 @@ class CameraResponder:
             return Bottle([part, word, IS, self._camera.width()])
         if word.text == "h":
             return Bottle([part, word, IS, self._camera.height()])
-        if word == part:
+        if word == PICTURE:
             return Record(part, word, IS, self._picture(part))
         if word.text == "crop" and len(request) == _WORDS_OF_CROP and as_int(request[3]) in _RECTANGLES:
             return Record(part, word, IS, _part_of(self._picture(part), request[4]))
