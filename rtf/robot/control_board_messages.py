@@ -6,10 +6,9 @@ use the table: the server finds the method by the name of the function, the clie
 
 from __future__ import annotations
 
-import copy
 from typing import TYPE_CHECKING
 
-from rtf.bottle import Bottle, Dialect
+from rtf.bottle import Bottle
 from rtf.robot import service_rows as row
 from rtf.robot.control_modes import REQUESTS
 from rtf.robot.errors import NotSupportedError, RefusedError, RobotError
@@ -69,7 +68,6 @@ from rtf.robot.service_rows import Message, Style
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from rtf.middleware.ports.network import Network
     from rtf.robot.control_modes import ControlMode
     from rtf.robot.interfaces import FloatArray
 
@@ -102,13 +100,6 @@ INTERFACES: Mapping[str, type | None] = {
 
 
 _PID_OF = (PID_TYPE, AXIS16)
-
-
-def in_its_dialect(network: Network) -> Network:
-    """Return a copy of the network for ports that always speak YARP 4.0: the service has no other dialect."""
-    other = copy.copy(network)
-    other.dialect = Dialect.YARP4
-    return other
 
 
 # Functions with code of their own -------------------------------------------------------------------------------------
@@ -419,3 +410,24 @@ INTERFACE_NAMES: Mapping[type, str] = {known: name for name, known in INTERFACES
 BY_METHOD: Mapping[tuple[str, Style], Message] = {
     (message.method, message.style): message for message in reversed(MESSAGES) if message.method
 }
+
+#: Functions whose result type has another name than the function.
+_RESULTS = {
+    "getInteractionModesGroupRPC": "getInteractionModeGroup",
+    "getInteractionModesAllRPC": "getInteractionModeAll",
+    "getMotorEncodersTimedAllRPC": "getMotorEncoderTimedAll",
+}
+#: Reading functions that are not declared const.
+_CHANGING = frozenset({"getAxisNameRPC", "getJointTypeRPC", "getMotorTorqueParamsRPC"})
+
+
+def prototype(message: Message) -> str:
+    """Return the prototype of a function, which tools show."""
+    result = (
+        f"return_{_RESULTS.get(message.name, message.name.removesuffix('RPC'))}"
+        if message.gives
+        else "yarp::dev::ReturnValue"
+    )
+    constant = " const" if message.gives and message.name not in _CHANGING else ""
+    arguments = ", ".join(kind.cpp for kind in message.takes)
+    return f"{result} ControlBoardMsgs::{message.name}({arguments}){constant}"

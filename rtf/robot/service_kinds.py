@@ -106,11 +106,12 @@ def _member(value: Value, of: type[E]) -> E:
 # Kinds ----------------------------------------------------------------------------------------------------------------
 
 
-def _single(cpp: str, take: Callable[[Value], Any], put: Callable[[Any], object], default: object) -> Kind:
+def single(cpp: str, take: Callable[[Value], Any], put: Callable[[Any], object], default: object) -> Kind:
+    """Return the kind of a value of one element."""
     return Kind(cpp, lambda elements: take(elements[0]), put, default)
 
 
-def _several(one: Kind) -> Kind:
+def several(one: Kind) -> Kind:
     """Return the kind of a list of values."""
     return Kind(
         f"std::vector<{one.cpp}>",
@@ -120,8 +121,9 @@ def _several(one: Kind) -> Kind:
     )
 
 
-def _enumeration(cpp: str, of: type[E], default: E) -> Kind:
-    return _single(cpp, lambda value: _member(value, of), int, default)
+def enumeration(cpp: str, of: type[E], default: E) -> Kind:
+    """Return the kind of a member of an enumeration, which is sent as a number."""
+    return single(cpp, lambda value: _member(value, of), int, default)
 
 
 def _structure(cpp: str, of: Callable[..., tuple[Any, ...]], takes: Sequence[Callable[[Value], Any]]) -> Kind:
@@ -169,29 +171,29 @@ def _take_map(value: Value) -> dict[str, bool]:
 
 
 #: The number of a joint or a motor.
-AXIS = _single("std::int32_t", _whole, int, 0)
+AXIS = single("std::int32_t", _whole, int, 0)
 #: An axis as a 16-bit number, as in some functions; wider numbers are accepted.
-AXIS16 = _single("std::int16_t", _whole, Int16, 0)
+AXIS16 = single("std::int16_t", _whole, Int16, 0)
 WHOLE = AXIS
-NUMBER = _single("double", _number, float, 0.0)
-TRUTH = _single("bool", _truth, bool, default=False)
-TEXT = _single("std::string", _text, str, "")
-AXES = _several(AXIS)
+NUMBER = single("double", _number, float, 0.0)
+TRUTH = single("bool", _truth, bool, default=False)
+TEXT = single("std::string", _text, str, "")
+AXES = several(AXIS)
 WHOLES = AXES
-NUMBERS = _several(NUMBER)
-BOTTLE = _single("yarp::os::Bottle", _bottle, Bottle, Bottle())
-BOTTLES = _several(BOTTLE)
-TRUTHS = _single("std::map<std::string, bool>", _take_map, dict, {})
-MODE = _enumeration("yarp::dev::SelectableControlModeEnum", ControlMode, ControlMode.UNKNOWN)
-MODES = _several(MODE)
-INTERACTION = _enumeration("yarp::dev::InteractionModeEnum", InteractionMode, InteractionMode.UNKNOWN)
-INTERACTIONS = _several(INTERACTION)
-JOINT_TYPE = _enumeration("yarp::dev::JointTypeEnum", JointType, JointType.UNKNOWN)
-PID_TYPE = _enumeration("yarp::dev::PidControlTypeEnum", PidType, PidType.POSITION)
-PID_TYPES = _several(PID_TYPE)
-PID = _single("yarp::dev::Pid", _take_pid, _put_pid, Pid())
-PIDS = _several(PID)
-PID_INFO = _single("yarp::dev::PidExtraInfo", _take_texts, lambda texts: Record(*texts), ("",) * _INFO_TEXTS)
-PID_INFOS = _several(PID_INFO)
+NUMBERS = several(NUMBER)
+BOTTLE = single("yarp::os::Bottle", _bottle, Bottle, Bottle())
+BOTTLES = several(BOTTLE)
+TRUTHS = single("std::map<std::string, bool>", _take_map, dict, {})
+MODE = enumeration("yarp::dev::SelectableControlModeEnum", ControlMode, ControlMode.UNKNOWN)
+MODES = several(MODE)
+INTERACTION = enumeration("yarp::dev::InteractionModeEnum", InteractionMode, InteractionMode.UNKNOWN)
+INTERACTIONS = several(INTERACTION)
+JOINT_TYPE = enumeration("yarp::dev::JointTypeEnum", JointType, JointType.UNKNOWN)
+PID_TYPE = enumeration("yarp::dev::PidControlTypeEnum", PidType, PidType.POSITION)
+PID_TYPES = several(PID_TYPE)
+PID = single("yarp::dev::Pid", _take_pid, _put_pid, Pid())
+PIDS = several(PID)
+PID_INFO = single("yarp::dev::PidExtraInfo", _take_texts, lambda texts: Record(*texts), ("",) * _INFO_TEXTS)
+PID_INFOS = several(PID_INFO)
 CALIBRATION = _structure("yCalibrationParameters", CalibrationParameters, (_whole, *[_number] * 6))
 TORQUE_PARAMETERS = _structure("yMotorTorqueParameters", MotorTorqueParameters, (_number,) * 9)

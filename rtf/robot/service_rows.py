@@ -38,28 +38,6 @@ class Message:
     gives: tuple[Kind, ...]
     run: Callable[..., Any]
 
-    @property
-    def prototype(self) -> str:
-        """The prototype that tools show."""
-        result = (
-            f"return_{_RESULTS.get(self.name, self.name.removesuffix('RPC'))}"
-            if self.gives
-            else "yarp::dev::ReturnValue"
-        )
-        constant = " const" if self.gives and self.name not in _CHANGING else ""
-        arguments = ", ".join(kind.cpp for kind in self.takes)
-        return f"{result} ControlBoardMsgs::{self.name}({arguments}){constant}"
-
-
-#: Functions whose result type has another name than the function.
-_RESULTS = {
-    "getInteractionModesGroupRPC": "getInteractionModeGroup",
-    "getInteractionModesAllRPC": "getInteractionModeAll",
-    "getMotorEncodersTimedAllRPC": "getMotorEncoderTimedAll",
-}
-#: Reading functions that are not declared const.
-_CHANGING = frozenset({"getAxisNameRPC", "getJointTypeRPC", "getMotorTorqueParamsRPC"})
-
 
 def call(
     name: str,

@@ -27,7 +27,7 @@ from rtf.robot import service_kinds as kinds
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.client.control_board_service import ControlBoardServiceClient
 from rtf.robot.client.service_rpc import ServiceRpc
-from rtf.robot.control_board_messages import BY_NAME, INTERFACES, MESSAGES, in_its_dialect
+from rtf.robot.control_board_messages import BY_NAME, INTERFACES, MESSAGES
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import (
@@ -103,7 +103,7 @@ class Link(NamedTuple):
 @pytest.fixture(scope="class")
 def link(shared_time: ManualClock, shared_network: Network) -> Iterator[Link]:
     """One for all tests."""
-    board, outlets = opened(), PipelinedOutlets(in_its_dialect(shared_network))
+    board, outlets = opened(), PipelinedOutlets(shared_network.in_dialect(Dialect.YARP4))
     with (
         closing(ControlBoardServiceServer(board, PART, network=shared_network, outlets=outlets)) as server,
         closing(connected(shared_network)) as client,
@@ -241,7 +241,7 @@ def test_recorded_answers_are_understood(
 @contextmanager
 def answering(network: Network, answer: object) -> Iterator[ServiceRpc]:
     """A connection to a board that answers everything with this."""
-    network = in_its_dialect(network)
+    network = network.in_dialect(Dialect.YARP4)
     with (
         RpcServer(f"{PART}/nws/rpc:i", lambda _: answer, network=network),
         closing(ServiceRpc("/rpc", PART, network=network, limit=10.0, remade=lambda: None)) as rpc,

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rtf import clock
-from rtf.bottle import Bottle, Property, Vocab
+from rtf.bottle import Bottle, Dialect, Property, Vocab
 from rtf.bottle.binary import encode
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.buffered import BufferedPort
@@ -74,18 +74,25 @@ class TestFake(FrameGrabberContract):
 
 
 @pytest.mark.parametrize(
-    "parameters",
-    [{"carrier": "tcp"}, {"carrier": "fast_tcp"}, {"carrier": "udp"}, {"no_stream": True}],
-    ids=lambda parameters: str(next(iter(parameters.values()))),
+    ("dialect", "parameters"),
+    [
+        (Dialect.YARP3, {"carrier": "tcp"}),
+        (Dialect.YARP3, {"carrier": "fast_tcp"}),
+        (Dialect.YARP3, {"carrier": "udp"}),
+        (Dialect.YARP3, {"no_stream": True}),
+        (Dialect.YARP4, {"carrier": "fast_tcp"}),
+        (Dialect.YARP4, {"no_stream": True}),
+    ],
+    ids=str,
 )
 class TestThroughTheNetwork(FrameGrabberContract):
-    """The server and the client, with images as a stream by each carrier, or asked for."""
+    """The server of either version and the client, with images as a stream by each carrier, or asked for."""
 
     @pytest.fixture
-    def camera(self, network: Network, parameters: dict[str, object]) -> Iterator[FrameGrabberClient]:
+    def camera(self, network: Network, dialect: Dialect, parameters: dict[str, object]) -> Iterator[FrameGrabberClient]:
         """At the other end of the network."""
         with ExitStack() as opened:
-            server = opened.enter_context(closing(FrameGrabberDevice("server", network=network)))
+            server = opened.enter_context(closing(FrameGrabberDevice("server", network=network.in_dialect(dialect))))
             server.open(Property({"name": "/cam", "period": 0.002}))
             server.attach({"camera": make_camera()})
             client = opened.enter_context(closing(make_client(network, timeout=30, **parameters)))
@@ -175,8 +182,8 @@ def test_raw_images(network: Network):
         connect(network, "/cam", "/reader")
         server.publish(1.0)
         assert reader.read(10) == GREY
-        answer = rpc.call(Bottle.parse("[fgir] [get] [fgir]"))
-        assert answer[:3] == Bottle.parse("[fgir] [fgir] [is]")
+        answer = rpc.call(Bottle.parse("[fgir] [get] [imgr]"))
+        assert answer[:3] == Bottle.parse("[fgir] [imgr] [is]")
         assert IMAGE.decode(encode(answer[3]), network.dialect) == GREY
 
 
@@ -193,7 +200,7 @@ def test_a_camera_that_fails(network: Network, said: list[str]):
         server.publish(1.0)
         server.publish(2.0)
         assert said == ["/cam: nothing is published: ZeroDivisionError: division by zero"]
-        assert rpc.call(Bottle.parse("[fgi] [get] [fgi]")) == Bottle.parse("[fail]")
+        assert rpc.call(Bottle.parse("[fgi] [get] [imgr]")) == Bottle.parse("[fail]")
         assert rpc.call(Bottle.parse("[fgi] [get] [w]")) == Bottle.parse("[fgi] [w] [is] 4")
     assert len(said) == 2
 
@@ -208,8 +215,8 @@ def test_a_camera_that_fails(network: Network, said: list[str]):
         ("[fgi] [get] [h]", "[fgi] [h] [is] 48"),
         ("fgi get w", "[fgi] [w] [is] 64"),
         ("[fgir] [get] [h]", "[fgir] [h] [is] 48"),
-        ("[fgir] [get] [fgir]", "[fail]"),
-        ("[fgi] [get] [fgir]", "[fail]"),
+        ("[fgir] [get] [imgr]", "[fail]"),
+        ("[fgi] [get] [fgi]", "[fail]"),
         ("[fgi] [set] [w] 3", "[fail]"),
         ("[fgi]", "[fail]"),
         ("[fgi] [get] [crop] 0 (0 0 64 48)", "[fail]"),
@@ -303,7 +310,7 @@ def test_a_camera_without_controls(network: Network):
 
 bottles = st.lists(
     st.one_of(
-        st.sampled_from([Vocab(word) for word in ("fgi", "fgir", "visr", "fgc", "fgfw", "get", "set", "has", "crop")]),
+        st.sampled_from([Vocab(word) for word in ("fgi", "fgir", "visr", "fgc", "fgfw", "get", "set", "has", "imgr")]),
         st.sampled_from([Vocab(word) for word in ("feat", "fea2", "mirr", "mode", "actv", "camd", "fov", "conf", "w")]),
         st.integers(-(2**63), 2**63 - 1),
         st.floats(),
@@ -370,7 +377,7 @@ def test_wrong_parameters(network: Network, parameters: dict[str, object]):
         FrameGrabberDevice("server", network=network).open(Property(parameters))
 
 
-HEADS = ("[fgi] [w] [is]", "[fgi] [fgi] [is]", "[visr] [fov] [is]", "[fgc] [camd] [is]", "[fgc] [feat] [is]")
+HEADS = ("[fgi] [w] [is]", "[fgi] [imgr] [is]", "[visr] [fov] [is]", "[fgc] [camd] [is]", "[fgc] [feat] [is]", "([ok])")
 ANSWERS = st.one_of(
     bottles,
     st.builds(lambda head, rest: Bottle([*Bottle.parse(head), *rest]), st.sampled_from(HEADS), bottles),
@@ -379,11 +386,11 @@ ANSWERS = st.one_of(
 
 @pytest.mark.fuzz
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.lists(ANSWERS, min_size=6, max_size=6))
-def test_any_answer(answers: list[Bottle]):
-    """Whatever a server answers, the client gives something of the right kind or an error of robots."""
+@given(st.sampled_from(["[nak]", "([ok]) 64"]), st.lists(ANSWERS, min_size=6, max_size=6))
+def test_any_answer(version: str, answers: list[Bottle]):
+    """Whatever a server of either version answers, the client gives the right kind, or an error of robots."""
     network = Network(LocalNames(), patience=30)
-    left = iter(answers)
+    left = iter([Bottle.parse(version), *answers])
     with (
         RpcServer("/cam/rpc", lambda question: next(left), network=network),
         closing(make_client(network, no_stream=True)) as client,

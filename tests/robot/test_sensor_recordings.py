@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from replaying import VERSIONS, playing, receive, recordings, segments
-from rtf.bottle import Bottle, Dialect, Property
-from rtf.middleware.ports.rpc import RpcServer
-from rtf.middleware.types import Image, Stamp
+from rtf.bottle import Bottle, Dialect, Property, Vocab
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
+from rtf.middleware.types import IMAGE, Image, Stamp
+from rtf.middleware.types.codecs import RAW
 from rtf.middleware.wire import framing
 from rtf.robot.client.analog_sensors import AnalogSensorsClient
 from rtf.robot.client.frame_grabber import FrameGrabberClient
@@ -33,7 +34,15 @@ if TYPE_CHECKING:
     from rtf.middleware.wire.contact import Contact
 
 RECORDED = {version: recordings(version, "sensors.json") for version in VERSIONS}
-QUESTIONS = range(len(RECORDED["3.12.3"]["camera_questions"]))
+#: Questions to cameras. To two words that it does not know YARP 4 gives no reply, we [fail].
+QUESTIONS = [
+    (version, talk)
+    for version in VERSIONS
+    for talk in RECORDED[version]["camera_questions"]
+    if b"get\0widt".hex() not in talk[2][1] or version == "3.12.3"
+]
+#: The bytes of the three words before an image that is asked for.
+_WORDS = 32
 _GREETING = 8  # bytes of the number that a port answers first
 
 
@@ -112,14 +121,33 @@ def test_the_stream_of_an_imu(network: Network, version: str):
         assert got == expected
 
 
-@pytest.mark.parametrize("number", QUESTIONS)
-def test_questions_to_a_camera(network: Network, number: int):
-    """What a camera of YARP 3 does not understand is answered as it did; in 4.0 cameras speak otherwise."""
+@pytest.mark.parametrize(("version", "talk"), QUESTIONS)
+def test_questions_to_a_camera(network: Network, version: str, talk: list[list[str]]):
+    """The help, and what a camera of either version does not understand, are answered as it did, to the byte."""
+    network.dialect = VERSIONS[version]
     camera = FakeFrameGrabber("camera")
     camera.open(Property())
     with closing(FrameGrabberServer(camera, "/icubSim/cam/left", network=network, period=0.033)):
         contact = network.names.query("/icubSim/cam/left/rpc")
-        put(contact, segments(RECORDED["3.12.3"]["camera_questions"][number]))
+        put(contact, segments(talk))
+
+
+@pytest.mark.parametrize(("question", "answer"), recordings("3.12.3", "camera_images.json")["answers"])
+def test_an_image_that_is_asked_for(network: Network, question: str, answer: str):
+    """A camera of YARP 3 with the recorded image answers with the same bytes, and the client reads the colours."""
+    data = bytes.fromhex(answer)
+    camera = FakeFrameGrabber("camera")
+    camera.open(Property())
+    image = IMAGE.decode(data[_WORDS:], Dialect.YARP3)
+    camera.image = lambda: (image, 1.0)  # type: ignore[method-assign]
+    with (
+        closing(FrameGrabberServer(camera, "/cam", network=network, period=0.033)),
+        RpcClient("", "/cam/rpc", network=network) as rpc,
+        closing(FrameGrabberClient("client", network=network)) as client,
+    ):
+        assert rpc.call(Bottle.parse(question), answer=RAW, timeout=10) == data
+        client.open(Property({"remote": "/cam", "no_stream": True}))
+        assert client.image()[0] == image.to("rgb")
 
 
 def test_the_head_of_an_image(network: Network, version: str):
@@ -181,7 +209,7 @@ def test_an_image_of_a_real_camera(network: Network, version: str, expected: Dia
     (envelope, body) = messages(talk)[0]
     missing = 60 + 230400 - len(body)
     whole = [*talk[:2], (">", talk[2][1] + bytes(missing)), ("<", framing.ACK)]
-    with RpcServer("/icubSim/cam/left/rpc", lambda question: Bottle(), network=network), ExitStack() as opened:
+    with RpcServer("/icubSim/cam/left/rpc", lambda _: Bottle([Vocab("nak")]), network=network), ExitStack() as opened:
         listening = opened.enter_context(listen(network, "/icubSim/cam/left"))
         reply = b'0 "Added connection from /icubSim/cam/left to fast_tcp://rd4\\r\\n"\r\n<ACK>\r\n'
         added = [(">", b"CONNACK admin\r\n"), ("<", b"Welcome admin\r\n")]

@@ -1,4 +1,4 @@
-"""``rtf yarp-check``: our ports, name server and tools against the ``yarp`` that is installed, in both directions.
+"""``rtf yarp-check``: our ports, name server, tools and clients of devices against the ``yarp`` that is installed.
 
 Everything happens on loopback, with name servers of its own at free numbers and a configuration folder that is removed
 at the end: a running network is neither used nor disturbed.
@@ -16,7 +16,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,13 +23,20 @@ from rtf import clock
 from rtf.bottle import Bottle
 from rtf.cli.network.options import make_parser
 from rtf.cli.network.terminal import complain, progress, say
+from rtf.cli.network.yarp_bench import (
+    PATIENCE,
+    Bench,
+    CheckError,
+    NotApplicableError,
+    await_that,
+    with_our_server,
+    with_yarpserver,
+)
+from rtf.cli.network.yarp_device_checks import device_checks
 from rtf.errors import RtfError
 from rtf.middleware.errors import WaitTimeoutError
-from rtf.middleware.naming.client import RemoteNames
-from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports import remote
 from rtf.middleware.ports.buffered import BufferedPort
-from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types.codecs import BOTTLE
@@ -40,13 +46,8 @@ from rtf.testing.verdict import ExitCode
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-#: Seconds that a program of YARP may take for one step; it looks up names, and this machine may be busy.
-_PATIENCE = 20.0
-_LOOK_AGAIN = 0.05
 #: Seconds after which a message is sent again.
 _AGAIN = 2.0
-#: Where the plug-ins of YARP are, and the sockets of unix_stream, which both ends have to find.
-_SHARED = ("YARP_DATA_DIRS", "YARP_RUNTIME_DIR")
 #: A line of YARP's log, which goes to stdout, too.
 _LOG = re.compile(r"\[(?:TRACE|DEBUG|INFO|WARNING|ERROR|FATAL)\] ?\|")
 #: The width of the table where the output is no terminal.
@@ -54,74 +55,6 @@ _WIDTH = 160
 _CARRIERS = ("tcp", "fast_tcp", "udp", "mcast", "text", "text_ack", "unix_stream")
 #: What is sent: all that the two versions encode differently, and what they do not.
 _MESSAGE = '[set] 3 1.5 (0.25 2.5 3.5) "two words" -7'
-
-
-class CheckError(RtfError):
-    """A check has found a difference; the text says which."""
-
-
-class NotApplicableError(RtfError):
-    """A check is about something that the installed YARP does not have."""
-
-
-@dataclass
-class Bench:
-    """A name server, ours or YARP's, with our network and the environment of YARP's programs that use it."""
-
-    network: Network
-    environment: dict[str, str]
-    programs: list[subprocess.Popen[str]] = field(default_factory=list)
-
-    def run(self, *words: str, text: str = "") -> str:
-        """Run a ``yarp`` command to its end and return what it printed. Raises CheckError if it fails."""
-        try:
-            done = subprocess.run(
-                ["yarp", *words],
-                input=text,
-                capture_output=True,
-                text=True,
-                timeout=_PATIENCE,
-                env=self.environment,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            raise CheckError(f"'yarp {' '.join(words)}' did not end within {_PATIENCE:g} s") from None
-        if done.returncode:
-            raise CheckError(f"'yarp {' '.join(words)}' ended with {done.returncode}: {done.stderr.strip()[-300:]}")
-        return done.stdout
-
-    def start(self, *words: str) -> subprocess.Popen[str]:
-        """Start a ``yarp`` command that goes on; it ends with the check."""
-        program = subprocess.Popen(
-            ["yarp", *words],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-            env=self.environment,
-        )
-        self.programs.append(program)
-        return program
-
-    def await_port(self, name: str) -> None:
-        """Wait until a port is registered and answers."""
-        await_that(lambda: remote.exists(self.network, Contact(name)), f"the port {name} of YARP is not there")
-
-    def end_programs(self) -> None:
-        """Kill the programs that still run."""
-        for program in self.programs:
-            program.kill()
-            program.communicate()
-        self.programs.clear()
-
-
-def await_that(condition: Callable[[], object], complaint: str) -> None:
-    """Wait until a condition holds. Raises CheckError with the complaint if it does not in time."""
-    deadline = clock.Deadline.after(_PATIENCE)
-    while not condition():
-        if deadline.expired:
-            raise CheckError(f"{complaint}, {_PATIENCE:g} s later")
-        clock.sleep(_LOOK_AGAIN)
 
 
 def _expect(got: str, wanted: str, what: str) -> None:
@@ -138,13 +71,13 @@ def _writes_to_us(bench: Bench, carrier: str) -> str:
         writer = bench.start("write", "/yarp/writer")
         bench.await_port("/yarp/writer")
         _connect(bench, "/yarp/writer", "/rtf/reader", carrier)
-        deadline = clock.Deadline.after(_PATIENCE)
+        deadline = clock.Deadline.after(PATIENCE)
         while not deadline.expired:  # the first datagrams of a multicast group may be lost
             _type(writer, _MESSAGE)
             with contextlib.suppress(WaitTimeoutError):
                 _expect(reader.read(_AGAIN).to_text(), _MESSAGE, "what arrived")
                 return ""
-        raise CheckError(f"nothing arrived within {_PATIENCE:g} s")
+        raise CheckError(f"nothing arrived within {PATIENCE:g} s")
 
 
 def _reads_from_us(bench: Bench, carrier: str) -> str:
@@ -191,9 +124,9 @@ def _line(program: subprocess.Popen[str]) -> str:
 
     thread = threading.Thread(target=read, daemon=True)
     thread.start()
-    thread.join(_PATIENCE)
+    thread.join(PATIENCE)
     if not lines:
-        raise CheckError(f"it printed nothing within {_PATIENCE:g} s")
+        raise CheckError(f"it printed nothing within {PATIENCE:g} s")
     return lines[0]
 
 
@@ -210,7 +143,7 @@ def _is_asked_by_us(bench: Bench) -> str:
     bench.await_port("/yarp/server")
     with RpcClient("/rtf/client", "/yarp/server", network=bench.network) as client:
         _type(server, "[ok] 0.5")
-        reply = client.call(Bottle(["get", 1.5]), timeout=_PATIENCE)
+        reply = client.call(Bottle(["get", 1.5]), timeout=PATIENCE)
     _expect("" if reply is None else reply.to_text(), "[ok] 0.5", "the reply")
     return ""
 
@@ -239,7 +172,7 @@ def _survives_a_kill(bench: Bench) -> str:
                 raise CheckError("the reader did not get its message")
             _expect(_line(reader), "1.5", "what was printed")
             reader.send_signal(signal.SIGKILL)
-            reader.wait(_PATIENCE)
+            reader.wait(PATIENCE)
             await_that(lambda: not writer.write(Bottle([2.5])), "the loss of the reader is not noticed")
     return ""
 
@@ -261,6 +194,7 @@ def _checks() -> Iterator[tuple[str, Callable[[Bench], str]]]:
     yield "rpc: yarp asks, we reply", _asks_us
     yield "rpc: we ask, yarp replies", _is_asked_by_us
     yield "kill -9 of a reader", _survives_a_kill
+    yield from device_checks()
 
 
 # The command -----------------------------------------------------------------------------------------------------
@@ -270,8 +204,8 @@ def yarp_check(words: Sequence[str]) -> ExitCode:
     """Check that ports of YARP and ours understand each other."""
     parser = make_parser(
         "yarp-check",
-        "Try our ports, name server and tools against the 'yarp' that is installed, in both directions, on this machine"
-        " alone. Prints a table; exits with 1 if something differs.",
+        "Try our ports, name server, tools and clients of devices against the 'yarp' that is installed, in both"
+        " directions, on this machine alone. Prints a table; exits with 1 if something differs.",
         "rtf yarp-check\nPATH=/opt/yarp-4/bin:$PATH rtf yarp-check",
     )
     parser.add_argument("--only", metavar="TEXT", default="", help="only the checks with this text, such as udp or rpc")
@@ -282,8 +216,8 @@ def yarp_check(words: Sequence[str]) -> ExitCode:
     rows = []
     if "YARP_RUNTIME_DIR" not in os.environ:  # YARP finds no default where USER is not set, as in a container
         os.environ["YARP_RUNTIME_DIR"] = f"/tmp/runtime-{os.getuid()}/yarp"  # noqa: S108 - the folder is its user's
-    for title, make in (("our name server", _with_our_server), ("yarpserver", _with_yarpserver)):
-        if make is _with_yarpserver and shutil.which("yarpserver") is None:
+    for title, make in (("our name server", with_our_server), ("yarpserver", with_yarpserver)):
+        if make is with_yarpserver and shutil.which("yarpserver") is None:
             continue
         with tempfile.TemporaryDirectory(prefix="rtf-yarp-check-") as folder, make(Path(folder)) as bench:
             for name, check in _checks():
@@ -309,50 +243,8 @@ def _outcome(bench: Bench, check: Callable[[Bench], str]) -> tuple[str, str]:
 
 
 def _version() -> str:
-    done = subprocess.run(["yarp", "version"], capture_output=True, text=True, timeout=_PATIENCE, check=False)
+    done = subprocess.run(["yarp", "version"], capture_output=True, text=True, timeout=PATIENCE, check=False)
     return (done.stdout or done.stderr).strip().removeprefix("YARP version").strip()
-
-
-def _environment(folder: Path) -> dict[str, str]:
-    """Return the environment of YARP's programs: a configuration of their own."""
-    own = dict.fromkeys(("YARP_CONFIG_HOME", "YARP_DATA_HOME", "YARP_CONF"), str(folder))
-    kept = {key: value for key, value in os.environ.items() if not key.startswith("YARP_") or key in _SHARED}
-    return {**kept, **own, "YARP_COLORED_OUTPUT": "0"}
-
-
-@contextlib.contextmanager
-def _with_our_server(folder: Path) -> Iterator[Bench]:
-    with NameServer() as server:
-        bench = Bench(Network(server.names), _environment(folder))
-        bench.run("conf", server.contact.host, str(server.contact.port))
-        yield bench
-
-
-@contextlib.contextmanager
-def _with_yarpserver(folder: Path) -> Iterator[Bench]:
-    environment = _environment(folder)
-    with NameServer() as free:  # a number that nothing uses now
-        number = free.contact.port
-    server = subprocess.Popen(
-        ["yarpserver", "--ip", "127.0.0.1", "--socket", str(number), "--write"],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=environment,
-    )
-    try:
-        names = RemoteNames(Contact("/root", "127.0.0.1", number, "tcp"))
-        await_that(lambda: _answers(names), "yarpserver does not answer")
-        yield Bench(Network(names), environment)
-    finally:
-        server.kill()
-        server.wait()
-
-
-def _answers(names: RemoteNames) -> bool:
-    try:
-        return names.query("/root") is not None
-    except RtfError:
-        return False
 
 
 def _print(rows: Sequence[tuple[str, str, str, str]]) -> None:

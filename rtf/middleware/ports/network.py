@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import socket
 import threading
 from dataclasses import dataclass
@@ -80,6 +81,12 @@ class Network:
     def dialect_is_set(self) -> bool:
         """Whether all ports are to be sent to in :attr:`dialect`, instead of being asked which one they speak."""
         return self._dialect is not None
+
+    def in_dialect(self, dialect: Dialect) -> Network:
+        """Return a copy for ports that always speak one dialect, such as those of a service that only YARP 4 has."""
+        other = copy.copy(self)
+        other.dialect = dialect
+        return other
 
     def resolve(self, contact: Contact) -> Contact | None:
         """Return the contact with its address, or None if the name is not registered."""

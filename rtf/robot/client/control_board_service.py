@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rtf.bottle import Bottle, as_string
+from rtf.bottle import Bottle, Dialect, as_string
 from rtf.robot.client.control_board_stub import SLOW, BoardStub
 from rtf.robot.client.service_rpc import ServiceRpc
-from rtf.robot.control_board_messages import BY_METHOD, BY_NAME, in_its_dialect
+from rtf.robot.control_board_messages import BY_METHOD, BY_NAME
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError
 from rtf.robot.interfaces import IPidControl
 from rtf.robot.service_rows import Style
@@ -41,7 +41,7 @@ class ControlBoardServiceClient(BoardStub[ServiceRpc]):
 
     @property
     def _board_network(self) -> Network:
-        return in_its_dialect(self.network)
+        return self.network.in_dialect(Dialect.YARP4)
 
     # Requests -------------------------------------------------------------------------------------------------------
 

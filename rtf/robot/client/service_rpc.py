@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rtf.bottle import Bottle, BottleError
 from rtf.errors import RtfError
-from rtf.middleware.types import call
-from rtf.middleware.types.service import succeeded
+from rtf.robot.client.function_call import asked, refusal, request_of, result_of
 from rtf.robot.client.rpc import ACTION_LIMIT, BoardRpc
 from rtf.robot.control_board_messages import BY_NAME, INTERFACE_NAMES
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError, RobotError, StaleStateError
 from rtf.robot.return_value import ReturnValue
-from rtf.robot.service_kinds import read_all, write_all
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,7 +23,6 @@ if TYPE_CHECKING:
 
 _AXES = BY_NAME["getAxesRPC"]
 _INTERFACES = BY_NAME["getDeviceInterfacesRPC"]
-_SHOWN = 120
 
 
 class ServiceRpc(BoardRpc):
@@ -70,51 +66,19 @@ class ServiceRpc(BoardRpc):
 
     def _call(self, port: RpcClient, message: Message, arguments: tuple[object, ...], limit: float) -> Any:
         try:
-            request = call(message.name, *write_all(message.takes, arguments))
-            answer = port.call(request, timeout=limit)
+            answer = port.call(request_of(message, arguments), timeout=limit)
         except RtfError as error:
-            raise NoAnswerError(f"{self.board} did not answer {_asked(message, arguments)}: {error}") from error
+            raise NoAnswerError(f"{self.board} did not answer {asked(message, arguments)}: {error}") from error
         elements = answer.elements() if answer is not None else []
-        if not elements:
-            asked = _asked(message, arguments)
-            raise NoAnswerError(f"{self.board} answered {asked} with an empty message")
-        if not succeeded(elements):
-            raise NotSupportedError(f"{self.board} does not know {_asked(message, arguments)}")
-        try:
-            code = ReturnValue.of(elements[0])
-            if code is ReturnValue.OK:
-                return _results(message, elements)
-        except (BottleError, RefusedError) as error:
-            asked, shown = _asked(message, arguments), Bottle.adopt(elements).to_text()[:_SHOWN]
-            raise NoAnswerError(f"{self.board} answered {asked} with {shown!r}, which is not valid: {error}") from None
-        raise self._error(message, code, _asked(message, arguments))
+        return result_of(message, arguments, elements, device=self.board, error_of=partial(self._error, message))
 
-    def _error(self, message: Message, code: ReturnValue, asked: str) -> RobotError:
+    def _error(self, message: Message, code: ReturnValue, what: str) -> RobotError:
         """Return the error of a code."""
         interface = INTERFACE_NAMES.get(message.interface) if message.interface else None
         if code is ReturnValue.NOT_IMPLEMENTED or not self.interfaces.get(interface or "", True):
-            return NotSupportedError(f"{self.board} does not have {asked}")
+            return NotSupportedError(f"{self.board} does not have {what}")
         if code is ReturnValue.NOT_READY:
-            return StaleStateError(f"{self.board} is not ready for {asked}")
+            return StaleStateError(f"{self.board} is not ready for {what}")
         if code is ReturnValue.COMMUNICATION:
-            return NoAnswerError(f"{self.board} has no connection to the device of {asked}")
-        return RefusedError(f"{self.board} refused {asked} ({code.name.lower().replace('_', ' ')})")
-
-
-def _asked(message: Message, arguments: tuple[object, ...]) -> str:
-    """Return a call as text for a message."""
-    return f"{message.name}({', '.join(map(_shown, arguments))})"[:_SHOWN]
-
-
-def _shown(argument: object) -> str:
-    """Return an argument as text for a message: modes by their names."""
-    if isinstance(argument, (list, tuple)):
-        return f"[{', '.join(map(_shown, argument))}]"
-    return argument.name if isinstance(argument, Enum) else str(argument)
-
-
-def _results(message: Message, answer: list[Value]) -> Any:
-    found = read_all(message.gives, answer[1:])
-    if not found:
-        return None
-    return found[0] if len(found) == 1 else tuple(found)
+            return NoAnswerError(f"{self.board} has no connection to the device of {what}")
+        return refusal(self.board, what, code)

@@ -10,22 +10,26 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from rtf.bottle import Bottle, BottleError, Property, Vocab, as_float, as_int, as_vocab
-from rtf.middleware.types import FAIL, Image, Record
+from rtf.bottle import Bottle, BottleError, Vocab, as_float, as_int, as_vocab
+from rtf.middleware.types import FAIL, Record
+from rtf.robot.camera_messages import FeatureMode
 from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot.interfaces import CameraFeature, IFrameGrabber, IFrameGrabberControls
+from rtf.robot.server.served_camera import RECTANGLE, ServedCamera, cropped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from rtf.middleware.types import Image
+
 COLOUR, RAW, OPTICS, CONTROLS, FIREWIRE = (Vocab(word) for word in ("fgi", "fgir", "visr", "fgc", "fgfw"))
+#: The word for the image itself, of either kind.
+PICTURE = Vocab("imgr")
 GET, SET, HAS, IS, FEATURE = (Vocab(word) for word in ("get", "set", "has", "is", "feat"))
-#: The setting of a feature: by the user, or by the camera.
-MANUAL, AUTOMATIC = 1, 2
 NAK = Bottle([Vocab("nak")])
 _CORNERS = 4  # numbers of a rectangle
 #: The codes of a rectangle in a crop request; some programs send the number of its corners, 2, instead of 0.
-_RECTANGLE = (0, 2)
+_RECTANGLES = (RECTANGLE, 2)
 _WORDS_OF_CROP = 5
 _FIREWIRE = frozenset(f"DR2{letter}" for letter in "abcdefghijklmnopqrstuvwxyzABCDEFIJKLMNO")
 
@@ -37,9 +41,7 @@ class CameraResponder:
     """
 
     def __init__(self, camera: IFrameGrabber, controls: IFrameGrabberControls | None, period: float) -> None:
-        self._camera = camera
-        self._controls = controls
-        self._period = period
+        self._camera = ServedCamera(camera, controls, period)
         self._parts: dict[Vocab, Callable[[Bottle], object]] = {
             COLOUR: self._image,
             RAW: self._image,
@@ -63,19 +65,14 @@ class CameraResponder:
             return Bottle([part, word, IS, self._camera.width()])
         if word.text == "h":
             return Bottle([part, word, IS, self._camera.height()])
-        if word == part:
+        if word == PICTURE:
             return Record(part, word, IS, self._picture(part))
-        if word.text == "crop" and len(request) == _WORDS_OF_CROP and as_int(request[3]) in _RECTANGLE:
-            return Record(part, word, IS, _cropped(self._picture(part), request[4]))
+        if word.text == "crop" and len(request) == _WORDS_OF_CROP and as_int(request[3]) in _RECTANGLES:
+            return Record(part, word, IS, _part_of(self._picture(part), request[4]))
         return FAIL
 
     def _picture(self, part: Vocab) -> Image:
-        image, _ = self._camera.image()
-        if part == COLOUR:
-            return image.to("rgb")
-        if image.format.channels != 1:
-            raise NotSupportedError("the camera gives colours only; ask for fgi")
-        return image
+        return self._camera.colour_image() if part == COLOUR else self._camera.raw_image()
 
     # Optics ----------------------------------------------------------------------------------------------------------
 
@@ -88,52 +85,46 @@ class CameraResponder:
         return Bottle([OPTICS, word, IS, *self._get_optics(word.text)])
 
     def _get_optics(self, word: str) -> Sequence[object]:
-        width, height = self._camera.width(), self._camera.height()
         if word in ("w", "h"):
-            return (width if word == "w" else height,)
+            return (self._camera.width() if word == "w" else self._camera.height(),)
         if word == "res":
-            return (width, height)
+            return self._camera.resolution()
         if word == "fov":
-            return tuple(map(float, self._camera.field_of_view()))
+            return self._camera.field_of_view()
         if word == "conf":
-            return (1, width, height, 1.0 / self._period, Vocab("rgb"))
+            known = self._camera.configurations()
+            return (len(known), *(value for one in known for value in (*one[:3], Vocab(one.pixels))))
         if word == "intp":
-            return (pinhole(width, height, *self._camera.field_of_view()).to_bottle(),)
+            return (self._camera.intrinsic_parameters("retificationMatrix").to_bottle(),)  # the protocol's spelling
         if word == "mirr":
-            return (int(self._mirrors() and self._with_controls().feature(CameraFeature.MIRROR)[0] != 0),)
+            return (int(self._camera.mirrored()),)
         raise RefusedError(f"a camera's optics have no {word!r}")
 
     def _set_optics(self, word: str, request: Bottle) -> bool:
         """Set a value of the optics. Return whether it was set: with these interfaces only the mirror can be."""
         if word not in ("res", "fov", "mirr"):
             raise RefusedError(f"of a camera's optics {word!r} cannot be set")
-        if word != "mirr" or not self._mirrors():
+        try:
+            if word == "mirr":
+                self._camera.set_mirrored(as_float(request.get(3)))
+        except NotSupportedError:
             return False
-        self._with_controls().set_feature(CameraFeature.MIRROR, as_float(request.get(3)))
-        return True
-
-    def _mirrors(self) -> bool:
-        return self._controls is not None and self._controls.has_feature(CameraFeature.MIRROR)
+        return word == "mirr"
 
     # Controls --------------------------------------------------------------------------------------------------------
 
-    def _with_controls(self) -> IFrameGrabberControls:
-        if self._controls is None:
-            raise NotSupportedError("the camera has no controls")
-        return self._controls
-
     def _control(self, request: Bottle) -> Bottle:
-        controls = self._with_controls()
+        camera, controls = self._camera, self._camera.controls
         verb, word = as_vocab(request.get(1)), as_vocab(request.get(2))
         if verb == GET and word.text == "camd":
             return Bottle([CONTROLS, word, IS, *controls.camera_description()])
         feature = _feature(request)
         if verb == HAS:
-            return Bottle([CONTROLS, HAS, FEATURE, word.value, int(_has(controls, word.text, feature))])
+            return Bottle([CONTROLS, HAS, FEATURE, word.value, int(_has(camera, word.text, feature))])
         if verb == GET:
-            return Bottle([CONTROLS, word, IS, *_get(controls, word.text, feature)])
+            return Bottle([CONTROLS, word, IS, *_get(camera, word.text, feature)])
         if verb == SET:
-            return Bottle([CONTROLS, SET, int(_set(controls, word.text, feature, request[4:]))])
+            return Bottle([CONTROLS, SET, int(_set(camera, word.text, feature, request[4:]))])
         return FAIL
 
 
@@ -144,36 +135,33 @@ def _feature(request: Bottle) -> CameraFeature:
         raise RefusedError(f"{request.to_text()[:60]!r} names no feature; they go from 0 to 22") from None
 
 
-def _has(controls: IFrameGrabberControls, word: str, feature: CameraFeature) -> bool:
+def _has(camera: ServedCamera, word: str, feature: CameraFeature) -> bool:
     """Return whether a feature exists, and can be switched, set by the camera, by hand, or once by the camera."""
-    if word not in ("feat", "onof", "auto", "man", "onep"):
+    asked = {
+        "feat": camera.has_feature,
+        "onof": camera.has_switch,
+        "auto": camera.has_automatic,
+        "man": camera.has_feature,
+        "onep": camera.has_one_push,
+    }.get(word)
+    if asked is None:
         raise RefusedError(f"a feature has no {word!r}")
-    if word == "onep" or not controls.has_feature(feature):
-        return False
-    try:
-        if word == "onof":
-            controls.is_active(feature)
-        elif word == "auto":
-            controls.is_automatic(feature)
-    except NotSupportedError:
-        return False
-    return True
+    return asked(feature)
 
 
-def _get(controls: IFrameGrabberControls, word: str, feature: CameraFeature) -> Sequence[object]:
-    if word in ("feat", "fea2"):
-        values = controls.feature(feature)
-        if len(values) != (1 if word == "feat" else 2):
-            raise RefusedError(f"{feature.name} has {len(values)} values")
-        return tuple(map(float, values))
+def _get(camera: ServedCamera, word: str, feature: CameraFeature) -> Sequence[object]:
+    if word == "feat":
+        return (camera.feature(feature),)
+    if word == "fea2":
+        return camera.feature_pair(feature)
     if word == "actv":
-        return (int(controls.is_active(feature)),)
+        return (int(camera.is_active(feature)),)
     if word == "mode":
-        return (AUTOMATIC if controls.is_automatic(feature) else MANUAL,)
+        return (int(camera.mode(feature)),)
     raise RefusedError(f"a feature has no {word!r}")
 
 
-def _set(controls: IFrameGrabberControls, word: str, feature: CameraFeature, values: Bottle) -> bool:
+def _set(camera: ServedCamera, word: str, feature: CameraFeature, values: Bottle) -> bool:
     """Set a feature. Return False if the camera refuses."""
     numbers = [as_float(value) for value in values]
     needed = {"feat": 1, "fea2": 2, "actv": 1, "mode": 1, "onep": 0}.get(word)
@@ -181,11 +169,11 @@ def _set(controls: IFrameGrabberControls, word: str, feature: CameraFeature, val
         raise RefusedError(f"invalid values for {word!r} of a feature")
     try:
         if word in ("feat", "fea2"):
-            controls.set_feature(feature, *numbers)
+            camera.set_feature(feature, *numbers)
         elif word == "actv":
-            controls.set_active(feature, active=numbers[0] != 0)
-        elif word == "mode" and numbers[0] in (MANUAL, AUTOMATIC):
-            controls.set_automatic(feature, automatic=numbers[0] == AUTOMATIC)
+            camera.set_active(feature, numbers[0] != 0)
+        elif word == "mode" and numbers[0] in [*FeatureMode]:
+            camera.set_mode(feature, FeatureMode(int(numbers[0])))
         else:
             return False
     except (RefusedError, NotSupportedError):
@@ -199,28 +187,9 @@ def _firewire(request: Bottle) -> Bottle:
     return Bottle([0]) if words & _FIREWIRE else FAIL
 
 
-def _cropped(image: Image, corners: object) -> Image:
+def _part_of(image: Image, corners: object) -> Image:
     """Return the part of an image between two corners, inclusive. Raises RefusedError, and BottleError."""
     if not isinstance(corners, Bottle) or len(corners) != _CORNERS:
         raise BottleError("a rectangle is given by two corners, (x0 y0 x1 y1)")
     x0, y0, x1, y1 = map(as_int, corners)
-    left, right, top, bottom = min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
-    if not (left >= 0 and right < image.width and top >= 0 and bottom < image.height):
-        raise RefusedError(f"({x0} {y0} {x1} {y1}) is not inside of {image.width} x {image.height} pixels")
-    return Image(image.pixels[top : bottom + 1, left : right + 1], image.format, image.quantum)
-
-
-def pinhole(width: int, height: int, horizontal: float, vertical: float) -> Property:
-    """Return the intrinsic parameters of a camera without distortion. Fields of view in deg, lengths in pixels."""
-    return Property(
-        {
-            "physFocalLength": 0.0,
-            "focalLengthX": width / 2 / math.tan(math.radians(horizontal) / 2),
-            "focalLengthY": height / 2 / math.tan(math.radians(vertical) / 2),
-            "principalPointX": (width - 1) / 2,
-            "principalPointY": (height - 1) / 2,
-            "retificationMatrix": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],  # the protocol's spelling
-            "distortionModel": "none",
-            **dict.fromkeys(("k1", "k2", "k3", "t1", "t2"), 0.0),
-        }
-    )
+    return cropped(image, ((x0, y0), (x1, y1)))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
+from rtf.bottle import Dialect
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcServer
-from rtf.robot.control_board_messages import in_its_dialect
 from rtf.robot.errors import NotSupportedError
 from rtf.robot.interfaces import IAxisInfo
 from rtf.robot.server.board_service import BoardService
@@ -46,7 +46,7 @@ class ControlBoardServiceServer:
             raise NotSupportedError(f"{name}: a {type(device).__name__} is not a control board: it has no IAxisInfo")
         self.name = name
         self.period = period
-        streaming = network if requests else in_its_dialect(network)
+        streaming = network if requests else network.in_dialect(Dialect.YARP4)
         with ExitStack() as opened:
             self._streams: ControlBoardServer | StateStreams
             if requests:
@@ -60,7 +60,7 @@ class ControlBoardServiceServer:
             opened.callback(self._streams.close)
             service = BoardService(device, name, network=network)
             opened.enter_context(
-                RpcServer(f"{name}/nws/rpc:i", service.answer, network=in_its_dialect(network), guarded=True)
+                RpcServer(f"{name}/nws/rpc:i", service.answer, network=network.in_dialect(Dialect.YARP4), guarded=True)
             )
             self._opened = opened.pop_all()
 

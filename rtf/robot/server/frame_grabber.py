@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rtf.bottle import as_string
+from rtf.bottle import Dialect, as_string
 from rtf.middleware.types import IMAGE, Image
 from rtf.robot import parameters
 from rtf.robot.errors import NotSupportedError
 from rtf.robot.interfaces import IFrameGrabber, IFrameGrabberControls
+from rtf.robot.server.camera_service import CameraService
 from rtf.robot.server.camera_vocabulary import CameraResponder
 from rtf.robot.server.publishing_device import PublishingDevice
 from rtf.robot.server.stream_server import StreamServer
@@ -26,7 +27,9 @@ class FrameGrabberServer(StreamServer[Image]):
     """Publishes the images of a camera at ``NAME``, stamped with their time; the RPC port is ``NAME/rpc``.
 
     An image is taken only while there are readers, and sent once. ``raw`` sends it unchanged; otherwise it is converted
-    to ``rgb``. ``controls`` are the settings of the camera, None if it has none. Raises ConnectError and AddressError.
+    to ``rgb``. ``controls`` are the settings of the camera, None if it has none. ``service``: the RPC port has the
+    functions of YARP 4 instead of the words of YARP 3; None: by the dialect of the network. Raises ConnectError and
+    AddressError.
     """
 
     def __init__(
@@ -40,6 +43,7 @@ class FrameGrabberServer(StreamServer[Image]):
         raw: bool = False,
         strict: bool = False,
         outlets: Outlets | None = None,
+        service: bool | None = None,
     ) -> None:
         super().__init__(name, network=network, period=period, strict=strict, outlets=outlets)
         self._device = device
@@ -47,8 +51,13 @@ class FrameGrabberServer(StreamServer[Image]):
         self._taken: float | None = None
         if controls is None and isinstance(device, IFrameGrabberControls):
             controls = device
-        responder = CameraResponder(device, controls, period)
-        self.open_ports([name], IMAGE, f"{name}/rpc", responder.answer)
+        if service is None:
+            service = network.dialect is Dialect.YARP4
+        if service:
+            functions = CameraService(device, controls, period, f"{name}/rpc", network=network)
+            self.open_ports([name], IMAGE, f"{name}/rpc", functions.answer, dialect=Dialect.YARP4)
+        else:
+            self.open_ports([name], IMAGE, f"{name}/rpc", CameraResponder(device, controls, period).answer)
 
     def measure(self, now: float) -> tuple[Image, float] | None:  # noqa: ARG002 - the camera knows when it was taken
         image, taken = self._device.image()

@@ -15,7 +15,7 @@ from rtf.robot.server.stamp_counter import StampCounter
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.bottle import Bottle
+    from rtf.bottle import Bottle, Dialect
     from rtf.middleware.ports.network import Network
     from rtf.middleware.types.codecs import Codec
     from rtf.robot.server.outlets import Outlet, Outlets
@@ -72,14 +72,24 @@ class StreamServer(ABC, Generic[T]):
             self.network.report(f"{self.name}: nothing is published: {sentence}")
 
     def open_ports(
-        self, names: Sequence[str], codec: Codec[Any], rpc: str = "", answer: Callable[[Bottle], object] | None = None
+        self,
+        names: Sequence[str],
+        codec: Codec[Any],
+        rpc: str = "",
+        answer: Callable[[Bottle], object] | None = None,
+        *,
+        dialect: Dialect | None = None,
     ) -> Self:
-        """Open the ports of the stream, and an RPC port if there is a handler; all of them or none."""
+        """Open the ports of the stream, and an RPC port if there is a handler; all of them or none.
+
+        ``dialect`` is that of the RPC port; None: that of the network.
+        """
         with ExitStack() as opened:
             self._ports = [opened.enter_context(closing(self._outlets.open(name, codec))) for name in names]
             if answer is not None:
                 handle = with_error_replies(answer, port=rpc, network=self.network)
-                opened.enter_context(RpcServer(rpc, handle, network=self.network))
+                network = self.network if dialect is None else self.network.in_dialect(dialect)
+                opened.enter_context(RpcServer(rpc, handle, network=network))
             self._opened = opened.pop_all()
         return self
 
