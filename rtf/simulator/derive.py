@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rtf.robot.errors import RefusedError
-from rtf.robot.model.description import load_description, read_joints, repair
+from rtf.robot.model.description import load_description, read_joints, repair, unusable_meshes
 from rtf.robot.model.engine import mujoco
 
 if TYPE_CHECKING:
@@ -120,12 +120,10 @@ def _general_assumptions(description: Path, mimics: Sequence[str]) -> list[str]:
     if mimics:
         found.append(f"left out, as they follow other joints: {', '.join(mimics)}")
     if description.suffix.lower() == ".urdf":
-        found += repair(_unrepaired(description))
+        found += repair(load_description(description, shapes=False, repaired=False))
+        if bare := unusable_meshes(description):
+            found.append(f"drawn as capsules, as their meshes are missing or not STL or OBJ: {', '.join(bare)}")
     return found
-
-
-def _unrepaired(description: Path) -> Any:
-    return load_description(description, shapes=False, repaired=False)
 
 
 def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str], slowed: list[str]) -> str:

@@ -148,6 +148,8 @@ def build(robot: RobotModel, options: Options | None = None) -> Plant:
     _shape(spec, robot, published, attached, options)
     moving = {joint.parent.name for joint in spec.joints}
     fixed = {robot.body.root, *(sensor.link for sensor in robot.sensors.force_torque.values())}
+    if robot.description.suffix.lower() != ".urdf":  # whose shapes collide as they are, those of fixed links, too
+        fixed |= {body.name for body in spec.bodies if body.geoms and body.name != "world"}
     collisions.exclude_near(spec, moving | fixed, robot.body.near)
     return _compiled(spec, robot)
 

@@ -36,7 +36,7 @@ def add_scene(spec: Any, bench: Bench, published: list[Any], attached: list[Any]
     """Make the robot visible, with simplified or ``published`` covers, and add the surroundings."""
     if not keep_meshes:
         for geom in published:
-            if geom.meshname:
+            if geom.meshname and spec.mesh(geom.meshname).file.lower().endswith(".stl"):
                 _lighten(spec.mesh(geom.meshname), geom, bench.cut)
     # Shapes that also collide are in a group that is not shown.
     for geom in [*published, *attached]:

@@ -26,7 +26,13 @@ _SHAPE = re.compile(r"<(visual|collision)\b.*?</\1>", re.DOTALL)
 LEAST_MASS, _TINY = 0.05, 1e-6
 #: The radius of the ball in place of an impossible inertia (m).
 _BALL = 0.05
-_PACKAGE = re.compile(r"package://([\w.-]+)")
+_PACKAGE = re.compile(r"package:/{2,3}([\w.-]+)")
+_MESH = re.compile(r"<mesh\b[^>]*\bfilename\s*=\s*[\"']([^\"']+)")
+_LINK = re.compile(r"<link\b[^>]*\bname\s*=\s*[\"']([^\"']+)")
+#: Bytes of a binary STL file: before the number of faces, and of each face.
+_STL_HEADER, _STL_FACET = 80, 50
+#: The shortest bone that is drawn (m), and the colour of all.
+_SHORTEST, _BONE = 0.01, (0.6, 0.6, 0.65, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,20 +53,73 @@ class JointDescription:
 def load_description(path: Path, *, shapes: bool, repaired: bool = True) -> Any:
     """Return an MjSpec of a description. Without ``shapes`` a URDF needs no mesh files.
 
-    Raises ConfigurationError, which names the file, for one that cannot be read, and MissingPackageError.
+    Links of a URDF with meshes that are missing, or in a format that the engine does not read, get capsules along
+    their bones in place of them. Raises ConfigurationError, which names the file, for a description that cannot be
+    read, and MissingPackageError.
     """
     try:
-        text = path.read_text(encoding="utf-8")
         if path.suffix.lower() != ".urdf":
             return mujoco().MjSpec.from_file(str(path))
+        text = path.read_text(encoding="utf-8")
         if not shapes:
             text = _SHAPE.sub("", text)
-        spec = mujoco().MjSpec.from_string(_PACKAGE.sub(lambda match: str(_package(path, match[1])), text))
+        text = _PACKAGE.sub(lambda match: str(_package(path, match[1])), text)
+        bare: list[str] = []
+        if shapes:
+            text = _SHAPE.sub(lambda match: _usable(path, match[0], text, match.start(), bare), text)
+        spec = mujoco().MjSpec.from_string(text)
     except (OSError, UnicodeDecodeError, ValueError) as error:
         raise ConfigurationError(f"{path}: cannot read a robot description (URDF or MJCF): {error}") from error
+    for link in dict.fromkeys(bare):
+        _add_bones(spec.body(link))
     if repaired:
         repair(spec)
     return spec
+
+
+def unusable_meshes(path: Path) -> list[str]:
+    """Return the links of a URDF whose meshes are missing or cannot be read by the engine."""
+    if path.suffix.lower() != ".urdf":
+        return []
+    bare: list[str] = []
+    text = _PACKAGE.sub(lambda match: str(_package(path, match[1])), path.read_text(encoding="utf-8"))
+    for match in _SHAPE.finditer(text):
+        _usable(path, match[0], text, match.start(), bare)
+    return list(dict.fromkeys(bare))
+
+
+def _usable(path: Path, shape: str, text: str, start: int, bare: list[str]) -> str:
+    """Return the text of a shape, or nothing if its mesh cannot be used; its link is added to ``bare`` then."""
+    mesh = _MESH.search(shape)
+    if mesh is None or _is_readable(path.parent / mesh[1].removeprefix("file://")):
+        return shape
+    links = _LINK.findall(text[:start])
+    bare.append(links[-1] if links else "")
+    return ""
+
+
+def _is_readable(mesh: Path) -> bool:
+    if not mesh.is_file():
+        return False
+    if mesh.suffix.lower() != ".stl":
+        return mesh.suffix.lower() == ".obj"
+    with mesh.open("rb") as file:
+        count = int.from_bytes(file.read(_STL_HEADER + 4)[_STL_HEADER:], "little")
+    return mesh.stat().st_size == _STL_HEADER + 4 + count * _STL_FACET
+
+
+def _add_bones(body: Any) -> None:
+    """Add a massless capsule from a link's frame to each link below it, or a ball to the last one."""
+    types = mujoco().mjtGeom
+    if body is None:
+        return
+    tips = [child.pos for child in body.bodies if np.linalg.norm(child.pos) > _SHORTEST]
+    look = {"contype": 0, "conaffinity": 0, "mass": 0, "rgba": _BONE}
+    for tip in tips:
+        radius = min(max(0.15 * float(np.linalg.norm(tip)), 0.01), 0.05)
+        body.add_geom(type=types.mjGEOM_CAPSULE, fromto=[0, 0, 0, *tip], size=[radius, 0, 0], **look)
+    if not tips:
+        body.add_geom(type=types.mjGEOM_SPHERE, size=[0.02, 0, 0], **look)
 
 
 def repair(spec: Any) -> list[str]:

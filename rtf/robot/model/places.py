@@ -16,7 +16,7 @@ _STEP = re.compile(r"\.([\w-]+)|\[(\d+|\.\.\.)\]")
 
 
 def line_of(text: str, path: Sequence[str]) -> int:
-    """Return the line, from 1, of the longest beginning of ``path`` that a line of a TOML file opens.
+    """Return the line, from 1, that shares the longest beginning with ``path``: the first such table or key.
 
     A key inside of an inline table has the line of that table. 1 if nothing of the path is found.
     """
@@ -31,8 +31,10 @@ def line_of(text: str, path: Sequence[str]) -> int:
             if key is None:
                 continue
             here = [*table, *_words(key[1])]
-        if len(here) > best and list(path[: len(here)]) == here:
-            best, found = len(here), number
+        shared = next((place for place, pair in enumerate(zip(here, path, strict=False)) if pair[0] != pair[1]), None)
+        length = min(len(here), len(path)) if shared is None else shared
+        if length > best:
+            best, found = length, number
     return found
 
 

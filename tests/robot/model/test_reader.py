@@ -1,0 +1,177 @@
+"""Reading robot.toml: what a good one gives, and what a bad one is told, with file and line."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rtf.robot.errors import RefusedError
+from rtf.robot.model import RobotModelError, find_robot, load_robot, robot_names
+from rtf.robot.model.places import line_of, steps_of
+
+BENCH = find_robot("bench").parent
+HEAD = """schema = 1
+name = "two"
+[description]
+file = "two.xml"
+[motors]
+small = { rotor_resolution = 4096, nominal_current = 1.0, peak_current = 2.0, overload_current = 5.0 }
+[defaults]
+motor = "small"
+max_torque = 5.0
+"""
+JOINTS = """[parts.arm.joints]
+shoulder = { limits = [-90, 90] }
+elbow = { limits = [0, 120] }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with the description of the bench."""
+    (tmp_path / "two.xml").write_text((BENCH / "bench.xml").read_text(encoding="utf-8"), encoding="utf-8")
+    return tmp_path
+
+
+def read(folder: Path, text: str):
+    """The robot of a file with this text."""
+    (folder / "robot.toml").write_text(text, encoding="utf-8")
+    return load_robot(str(folder))
+
+
+def test_a_small_robot(folder: Path):
+    """What is not said has sensible values; each joint has a motor of its own."""
+    robot = read(folder, HEAD + JOINTS)
+    assert list(robot.index) == ["shoulder", "elbow"]
+    shoulder = robot.axis("shoulder")
+    assert (shoulder.minimum, shoulder.maximum, shoulder.home, shoulder.part) == (-90.0, 90.0, 0.0, "arm")
+    assert robot.profile == "unvalidated"
+    assert robot.joint_to_motor.tolist() == [[1.0, 0.0], [0.0, 1.0]]
+    assert robot.simulated_name == "twoSim"
+    with pytest.raises(RefusedError, match="no joint 'wrist'; its joints are shoulder, elbow"):
+        robot.axis("wrist")
+
+
+def test_the_description_says_what_the_file_does_not(folder: Path):
+    """Limits come from it, and an effort."""
+    robot = read(folder, HEAD + "[parts.arm.joints]\nshoulder = {}\nelbow = {}\n")
+    assert robot.axis("shoulder").minimum == pytest.approx(-100.0)
+    assert robot.axis("elbow").maximum == pytest.approx(130.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "said"),
+    [
+        (HEAD + JOINTS.replace("[-90, 90]", "[90, -90]"), 11, "a smaller and a greater number"),
+        (HEAD + JOINTS.replace("[0, 120]", "[0, nan]"), 12, "a smaller and a greater number"),
+        (HEAD + JOINTS.replace("120] }", "120], gearbox = 0 }"), 12, "gearbox and ratio are not 0"),
+        (HEAD + JOINTS.replace("120] }", "120], home = 200 }"), 12, "not within its limits"),
+        (HEAD + JOINTS.replace("120] }", "120], motor = 'big' }"), 12, "none of"),
+        (HEAD + JOINTS.replace("120] }", "120], geerbox = 3 }"), 12, "geerbox"),
+        (HEAD + JOINTS.replace("[0, 120]", "[0, '120']"), 12, "parts.arm.joints.elbow.limits"),
+        (HEAD + JOINTS + "wrist = {}\n", 13, "no joint 'wrist'; its joints are shoulder, elbow"),
+        (HEAD + JOINTS + "[parts.hand.joints]\nelbow = { limits = [0, 1] }\n", 14, "belongs to arm and hand"),
+        (HEAD + "[parts.arm.joints]\n", 10, "has no joints"),
+        (HEAD + "[parts.arm]\nboards = [3]\n" + JOINTS, 11, "3 joints together, the part 2"),
+        (
+            HEAD + "[parts.arm]\ncouplings = [{ first = 0, joint_to_motor = [[1, 1], [1, 1]] }]\n" + JOINTS,
+            11,
+            "cannot be inverted",
+        ),
+        (
+            HEAD + "[parts.arm]\ncouplings = [{ first = 1, joint_to_motor = [[1]] }]\n" + JOINTS,
+            11,
+            "no board begins at joint 1",
+        ),
+        (HEAD + "[parts.arm]\ntogether = [[['wrist']]]\n" + JOINTS, 11, "has no joint wrist"),
+        (HEAD.replace("schema = 1", "schema = 2") + JOINTS, 1, "schema"),
+        (HEAD.replace('"two"', '"two arms"') + JOINTS, 2, "name"),
+        (HEAD.replace("two.xml", "three.xml") + JOINTS, 4, "there is no"),
+        (HEAD.replace('file = "two.xml"', 'file = "x"\npackage = "no-such-package"') + JOINTS, 5, "pip install"),
+        (HEAD + JOINTS + "[sensors.angles.hand]\nport='h'\nopen=1\nbent=2\nchannels=[['toe', 1.0]]\n", 13, "'toe'"),
+        (HEAD + JOINTS + "[body]\noutlines = [{ link = 'fore', radius = 0.1 }]\n", 14, "start, end and radius"),
+        (HEAD + JOINTS + "[sensors.force_torque]\nf = { link = 'fore', port = 'p', parts = ['leg'] }\n", 14, "'leg'"),
+        (HEAD + "[parts.'an arm'.joints]\nshoulder = {}\n", 10, "parts"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_place(folder: Path, text: str, line: int, said: str):
+    """The file, the line, and what to do, before anything is started."""
+    with pytest.raises(RobotModelError) as caught:
+        read(folder, text)
+    message = str(caught.value)
+    assert message.startswith(f"{folder / 'robot.toml'}:{line}: "), message
+    assert said in message
+
+
+def test_broken_toml_is_told_with_its_place(folder: Path):
+    """As the parser says it."""
+    with pytest.raises(RobotModelError, match=r"robot.toml: .*line 2"):
+        read(folder, "schema = 1\nname = \n")
+
+
+def test_an_unknown_robot_is_told_where_was_looked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """And which there are; one in ./robots is found."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RobotModelError, match=r"no robot 'tin'; there are bench, icub(.|\n)*tried .*robots/tin"):
+        find_robot("tin")
+    (tmp_path / "robots" / "tin").mkdir(parents=True)
+    (tmp_path / "robots" / "tin" / "robot.toml").write_text("", encoding="utf-8")
+    assert find_robot("tin").parent.name == "tin"
+    assert robot_names() == ["bench", "icub", "tin"]
+    with pytest.raises(RobotModelError, match="no such file"):
+        find_robot("./nowhere.toml")
+
+
+def test_two_hundred_joints(tmp_path: Path):
+    """A long chain is read and built like a short one."""
+    count = 200
+    body = "".join(
+        f'<body name="b{n}" pos="0 0 0.01"><joint name="j{n}" axis="0 {n % 2} {1 - n % 2}" range="-30 30"/>'
+        '<geom type="sphere" size="0.01" mass="0.01"/>'
+        for n in range(count)
+    )
+    (tmp_path / "two.xml").write_text(
+        f"<mujoco><worldbody>{body}{'</body>' * count}</worldbody></mujoco>", encoding="utf-8"
+    )
+    rows = "".join(f"j{n} = {{ armature = 0.01 }}\n" for n in range(count))
+    robot = read(tmp_path, f"{HEAD}[parts.chain.joints]\n{rows}")
+    from rtf.simulator.plant import build
+
+    assert build(robot).jacobian.shape == (count, count)
+
+
+_KEYS = st.from_regex(r"[A-Za-z_][A-Za-z0-9_-]{0,8}", fullmatch=True)
+_TABLES = st.dictionaries(
+    _KEYS, st.dictionaries(_KEYS, st.integers(-5, 5), min_size=1, max_size=4), min_size=1, max_size=4
+)
+
+
+@given(_TABLES)
+def test_every_key_is_found_in_its_line(tables: dict[str, dict[str, int]]):
+    """For any file of tables and keys."""
+    lines, places = [], {}
+    for table, entries in tables.items():
+        lines.append(f"[{table}]  # a comment")
+        for key, value in entries.items():
+            lines.append(f"{key} = {value}")
+            places[table, key] = len(lines)
+    text = "\n".join(lines)
+    tomllib.loads(text)
+    for path, line in places.items():
+        assert line_of(text, path) == line
+        assert line_of(text, [*path, "deeper"]) == line
+
+
+@given(st.text(max_size=200), st.lists(st.text(max_size=5), max_size=4))
+def test_any_text_has_a_line(text: str, path: list[str]):
+    """Broken files, too."""
+    assert 1 <= line_of(text, path) <= max(1, len(text.splitlines()))
+
+
+def test_paths_of_errors():
+    """As msgspec writes them."""
+    assert steps_of("$.parts[...].joints[...].limits[1]") == ["parts", "...", "joints", "...", "limits", "1"]
