@@ -22,7 +22,7 @@ from rtf.robot_testing.parameter_checks import refuse, wrong_fault, wrong_lists
 from rtf.robot_testing.part import Part
 from rtf.robot_testing.read_only_board import connect_read_only
 from rtf.robot_testing.real_time_checks import CpuPressure, overload
-from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_name
+from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_model, robot_name
 from rtf.robot_testing.safety import Safety
 from rtf.robot_testing.simulated import is_simulated
 from rtf.simulator.control_client import SimulatorControl
@@ -113,6 +113,9 @@ class RobotTest(TestCase):
         self.network = default_network()
         await_name_server(self.network, self.warn)
         self._report_other_robot()
+        model = robot_model(self)
+        if model.profile == "unvalidated":
+            self.report(f"the thresholds of {model.name} are not validated: {model.folder} says so")
         self._parts = {}
         self.clock = clock_from_environment(self.network)
         used = clock.use(self.clock)
