@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robot_outcomes import failed_parts
-from rtf.robot_testing.joint_queues import queues
+from rtf.robot_testing.motion.joint_queues import queues
 from rtf.simulator.axes import PARTS
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.verdict import Verdict

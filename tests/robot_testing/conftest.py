@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rtf.robot_testing import real_time_checks
+from rtf.robot_testing.judging import real_time_checks
 
 
 @pytest.fixture(autouse=True)

@@ -18,8 +18,8 @@ from rtf.robot.errors import RefusedError
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PipelinedOutlets
 from rtf.robot_testing import MotionGuard, Part
+from rtf.robot_testing.guard.transmission import COUPLING_VARIABLE
 from rtf.robot_testing.joints_test import JointsTest
-from rtf.robot_testing.transmission import COUPLING_VARIABLE
 
 from ..robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
 

@@ -12,7 +12,7 @@ from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError
 from rtf.robot_testing.joints_test import command_at
-from rtf.robot_testing.real_time_checks import RecentCpuPressure
+from rtf.robot_testing.judging.real_time_checks import RecentCpuPressure
 from rtf.testing.events import Event, Message, SubResultEnded
 from rtf.testing.plugins import find, load_test
 from rtf.testing.session import Session

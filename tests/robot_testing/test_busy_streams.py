@@ -8,9 +8,10 @@ from rtf import clock
 from rtf.clock import SystemClock
 from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.robot.errors import RefusedError, StaleStateError
-from rtf.robot_testing import RobotTest, real_time_checks
-from rtf.robot_testing.port_recorder import Message
+from rtf.robot_testing import RobotTest
+from rtf.robot_testing.judging import real_time_checks
 from rtf.robot_testing.stream_test import RateTest
+from rtf.robot_testing.streams.port_recorder import Message
 from rtf.testing.session import Session
 from rtf.testing.verdict import Inconclusive, MeasurementVerdict, Verdict
 

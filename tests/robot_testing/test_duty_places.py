@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rtf.robot_testing.duty_ramp import away_from_limits
 from rtf.robot_testing.duty_test import NEAR, ROOM
+from rtf.robot_testing.motion.duty_ramp import away_from_limits
 from rtf.simulator.axes import AXES, INDEX, PARTS
 from rtf.simulator.contacts import touching
 from rtf.simulator.engine import mujoco

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rtf.robot_testing.duty_ramp import End, Ramp
 from rtf.robot_testing.duty_test import BothWays, Steps
-from rtf.robot_testing.joint_swings import Outcome
-from rtf.robot_testing.transmission import Transmission
+from rtf.robot_testing.guard.transmission import Transmission
+from rtf.robot_testing.motion.duty_ramp import End, Ramp
+from rtf.robot_testing.motion.joint_swings import Outcome
 from rtf.testing.verdict import TestProblem
 
 from .kept_test import kept_test

@@ -11,12 +11,12 @@ import pytest
 
 from rtf import clock
 from rtf.robot.client.control_board import RemoteControlBoard
-from rtf.robot_testing.joint_swings import Ends, JointSwinger
-from rtf.robot_testing.orientations import each_once, turns_of
-from rtf.robot_testing.port_recorder import Message
+from rtf.robot_testing.guard.transmission import Transmission
+from rtf.robot_testing.judging.orientations import each_once, turns_of
+from rtf.robot_testing.motion.joint_swings import Ends, JointSwinger
+from rtf.robot_testing.motion.routines import run_to_end
 from rtf.robot_testing.robot_test import RobotTest
-from rtf.robot_testing.routines import run_to_end
-from rtf.robot_testing.transmission import Transmission
+from rtf.robot_testing.streams.port_recorder import Message
 from rtf.testing.verdict import Inconclusive, TestFailure, TestProblem
 
 from .kept_test import kept_test

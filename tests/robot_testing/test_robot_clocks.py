@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from rtf.robot.control_modes import ControlMode
-from rtf.robot_testing.routines import run_to_end
-from rtf.robot_testing.sine import RampedSine
-from rtf.robot_testing.step_response import step_response
+from rtf.robot_testing.judging.sine import RampedSine
+from rtf.robot_testing.judging.step_response import step_response
+from rtf.robot_testing.motion.routines import run_to_end
 
 from .kept_test import kept_test
 from .part_bench import PartBench
