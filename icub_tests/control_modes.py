@@ -27,7 +27,7 @@ from rtf.robot_testing.guard.snapshot import answered
 from rtf.robot_testing.joints_test import JointsTest, command_at
 from rtf.robot_testing.motion.mode_numbers import LEGEND, mode_numbers
 from rtf.robot_testing.motion.mode_walk import ModeWalk
-from rtf.robot_testing.motion.torque_control import greatest_torque, torque_flags
+from rtf.robot_testing.torque_control import greatest_torque, torque_flags
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.guard.motion_guard import GuardError
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.joints_test import JointsTest, command_at
 from rtf.robot_testing.motion.joint_queues import queues
 from rtf.robot_testing.motion.routines import run_queues

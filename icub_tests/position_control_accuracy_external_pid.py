@@ -12,7 +12,7 @@ from rtf.robot.extended_state import Field
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety
 from rtf.robot_testing.coupled_step_test import CoupledStepTest
-from rtf.robot_testing.guard.motion_guard import GuardError
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.simulated import is_simulated
 from rtf.robot_testing.judging.checked_values import CheckedValue
 from rtf.robot_testing.judging.real_time_checks import command_delay

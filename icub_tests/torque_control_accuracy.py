@@ -11,7 +11,7 @@ from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.coupled_step_test import CoupledStepTest
 from rtf.robot_testing.judging.checked_values import CheckedValue
 from rtf.robot_testing.judging.step_response import largest
-from rtf.robot_testing.motion.torque_control import greatest_torque, holding_torques, torque_joints
+from rtf.robot_testing.torque_control import greatest_torque, holding_torques, torque_joints
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_to_end
 from rtf.robot_testing.motion.start_position import bring, hold, starting_point
-from rtf.robot_testing.motion.torque_control import holding_torques, torque_joints
+from rtf.robot_testing.torque_control import holding_torques, torque_joints
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:

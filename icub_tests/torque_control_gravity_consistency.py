@@ -9,7 +9,7 @@ import numpy as np
 from rtf.robot_testing import RobotTest, Safety, fit_line, likely_causes
 from rtf.robot_testing.judging.gravity import GravityModel
 from rtf.robot_testing.motion.start_position import bring, hold
-from rtf.robot_testing.motion.torque_control import greatest_torque, mean_torques, torque_joints
+from rtf.robot_testing.torque_control import greatest_torque, mean_torques, torque_joints
 from rtf.simulator.errors import MissingPackageError
 from rtf.testing import Parameter
 

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from rtf.pytest_plugin import lock_file
 from rtf.pytest_suites.conductor import Conductor
 from rtf.pytest_suites.listener import Listener
-from rtf.pytest_suites.locks import FixtureLocks
+from rtf.pytest_suites.locks import FixtureLocks, lock_file
 from rtf.pytest_suites.settings import LIVE_PAGE, Settings
 from rtf.testing.journal import FILE_NAME, Journal, make_run_folder
 from rtf.testing.plan import Plan, Planner, load_files

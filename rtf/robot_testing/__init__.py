@@ -5,7 +5,8 @@ moves the robot has a guard that watches it and restores it afterwards, with any
 connects the xUnit core, which does not know robots, with the robot layer, which does not know tests.
 """
 
-from rtf.robot_testing.guard.motion_guard import GuardError, Limits, MotionGuard
+from rtf.robot_testing.guard.limits import GuardError, Limits
+from rtf.robot_testing.guard.motion_guard import MotionGuard
 from rtf.robot_testing.guard.safety import Safety
 from rtf.robot_testing.guard.snapshot import Snapshot
 from rtf.robot_testing.judging.failure_causes import likely_causes

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtf.robot_testing.guard.motion_guard import GuardError
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.motion.routines import until
 from rtf.robot_testing.motion.start_position import bringing

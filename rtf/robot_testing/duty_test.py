@@ -9,7 +9,7 @@ import numpy as np
 from rtf.errors import RtfError
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RobotError
-from rtf.robot_testing.guard.motion_guard import GuardError, Limits
+from rtf.robot_testing.guard.limits import GuardError, Limits
 from rtf.robot_testing.guard.safety import Safety
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.joints_test import HOMING, JointsTest

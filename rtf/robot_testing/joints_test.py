@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.robot.control_modes import ControlMode
-from rtf.robot_testing.guard.motion_guard import GuardError
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.motion.part import TOLERANCE
 from rtf.robot_testing.motion.start_position import hold, late_held_joints

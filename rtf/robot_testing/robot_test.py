@@ -14,20 +14,21 @@ from rtf.robot.client.boards import connect
 from rtf.robot.errors import RefusedError, RobotError, StaleStateError
 from rtf.robot_testing.failure_recording import FailureRecording
 from rtf.robot_testing.guard.contacts import ContactWatch, listen_to_forces
-from rtf.robot_testing.guard.motion_guard import GuardError, Limits, MotionGuard
+from rtf.robot_testing.guard.limits import GuardError, Limits
+from rtf.robot_testing.guard.motion_guard import MotionGuard
 from rtf.robot_testing.guard.motion_record import MotionRecord
 from rtf.robot_testing.guard.read_only_board import connect_read_only
 from rtf.robot_testing.guard.safety import Safety
 from rtf.robot_testing.guard.simulated import is_simulated
+from rtf.robot_testing.injected_fault import parse_injection, wrong_fault
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.judging.real_time_checks import CpuPressure, overload
 from rtf.robot_testing.motion.part import Part
-from rtf.robot_testing.parameter_checks import refuse, wrong_fault, wrong_lists
+from rtf.robot_testing.name_server import await_name_server
+from rtf.robot_testing.parameter_checks import refuse, wrong_lists
 from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_name
-from rtf.robot_testing.streams.name_server import await_name_server
 from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import Parameter, TestCase
-from rtf.testing.parameters import ParameterError
 from rtf.testing.permission import has_permission
 
 if TYPE_CHECKING:
@@ -282,22 +283,3 @@ class RobotTest(TestCase):
 
 #: Time for the first state of a board, s of the robot's clock: usually, and at most on a busy machine.
 _FIRST_STATE, _LATEST_STATE = 0.1, 2.0
-
-
-def parse_injection(text: str) -> tuple[str, str, dict[str, float]]:
-    """Return kind, target and parameters of the fault that the parameter ``inject`` describes.
-
-    Raises ParameterError.
-    """
-    kind, *words = text.split()
-    target = words.pop(0) if words and "=" not in words[0] else "-"
-    values: dict[str, float] = {}
-    for word in words:
-        name, equals, number = word.partition("=")
-        try:
-            values[name] = float(number)
-        except ValueError:
-            equals = ""
-        if not equals:
-            raise ParameterError("inject", [f"{word!r} is not of the form name=number, such as torque=400"])
-    return kind, "" if target == "-" else target, values

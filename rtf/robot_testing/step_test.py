@@ -14,7 +14,7 @@ import numpy as np
 
 from rtf.errors import RtfError
 from rtf.middleware.clocks.network_clock import LockstepClock
-from rtf.robot_testing.guard.motion_guard import GuardError
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.simulated import is_simulated
 from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
 from rtf.robot_testing.judging.failure_causes import likely_causes

@@ -11,7 +11,7 @@ import pytest
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.failure_recording import FailureRecording
-from rtf.robot_testing.guard.motion_guard import GuardError
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.testing.events import Event, Message, SeriesRecorded
 from rtf.testing.session import Session

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot_testing.guard.motion_guard import Limits
+    from rtf.robot_testing.guard.limits import Limits
 
 #: Longest time without a value of a quantity that had been measured, s.
 _SILENT = 0.5

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from rtf.middleware.clocks.network_clock import LockstepClock
-from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import (
     NoAnswerError,
     NotSupportedError,
@@ -18,9 +17,9 @@ from rtf.robot.errors import (
     RobotError,
     StaleStateError,
 )
-from rtf.robot.interfaces import PidType
 from rtf.robot_testing.guard.contacts import WITHIN, NoForcesError
 from rtf.robot_testing.guard.error_collector import ErrorCollector
+from rtf.robot_testing.guard.limits import GuardError, Limits
 from rtf.robot_testing.guard.monitored_quantities import (
     MonitoredPart,
     MonitoredQuantity,
@@ -30,17 +29,17 @@ from rtf.robot_testing.guard.monitored_quantities import (
     temperatures,
 )
 from rtf.robot_testing.guard.motion_record import MotionRecord
+from rtf.robot_testing.guard.settings_restoration import SettingsRestoration
 from rtf.robot_testing.guard.snapshot import Snapshot, answered, sliding_joints
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.judging.real_time_checks import RecentCpuPressure
-from rtf.testing.verdict import TestFailure
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
 
     from rtf.clock import Clock
     from rtf.robot.client.boards import RemoteBoard
-    from rtf.robot.interfaces import FloatArray, Pid
+    from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.guard.contacts import ContactWatch
 
 #: Speed at which joints are moved back, deg/s, and the most time for it, s.
@@ -57,36 +56,6 @@ _DRIVEN = frozenset({ControlMode.TORQUE, ControlMode.CURRENT, ControlMode.PWM, C
 _RESTLESS = _DRIVEN - {ControlMode.POSITION_DIRECT} | {ControlMode.VELOCITY}
 #: Modes in which its motor has no power.
 _LIMP = frozenset({ControlMode.IDLE, ControlMode.HARDWARE_FAULT})
-
-
-class GuardError(RobotError, TestFailure):
-    """A joint violates a limit, and was stopped; the message names the joint, the value and the limit.
-
-    The test fails, as the robot is at fault. It is inconclusive with an ``excuse``: this machine was too busy to
-    control joints. ``joint`` is the number of the joint in the part, -1 if it is unknown.
-    """
-
-    def __init__(self, text: str, joint: int = -1, excuse: str = "") -> None:
-        super().__init__(text)
-        self.joint = joint
-        self.excuse = excuse
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Limits of a joint while a test moves it. None: no limit."""
-
-    beyond: float = 5.0  # deg outside of its position limits
-    #: Factor of the expected speed: the joint's greatest speed or, if less, twice the commanded speed, but at least
-    #: 80 deg/s. Infinite: no limit.
-    speed: float = 1.5
-    current: float | None = 1.0  # factor of its greatest current
-    torque: float | None = 1.5  # factor of the greatest torque of its motor: more has an external cause
-    temperature: float | None = 1.0  # factor of its temperature limit
-    #: Greatest sudden change of the force at the part's sensor beyond what its motion explains, N. A free limb of the
-    #: simulated robot shows 0.3 N when it falls or stops from full speed, and 13 N with stamps that are wrong by 20 ms.
-    #: A self-collision at 20 deg/s shows 25 N with a finger, 60 to 100 N with any other link.
-    contact: float | None = 15.0
 
 
 class MotionGuard:
@@ -379,8 +348,7 @@ class MotionGuard:
         with suppress(NoAnswerError):  # collected; all further requests would time out as well
             problems.attempt(self.secure)
             problems.attempt(self._exclude_idle_coupled)
-            self._restore_settings(problems)
-            problems.attempt(self._leave_faults)
+            SettingsRestoration(self.board, self.snapshot, self._names, self._report).run(problems)
             if where_it_was:
                 problems.attempt(self._move_back, seconds)
             self._restore_modes(problems)
@@ -426,13 +394,6 @@ class MotionGuard:
                 return True
         return False
 
-    def _restore_settings(self, problems: ErrorCollector) -> None:
-        for joint in range(len(self._names)):
-            for step in (self._restore_current, self._restore_limits, self._restore_impedance):
-                problems.attempt(step, joint)
-        problems.attempt(self._restore_pids, problems)
-        problems.attempt(self._restore_interactions)
-
     def _on_their_way(self, modes: Sequence[ControlMode]) -> set[int]:
         """Return the joints that are on their way to a target: a board completes such a move without a client.
 
@@ -444,49 +405,6 @@ class MotionGuard:
             return found.union(joint for joint in asked if answered(partial(self.board.motion_done, joint)) is False)
         except NoAnswerError:
             return found.union(asked)
-
-    def _restore_current(self, joint: int) -> None:
-        before = self.snapshot.max_currents[joint]
-        if before is not None and self.board.max_current(joint) != before:
-            self.board.set_max_current(joint, before)
-            self._report(f"{self._names[joint]}: the greatest current is {before:g} A again")
-
-    def _restore_limits(self, joint: int) -> None:
-        before = self.snapshot.limits
-        if before and self.board.limits(joint) != before[joint]:
-            self.board.set_limits(joint, *before[joint])
-            self._report(f"{self._names[joint]}: the limits are {before[joint]} deg again")
-
-    def _restore_impedance(self, joint: int) -> None:
-        before = self.snapshot.impedances[joint]
-        if before is not None and self.board.impedance(joint) != before:
-            self.board.set_impedance(joint, *before)
-            self._report(f"{self._names[joint]}: stiffness and damping are {before} again")
-
-    def _restore_pids(self, problems: ErrorCollector) -> None:
-        board, all_now = self.board, answered(lambda: self.board.pids(PidType.POSITION))  # one request for all joints
-
-        def restore(joint: int, before: Pid) -> None:
-            if (all_now[joint] if all_now else board.pid(PidType.POSITION, joint)) != before:
-                board.set_pid(PidType.POSITION, joint, before)
-                self._report(f"{self._names[joint]}: the gains of the position controller are as before")
-
-        for joint, before in enumerate(self.snapshot.pids):
-            if before is not None:
-                problems.attempt(restore, joint, before)
-
-    def _restore_interactions(self) -> None:
-        board, before = self.board, self.snapshot.interactions
-        if before and board.interaction_modes() != before:
-            for joint, mode in enumerate(before):
-                if mode is not InteractionMode.UNKNOWN and board.interaction_mode(joint) is not mode:
-                    board.set_interaction_modes(mode, joint)
-
-    def _leave_faults(self) -> None:
-        for joint, mode in enumerate(self.board.control_modes()):
-            if mode is ControlMode.HARDWARE_FAULT and self.snapshot.modes[joint] is not ControlMode.HARDWARE_FAULT:
-                self.board.set_control_modes(ControlMode.FORCE_IDLE, joint)
-                self._report(f"{self._names[joint]} was in hardware fault: forced idle")
 
     def _move_back(self, seconds: float) -> None:
         """Move joints back to their positions in the snapshot. On any error all moving joints are stopped."""

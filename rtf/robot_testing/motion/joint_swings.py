@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rtf.robot_testing.guard.motion_guard import GuardError
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_to_end, until
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.robot_testing.motion.part import Part
+    from rtf.robot_testing.motion.routines import Guarded
 
 
-def ticks(part: Part, period: float, seconds: float) -> Iterator[float]:
+def ticks(part: Guarded, period: float, seconds: float) -> Iterator[float]:
     """Yield the seconds since the beginning, at every tick for ``seconds``; the part's guard watches before each.
 
     Missed ticks are skipped, and the following ones keep their times. Raises GuardError.

@@ -10,20 +10,27 @@ from __future__ import annotations
 
 import math
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeVar
 
-from rtf.robot_testing.guard.motion_guard import GuardError
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.motion.joint_queues import queues
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 
     from rtf.clock import Clock
-    from rtf.robot_testing.motion.part import Part
+    from rtf.robot_testing.guard.motion_guard import MotionGuard
 
 T = TypeVar("T")
 #: A generator that yields once a tick and returns a result.
 Routine: TypeAlias = "Generator[None, None, T]"
+
+
+class Guarded(Protocol):
+    """What routines are run with: the clock of the robot, and the guard that watches at every tick; None: no guard."""
+
+    clock: Clock
+    guard: MotionGuard | None
 
 
 def until(clock: Clock, condition: Callable[[], bool], timeout: float) -> Routine[bool]:
@@ -43,7 +50,7 @@ def pause(clock: Clock, seconds: float) -> Routine[bool]:
     return until(clock, lambda: False, seconds)
 
 
-def run_to_end(part: Part, routine: Routine[T], *, pace: float) -> T:
+def run_to_end(part: Guarded, routine: Routine[T], *, pace: float) -> T:
     """Run one routine with a tick every ``pace`` s, and return its result. The guard watches; raises GuardError."""
     while True:
         try:
@@ -62,7 +69,7 @@ def one_at_a_time(names: Sequence[str], joints: Iterable[int]) -> list[list[list
 
 
 def run_queues(
-    part: Part, rounds: Sequence[Sequence[Sequence[int]]], routine: Callable[[int], Routine[None]], *, pace: float
+    part: Guarded, rounds: Sequence[Sequence[Sequence[int]]], routine: Callable[[int], Routine[None]], *, pace: float
 ) -> None:
     """Run the routines of joints with a tick every ``pace`` s; the guard watches.
 
@@ -82,7 +89,7 @@ def run_queues(
 
 
 def _run_rounds(
-    part: Part,
+    part: Guarded,
     rounds: Sequence[Sequence[Sequence[int]]],
     routine: Callable[[int], Routine[None]],
     running: dict[int, Routine[None]],
@@ -112,7 +119,7 @@ def _run_rounds(
         raise trip
 
 
-def _watch(part: Part, stopped: set[int], running: Iterable[int]) -> GuardError | None:
+def _watch(part: Guarded, stopped: set[int], running: Iterable[int]) -> GuardError | None:
     """Let the guard watch. Return its error if a routine has to handle it; note its joint in ``stopped``."""
     if part.guard is None:
         return None

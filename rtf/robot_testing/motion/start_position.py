@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.motion.part import Part
     from rtf.robot_testing.motion.routines import Routine
-    from rtf.robot_testing.robot_test import RobotTest
+    from rtf.testing import TestCase
 
 #: The speed of such moves, deg/s.
 BRINGING_SPEED = 20.0
 
 
 def bring(
-    test: RobotTest,
+    test: TestCase,
     part: Part,
     joints: Sequence[int],
     targets: Sequence[float] | FloatArray,
@@ -39,7 +39,7 @@ def bring(
 
 
 def bringing(
-    test: RobotTest,
+    test: TestCase,
     part: Part,
     joints: Sequence[int],
     targets: Sequence[float] | FloatArray,

@@ -25,7 +25,8 @@ from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PipelinedOutlets
 from rtf.robot_testing.guard.contacts import ContactWatch, Forces, NoForcesError, force_port
-from rtf.robot_testing.guard.motion_guard import GuardError, Limits, MotionGuard
+from rtf.robot_testing.guard.limits import GuardError, Limits
+from rtf.robot_testing.guard.motion_guard import MotionGuard
 from rtf.robot_testing.motion.part import Part
 from rtf.simulator.icub import SimulatedIcub
 from rtf.testing.events import SeriesRecorded

@@ -22,7 +22,8 @@ from rtf.robot.extended_state import Field
 from rtf.robot.interfaces import JointType, PidType, modes_for
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PipelinedOutlets
-from rtf.robot_testing.guard.motion_guard import GuardError, Limits, MotionGuard
+from rtf.robot_testing.guard.limits import GuardError, Limits
+from rtf.robot_testing.guard.motion_guard import MotionGuard
 from rtf.robot_testing.guard.motion_record import MotionRecord
 from rtf.robot_testing.motion.part import Part
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rtf.robot.control_modes import ControlMode
-from rtf.robot_testing.guard.motion_guard import GuardError
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.motion.duty_ramp import LimpMotor, limp
 from rtf.robot_testing.motion.part import Part

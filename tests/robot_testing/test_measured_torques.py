@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from rtf.robot_testing.motion.routines import run_to_end
-from rtf.robot_testing.motion.torque_control import holding_torques
+from rtf.robot_testing.torque_control import holding_torques
 from rtf.testing.verdict import Inconclusive, SkipTest, TestFailure, TestProblem
 
-from ..kept_test import kept_test  # noqa: TID252 - a neighbour among the tests
-from ..part_bench import PartBench  # noqa: TID252 - a neighbour among the tests
+from .kept_test import kept_test
+from .part_bench import PartBench
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
