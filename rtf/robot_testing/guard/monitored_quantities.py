@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 _SILENT = 0.5
 #: Speed that is always expected, deg/s: on the simulated robot a limp joint falls at up to 90, and one that steps by
 #: 2 deg reaches 41. Boards may allow all joints 1000.
-_CALM = 80.0
+_USUAL_SPEED = 80.0
 #: Ratio of the peak speed of a move to its commanded speed: a minimum-jerk trajectory has a peak of 15/8.
-_PEAK = 2.0
+_PEAK_RATIO = 2.0
 
 
 class Violation(NamedTuple):
     """The joints that violate a limit, and the text for one of them."""
 
     joints: NDArray[np.bool_]
-    say: Callable[[int], str]
+    describe: Callable[[int], str]
 
 
 class MonitoredPart(NamedTuple):
@@ -50,15 +50,15 @@ class MonitoredQuantity:
     """
 
     def __init__(
-        self, what: str, place: MonitoredPart, measure: Callable[[], FloatArray], most: FloatArray, sentence: str
+        self, what: str, part: MonitoredPart, measure: Callable[[], FloatArray], most: FloatArray, sentence: str
     ) -> None:
         self.what = what
-        self._place = place
+        self._part = part
         self._measure = measure
         self._most = most
         self._sentence = sentence
         self._measured = np.zeros(len(most), dtype=bool)
-        self._lost = np.full(len(most), np.inf)  # since when the value is missing, s of the robot's clock
+        self._missing_since = np.full(len(most), np.inf)  # since when the value is missing, s of the robot's clock
         self._reported: set[int] = set()
 
     @property
@@ -66,7 +66,7 @@ class MonitoredQuantity:
         """Whether there is a limit for any joint."""
         return bool(np.isfinite(self.most(np.zeros(len(self._most)))).any())
 
-    def look(self, now: float) -> Iterator[Violation]:
+    def check(self, now: float) -> Iterator[Violation]:
         """Yield the joints above their limits, and those whose values have stopped; ``now`` is the robot's time (s)."""
         why = "there are no values"
         try:
@@ -79,8 +79,8 @@ class MonitoredQuantity:
         self._report(unknown, why)
         self._measured |= ~np.isnan(values)
         # The clock may also be set back.
-        self._lost = np.where(unknown, np.minimum(self._lost, now), np.inf)
-        silent = self._measured & (now - self._lost >= _SILENT)
+        self._missing_since = np.where(unknown, np.minimum(self._missing_since, now), np.inf)
+        silent = self._measured & (now - self._missing_since >= _SILENT)
         yield Violation(silent, lambda _: f"has had no {self.what} for {_SILENT:g} s, which is limited: {why}")
 
     def most(self, values: FloatArray) -> FloatArray:
@@ -92,8 +92,8 @@ class MonitoredQuantity:
         joints = [int(joint) for joint in np.flatnonzero(unknown) if joint not in self._reported]
         self._reported.update(joints)
         if joints:
-            names = ", ".join(self._place.joints[joint] for joint in joints)
-            self._place.report(f"the {self.what} of {self._place.name} is not watched: {why} ({names})")
+            names = ", ".join(self._part.joints[joint] for joint in joints)
+            self._part.report(f"the {self.what} of {self._part.name} is not watched: {why} ({names})")
 
 
 class MonitoredSpeed(MonitoredQuantity):
@@ -102,10 +102,10 @@ class MonitoredSpeed(MonitoredQuantity):
     The commanded speeds are read from the board when a joint would be too fast without them.
     """
 
-    def __init__(self, board: RemoteBoard, place: MonitoredPart, share: float, fastest: FloatArray) -> None:
+    def __init__(self, board: RemoteBoard, part: MonitoredPart, share: float, fastest: FloatArray) -> None:
         sentence = "turns at {:.0f} deg/s, too fast: more than {:.0f} deg/s"
-        super().__init__("speed", place, board.encoder_speeds, fastest, sentence)
-        self._ask = board.reference_speeds
+        super().__init__("speed", part, board.encoder_speeds, fastest, sentence)
+        self._commanded_speeds = board.reference_speeds
         self._share = share
         self._commanded = np.zeros(len(fastest))
 
@@ -113,17 +113,17 @@ class MonitoredSpeed(MonitoredQuantity):
         """See MonitoredQuantity. The limits never fall: a slower command must not stop the move that is under way."""
         if (values > self._expected()).any():
             with suppress(RobotError):  # the board does not report commanded speeds
-                self._commanded = np.fmax(self._commanded, self._ask())
+                self._commanded = np.fmax(self._commanded, self._commanded_speeds())
         return self._expected()
 
     def _expected(self) -> FloatArray:
-        expected: FloatArray = np.minimum(self._most, np.maximum(_CALM, _PEAK * self._commanded))
+        expected: FloatArray = np.minimum(self._most, np.maximum(_USUAL_SPEED, _PEAK_RATIO * self._commanded))
         return self._share * expected
 
 
 def state_quantities(
     board: RemoteBoard,
-    place: MonitoredPart,
+    part: MonitoredPart,
     limits: Limits,
     fastest: FloatArray,
     currents: Sequence[float | None],
@@ -131,25 +131,25 @@ def state_quantities(
     """Return the quantities of the state message that have a limit for some joint; boards report 0 A for no limit."""
     found: list[MonitoredQuantity] = []
     if limits.speed < np.inf:
-        found.append(MonitoredSpeed(board, place, limits.speed, fastest))
+        found.append(MonitoredSpeed(board, part, limits.speed, fastest))
     if limits.current is not None:
         amperes = limits.current * np.array([most or np.inf for most in currents])
         sentence = "draws {:.2f} A, too much: more than {:.2f} A"
-        found.append(MonitoredQuantity("current", place, board.currents, amperes, sentence))
+        found.append(MonitoredQuantity("current", part, board.currents, amperes, sentence))
     if limits.torque is not None:
         torques = limits.torque * greatest(board, lambda joint: max(map(abs, board.torque_range(joint))))
         sentence = "has a torque of {:.1f} Nm, too much: more than {:.1f} Nm"
-        found.append(MonitoredQuantity("torque", place, board.torques, torques, sentence))
+        found.append(MonitoredQuantity("torque", part, board.torques, torques, sentence))
     return [one for one in found if one.limited]
 
 
-def temperatures(board: RemoteBoard, place: MonitoredPart, limits: Limits) -> MonitoredQuantity | None:
+def temperatures(board: RemoteBoard, part: MonitoredPart, limits: Limits) -> MonitoredQuantity | None:
     """Return the motor temperatures, which need a request to the board; None without a limit."""
     if limits.temperature is None:
         return None
     most = limits.temperature * greatest(board, board.temperature_limit)
     sentence = "has {:.0f} degC, too hot: more than {:.0f} degC"
-    found = MonitoredQuantity("temperature", place, board.temperatures, most, sentence)
+    found = MonitoredQuantity("temperature", part, board.temperatures, most, sentence)
     return found if found.limited else None
 
 

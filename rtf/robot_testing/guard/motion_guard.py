@@ -43,17 +43,17 @@ if TYPE_CHECKING:
     from rtf.robot_testing.guard.contacts import ContactWatch
 
 #: Speed at which joints are moved back, deg/s, and the most time for it, s.
-PARKING_SPEED, PARKING_TIME = 20.0, 20.0
+RETURN_SPEED, RETURN_TIME = 20.0, 20.0
 _ARRIVED = 2.0  # deg
 _PACE = 0.05  # s
-_STANDING = 1.0  # deg/s
-_WARMING = 1.0  # s between two readings of the temperatures
-_RETURNING = 3.0  # s to wait for states that have stopped, when a part is restored
+_AT_REST = 1.0  # deg/s
+_TEMPERATURE_PERIOD = 1.0  # s between two readings of the temperatures
+_STATE_WAIT = 3.0  # s to wait for states that have stopped, when a part is restored
 _SETTLING = 0.2  # s after which the state shows a requested mode
 #: Modes in which a joint goes on executing its last command, and ignores ``stop``.
 _DRIVEN = frozenset({ControlMode.TORQUE, ControlMode.CURRENT, ControlMode.PWM, ControlMode.POSITION_DIRECT})
 #: Modes in which it moves on without further commands.
-_RESTLESS = _DRIVEN - {ControlMode.POSITION_DIRECT} | {ControlMode.VELOCITY}
+_MOVING = _DRIVEN - {ControlMode.POSITION_DIRECT} | {ControlMode.VELOCITY}
 #: Modes in which its motor has no power.
 _LIMP = frozenset({ControlMode.IDLE, ControlMode.HARDWARE_FAULT})
 
@@ -93,10 +93,10 @@ class MotionGuard:
         place = MonitoredPart(name, self._names, report)
         self._quantities = state_quantities(board, place, self.limits, self.fastest, self.snapshot.max_currents)
         self._temperatures = temperatures(board, place, self.limits)
-        self._warmth_read = -np.inf  # when the temperatures were last read, s of the robot's clock
+        self._temperatures_read = -np.inf  # when the temperatures were last read, s of the robot's clock
         self._excluded: set[int] = set()
         self._idle_since: dict[int, float] = {}  # when this guard left joints idle, s of the robot's clock
-        self._powered_again: set[int] = set()  # excluded joints that had power again, and were reported
+        self._repowered: set[int] = set()  # excluded joints that had power again, and were reported
         self._coupling: Transmission | None = None  # read when a joint is excluded
         self._secured: set[int] = set()  # joints that were reported as held
         self._contacts = contacts
@@ -173,10 +173,10 @@ class MotionGuard:
         Raises StaleStateError if states no longer arrive; all joints are held then.
         """
         try:
-            self._look()
+            self._check_limits()
         except StaleStateError:
             with suppress(RobotError):  # reported by ``restore``, which reads the states first
-                self._hold_unseen()
+                self._hold_without_states()
             raise
 
     def excuse(self) -> str:
@@ -186,7 +186,7 @@ class MotionGuard:
         """
         return "" if isinstance(self._clock, LockstepClock) else self._cpu_pressure.overload()
 
-    def _look(self) -> None:
+    def _check_limits(self) -> None:
         self._cpu_pressure.update()
         self._watch_excluded()
         positions = self.board.encoders()
@@ -212,9 +212,9 @@ class MotionGuard:
             if modes[joint] in _LIMP or 0 <= now - since < _SETTLING:  # the state may be older
                 continue
             self._leave_idle(joint)
-            if joint in self._powered_again:  # already reported; switch it off again
+            if joint in self._repowered:  # already reported; switch it off again
                 continue
-            self._powered_again.add(joint)
+            self._repowered.add(joint)
             self.exclude_coupled(joint, "which is to stay idle")
             raise GuardError(
                 f"{self._names[joint]} ({self.name} joint {joint}) had been left idle, and was in {modes[joint].word}: "
@@ -229,12 +229,12 @@ class MotionGuard:
             self._watch_quantity(quantity, now)
         self._watch_contacts()
         # The clock may also be set back.
-        if self._temperatures is not None and not 0 <= now - self._warmth_read < _WARMING:
-            self._warmth_read = now
+        if self._temperatures is not None and not 0 <= now - self._temperatures_read < _TEMPERATURE_PERIOD:
+            self._temperatures_read = now
             self._watch_quantity(self._temperatures, now)
 
     def _watch_quantity(self, quantity: MonitoredQuantity, now: float) -> None:
-        for wrong in quantity.look(now):
+        for wrong in quantity.check(now):
             self._judge(wrong)
 
     def _watch_contacts(self) -> None:
@@ -255,7 +255,7 @@ class MotionGuard:
             return
         joint = max(held, key=lambda one: contact.speeds[one])
         what = "is in contact with an obstacle"
-        if contact.speeds[joint] < _STANDING:
+        if contact.speeds[joint] < _AT_REST:
             joint = self._farthest(held, joint)  # before the stop, which changes the targets
             what = "is at rest by its encoder, but in contact: something holds it, or the encoder is frozen"
         self._stop(
@@ -277,9 +277,8 @@ class MotionGuard:
         found = [int(joint) for joint in np.flatnonzero(wrong.joints) if joint not in self._excluded]
         if found:
             joint = found[0]
-            self._stop(
-                [joint], f"{self._names[joint]} ({self.name} joint {joint}) {wrong.say(joint)}; it was stopped", joint
-            )
+            text = f"{self._names[joint]} ({self.name} joint {joint}) {wrong.describe(joint)}; it was stopped"
+            self._stop([joint], text, joint)
 
     def _stop(self, joints: Sequence[int], text: str, joint: int) -> None:
         """Stop joints and raise GuardError with ``text``, even if the board refuses to stop them."""
@@ -299,7 +298,7 @@ class MotionGuard:
         try:
             modes = self.board.control_modes()
         except StaleStateError:
-            self._hold_unseen()
+            self._hold_without_states()
             return
         driven = [joint for joint in joints if modes[joint] in _DRIVEN]
         moving = [joint for joint in joints if modes[joint] not in _DRIVEN | _LIMP]
@@ -310,7 +309,7 @@ class MotionGuard:
             problems.attempt(self.board.stop, moving)
         problems.raise_all("")
 
-    def _hold_unseen(self) -> None:
+    def _hold_without_states(self) -> None:
         """Stop and hold all joints without knowing their states; those that had no power before get none."""
         problems, idle = ErrorCollector(), self._limp_before
         if held := [joint for joint in self._included if joint not in idle]:
@@ -337,11 +336,11 @@ class MotionGuard:
 
     # Afterwards ------------------------------------------------------------------------------------------------------
 
-    def restore(self, seconds: float = PARKING_TIME, *, where_it_was: bool = True) -> None:
+    def restore(self, seconds: float = RETURN_TIME, *, move_back: bool = True) -> None:
         """Restore the part as it was in the snapshot. Raises one RobotError for all problems.
 
         The order is: stop all motion, restore the settings, move the joints back within ``seconds`` (only with
-        ``where_it_was``), and restore the modes. Unchanged settings are not written. A step that fails does not keep
+        ``move_back``), and restore the modes. Unchanged settings are not written. A step that fails does not keep
         the following ones from being done.
         """
         problems = ErrorCollector()
@@ -349,7 +348,7 @@ class MotionGuard:
             problems.attempt(self.secure)
             problems.attempt(self._exclude_idle_coupled)
             SettingsRestoration(self.board, self.snapshot, self._names, self._report).run(problems)
-            if where_it_was:
+            if move_back:
                 problems.attempt(self._move_back, seconds)
             self._restore_modes(problems)
         problems.raise_all(f"{self.name} could not be restored: ")
@@ -362,13 +361,13 @@ class MotionGuard:
         try:
             modes = self.board.control_modes()
         except StaleStateError as error:
-            self._hold_unseen()
-            if not self._sees_again():
+            self._hold_without_states()
+            if not self._states_return():
                 raise RobotError(f"{error}; its joints are held where they were then") from error
             self._report(f"the states of {self.name} had stopped and are back; its joints were held meanwhile")
             modes = self.board.control_modes()
-        on_their_way = self._on_their_way(modes)
-        going = [joint for joint in self._included if modes[joint] in _RESTLESS or joint in on_their_way]
+        on_the_way = self._moving_to_targets(modes)
+        going = [joint for joint in self._included if modes[joint] in _MOVING or joint in on_the_way]
         if going:
             self.halt(going)
         for joint in going:
@@ -384,9 +383,9 @@ class MotionGuard:
                 if other not in self._excluded and modes[other] is ControlMode.IDLE is not before[other]:
                     self.exclude(other, f"its board left it idle with {self._names[joint]}, with which it is coupled")
 
-    def _sees_again(self) -> bool:
+    def _states_return(self) -> bool:
         """Wait for states to arrive again: the machine may have been too busy, or the network down for a moment."""
-        end = self._clock.now() + _RETURNING
+        end = self._clock.now() + _STATE_WAIT
         while self._clock.now() < end:
             self._clock.sleep(_PACE)
             with suppress(StaleStateError):
@@ -394,7 +393,7 @@ class MotionGuard:
                 return True
         return False
 
-    def _on_their_way(self, modes: Sequence[ControlMode]) -> set[int]:
+    def _moving_to_targets(self, modes: Sequence[ControlMode]) -> set[int]:
         """Return the joints that are on their way to a target: a board completes such a move without a client.
 
         If the board does not answer, these are all joints that might be.
@@ -414,10 +413,10 @@ class MotionGuard:
         end = self._clock.now() + seconds
         try:
             # Repeatedly, as a joint that was not held may begin to sink while others move.
-            while away := self._away(mine):
+            while away := self._not_back(mine):
                 if new := [joint for joint in away if joint not in sent]:
                     sent += new
-                    self._send_home(new)
+                    self._command_back(new)
                 if self._clock.now() > end:
                     self._raise_late(away, seconds)
                 self._clock.sleep(_PACE)
@@ -436,26 +435,26 @@ class MotionGuard:
         late = ", ".join(self._names[joint] for joint in away)
         raise GuardError(f"{late} did not return to its position before the test within {seconds:g} s; it was stopped")
 
-    def _away(self, joints: Sequence[int]) -> list[int]:
+    def _not_back(self, joints: Sequence[int]) -> list[int]:
         """Return the joints that are not at their positions in the snapshot. Raises GuardError without a position."""
         here = self.board.encoders()
         for joint in joints:
             if np.isnan(here[joint]):
                 raise GuardError(f"{self._names[joint]} has no position, and cannot be brought back", joint)
-        away = np.minimum(np.abs(here - self.snapshot.positions), np.abs(here - self._home))
+        away = np.minimum(np.abs(here - self.snapshot.positions), np.abs(here - self._return_targets))
         return [joint for joint in joints if away[joint] > _ARRIVED]
 
     @property
-    def _home(self) -> FloatArray:
+    def _return_targets(self) -> FloatArray:
         """The positions in the snapshot; for a joint that was outside of its limits the nearest position within."""
         positions, limits = self.snapshot.positions, np.array(self.snapshot.limits)
         return np.clip(positions, limits[:, 0], limits[:, 1]) if limits.size else positions
 
-    def _send_home(self, joints: Sequence[int]) -> None:
+    def _command_back(self, joints: Sequence[int]) -> None:
         board = self.board
         board.set_control_modes([ControlMode.POSITION] * len(joints), joints)
-        board.set_reference_speeds([PARKING_SPEED] * len(joints), joints)
-        board.position_move(self._home[joints], joints)
+        board.set_reference_speeds([RETURN_SPEED] * len(joints), joints)
+        board.position_move(self._return_targets[joints], joints)
 
     def _restore_modes(self, problems: ErrorCollector) -> None:
         board, before = self.board, self.snapshot

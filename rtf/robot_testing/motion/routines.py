@@ -1,7 +1,7 @@
 """Routines: generator coroutines that work with single joints, so that several joints can be tested in parallel.
 
 A routine yields wherever time has to pass; it is resumed once a tick. :func:`run_to_end` runs a single routine,
-:func:`run_queues` those of many joints: all queues in parallel, the rounds of a queue one after the other. A routine
+:func:`run_queues` those of many joints: all queues in parallel, the groups of a queue one after the other. A routine
 collects its measurements and judges them at its end, in a sub-result: sub-results of parallel routines must not
 overlap. By convention a method named by a participle (``moving``) is the routine of the method that waits (``move``).
 """
@@ -64,16 +64,16 @@ def run_to_end(part: Guarded, routine: Routine[T], *, pace: float) -> T:
 
 
 def one_at_a_time(names: Sequence[str], joints: Iterable[int]) -> list[list[list[int]]]:
-    """Return the queues of joints with a single joint in each round: an arm beside its hand, a neck beside its eyes."""
+    """Return the queues of joints with a single joint in each group: an arm beside its hand, a neck beside its eyes."""
     return [[[joint] for members in queue for joint in members] for queue in queues(names, joints)]
 
 
 def run_queues(
-    part: Guarded, rounds: Sequence[Sequence[Sequence[int]]], routine: Callable[[int], Routine[None]], *, pace: float
+    part: Guarded, joints: Sequence[Sequence[Sequence[int]]], routine: Callable[[int], Routine[None]], *, pace: float
 ) -> None:
     """Run the routines of joints with a tick every ``pace`` s; the guard watches.
 
-    ``rounds`` are the queues, each a list of rounds of joints, see :mod:`rtf.robot_testing.motion.joint_queues`. A
+    ``joints`` are the queues, each a list of groups of joints, see :mod:`rtf.robot_testing.motion.joint_queues`. A
     GuardError about a joint is raised inside its routine; if that one does not run, inside the running routine of its
     queue, or else in any. All other routines go on. A joint that the guard stops a second time is excluded and left
     without power, and only its own routine gets that error. Late ticks are skipped. Any other error closes all routines
@@ -81,22 +81,22 @@ def run_queues(
     """
     running: dict[int, Routine[None]] = {}
     try:
-        _run_rounds(part, rounds, routine, running, pace)
+        _run_all(part, joints, routine, running, pace)
     finally:
         with ExitStack() as closing:
             for one in running.values():
                 closing.callback(one.close)
 
 
-def _run_rounds(
+def _run_all(
     part: Guarded,
-    rounds: Sequence[Sequence[Sequence[int]]],
+    joints: Sequence[Sequence[Sequence[int]]],
     routine: Callable[[int], Routine[None]],
     running: dict[int, Routine[None]],
     pace: float,
 ) -> None:
-    left = [list(queue) for queue in rounds]
-    queue_of = {joint: number for number, queue in enumerate(rounds) for members in queue for joint in members}
+    left = [list(queue) for queue in joints]
+    queue_of = {joint: number for number, queue in enumerate(joints) for members in queue for joint in members}
     begin, stopped = part.clock.now(), set[int]()
     trip: GuardError | None = None
     while True:

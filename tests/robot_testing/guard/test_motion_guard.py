@@ -248,7 +248,7 @@ def test_a_board_that_does_not_say_what_joints_were_told_stops_them_all_the_same
     def lost() -> FloatArray:
         raise NoAnswerError("no answer")
 
-    monkeypatch.setattr(guard._quantities[0], "_ask", lost)
+    monkeypatch.setattr(guard._quantities[0], "_commanded_speeds", lost)
     bench.measure("joint_velocities", 1, 76.0)
     with pytest.raises(GuardError, match="too fast"):
         guard.watch()
@@ -790,14 +790,14 @@ def test_what_was_blocked_is_noted(bench: Bench, tmp_path: Path, monkeypatch: py
     assert MotionRecord(tmp_path).is_blocked("/fake")
 
 
-def test_where_it_was_may_be_left_out(bench: Bench):
+def test_move_back_may_be_left_out(bench: Bench):
     """Nobody moves it; its settings are put back."""
     guard = bench.guard()
     bench.device.position_move([50.0], [0])
     bench.time.sleep(10.0)
     bench.board.set_limits(1, -5.0, 5.0)
     bench.publish()
-    guard.restore(where_it_was=False)
+    guard.restore(move_back=False)
     bench.time.sleep(10.0)
     assert bench.device.encoders([0]) == pytest.approx(50.0)
     assert bench.board.limits(1) == guard.snapshot.limits[1]
