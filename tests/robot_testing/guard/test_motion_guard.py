@@ -1,4 +1,4 @@
-"""The guard: each limit stops its joint and names it; what a test changed is put back; a board that is gone is told."""
+"""The guard: each limit stops its joint and names it; changes are restored; a board without answers is reported."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 class WrongBoard(FakeBoard):
-    """A board of which single measurements can be made to be what they should not: field, joint and value."""
+    """A board with wrong measurements: field, joint and value."""
 
     wrong: tuple[str, int, float] | None = None
     knows_torques = True
@@ -122,7 +122,7 @@ class WrongBoard(FakeBoard):
 
 
 class PublishingClock(ManualClock):
-    """One whose sleepers find a new state when they wake up, once somebody publishes it."""
+    """A clock whose sleepers find a new state when they wake up, once somebody publishes it."""
 
     publish: Callable[[], None] | None = None
 
@@ -153,21 +153,21 @@ class Bench:
         self.publish()
 
     def publish(self) -> None:
-        """Let the client have the state of now."""
+        """Publish the present state to the client."""
         self.server.publish(self.time.now())
         self.server.settle()
 
     def guard(self, limits: Limits | None = None) -> MotionGuard:
-        """A guard that has just seen how the part is."""
+        """Return a guard that has just taken its snapshot."""
         return MotionGuard(self.board, "/fake", clock=self.time, report=self.said.append, limits=limits)
 
     def restore(self, guard: MotionGuard) -> None:
-        """Put the part back, while states come."""
+        """Restore the part, while states arrive."""
         self.time.publish = self.publish
         guard.restore()
 
     def measure(self, field: str, joint: int, value: float) -> None:
-        """Have the board measure this from now on."""
+        """Let the board measure this from now on."""
         self.device.wrong = (field, joint, value)
         self.publish()
 
@@ -192,7 +192,7 @@ WRONG = [
 
 @pytest.mark.parametrize(("field", "value", "said"), WRONG)
 def test_each_limit_stops_its_joint_and_names_it(bench: Bench, field: str, value: float, said: str):
-    """The sentence has joint, part and value, and the joint that moved stands."""
+    """The message has joint, part and value, and the moving joint is stopped."""
     guard = bench.guard()
     bench.board.position_move([50.0], [1])
     guard.watch()
@@ -205,16 +205,16 @@ def test_each_limit_stops_its_joint_and_names_it(bench: Bench, field: str, value
 
 
 @pytest.mark.parametrize(("field", "value"), [(row.values[0], row.values[1]) for row in WRONG])
-def test_just_within_the_limits_is_fine(bench: Bench, field: str, value: float):
-    """A tenth less is no reason to stop anything."""
+def test_values_just_within_the_limits_are_accepted(bench: Bench, field: str, value: float):
+    """A value that is a tenth smaller stops nothing."""
     guard = bench.guard()
     bench.time.sleep(1.5)
     bench.measure(field, 1, value * 0.9)
     guard.watch()
 
 
-def test_a_board_that_allows_every_speed_allows_none_that_is_unusual(bench: Bench):
-    """Real boards say 1000 deg/s for all joints: what counts then is what a joint was told, and what any may turn."""
+def test_without_a_useful_speed_limit_the_commanded_speed_counts(bench: Bench):
+    """Real boards allow all joints 1000 deg/s: then the limit follows from the commanded and the usual speed."""
     for joint in range(3):
         bench.device.set_velocity_limits(joint, 0.0, 1000.0)
     guard = bench.guard()
@@ -225,8 +225,8 @@ def test_a_board_that_allows_every_speed_allows_none_that_is_unusual(bench: Benc
         guard.watch()
 
 
-def test_a_joint_may_be_as_fast_as_it_was_told(bench: Bench):
-    """Three times that with the usual limit; and nothing less while it is still on its way."""
+def test_the_speed_limit_follows_the_commanded_speed(bench: Bench):
+    """It is three times that speed with the usual factor, and does not fall while a move goes on."""
     bench.device.set_velocity_limits(1, 0.0, 1000.0)
     guard = bench.guard()
     bench.board.set_reference_speeds([100.0], [1])
@@ -239,10 +239,8 @@ def test_a_joint_may_be_as_fast_as_it_was_told(bench: Bench):
         guard.watch()
 
 
-def test_a_board_that_does_not_say_what_joints_were_told_stops_them_all_the_same(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-):
-    """Its answer may be lost just then."""
+def test_without_commanded_speeds_the_usual_speed_counts(bench: Bench, monkeypatch: pytest.MonkeyPatch):
+    """The answer of the board may be lost at that moment."""
     guard = bench.guard()
 
     def lost() -> FloatArray:
@@ -254,15 +252,15 @@ def test_a_board_that_does_not_say_what_joints_were_told_stops_them_all_the_same
         guard.watch()
 
 
-def test_an_infinite_limit_of_speeds_is_none(bench: Bench):
-    """There are tests in which joints fall."""
+def test_an_infinite_speed_limit_is_none(bench: Bench):
+    """For tests in which joints fall."""
     guard = bench.guard(Limits(speed=math.inf))
     bench.measure("joint_velocities", 1, 1000.0)
     guard.watch()
 
 
-def test_a_board_without_greatest_speeds_is_watched_without_them(bench: Bench, monkeypatch: pytest.MonkeyPatch):
-    """And it is reported."""
+def test_missing_speed_limits_of_a_board_are_reported(bench: Bench, monkeypatch: pytest.MonkeyPatch):
+    """The joints are watched by the usual speed."""
 
     def unknown(joint: int) -> tuple[float, float]:
         raise NotSupportedError(f"no velocity limits of joint {joint}")
@@ -281,8 +279,8 @@ MEASURED = [row.values[0] for row in WRONG[1:]]
 
 
 @pytest.mark.parametrize("field", MEASURED)
-def test_what_was_measured_and_is_no_number_any_more_stops_its_joint(bench: Bench, field: str):
-    """At once it is reported, once; for half a second it may be so. No number is more than any limit."""
+def test_values_that_stop_stop_their_joint(bench: Bench, field: str):
+    """It is reported at once, and the joint is stopped after half a second, as NaN exceeds no limit."""
     guard = bench.guard()
     guard.watch()
     bench.time.sleep(1.5)
@@ -299,8 +297,8 @@ def test_what_was_measured_and_is_no_number_any_more_stops_its_joint(bench: Benc
 
 
 @pytest.mark.parametrize("field", MEASURED)
-def test_what_was_never_measured_is_told_and_stops_nothing(bench: Bench, field: str):
-    """There are boards without such sensors; the other joints are watched."""
+def test_a_quantity_that_is_never_measured_is_reported(bench: Bench, field: str):
+    """Boards may lack the sensor of a joint; the other joints are watched."""
     guard = bench.guard()
     bench.measure(field, 1, math.nan)
     for _ in range(3):
@@ -314,8 +312,8 @@ def test_what_was_never_measured_is_told_and_stops_nothing(bench: Bench, field: 
         guard.watch()
 
 
-def test_a_moment_without_numbers_is_no_loss(bench: Bench):
-    """It begins anew with the next number, also after a clock that jumped back."""
+def test_a_short_gap_of_the_values_is_accepted(bench: Bench):
+    """The time starts anew with the next value, also after the clock was set back."""
     guard = bench.guard()
     guard.watch()
     for wrong in (math.nan, 0.1, math.nan):
@@ -332,8 +330,8 @@ def test_a_moment_without_numbers_is_no_loss(bench: Bench):
     guard.watch()
 
 
-def test_joints_that_slide_are_told_and_not_brought_back(bench: Bench):
-    """20 deg/s would be 20 m/s of theirs."""
+def test_prismatic_joints_are_reported_and_not_moved_back(bench: Bench):
+    """Their commands would be in metres: 20 deg/s would be 20 m/s."""
     bench.device.slides = frozenset({1})
     guard = bench.guard()
     assert bench.said == ["/fake: joint1 are prismatic: tests do not move them"]
@@ -343,8 +341,8 @@ def test_joints_that_slide_are_told_and_not_brought_back(bench: Bench):
     assert bench.device.commands == []
 
 
-def test_what_is_not_limited_is_not_watched(bench: Bench):
-    """A test that has to go beyond a limit says so."""
+def test_a_limit_of_none_is_not_watched(bench: Bench):
+    """A test that has to exceed a limit switches it off."""
     guard = bench.guard(Limits(torque=None, current=None, temperature=None))
     for field in ("torques", "currents", "temperatures"):
         bench.time.sleep(1.5)
@@ -352,8 +350,8 @@ def test_what_is_not_limited_is_not_watched(bench: Bench):
         guard.watch()
 
 
-def test_limits_that_a_board_does_not_have_are_none(bench: Bench):
-    """It says 0, or refuses to say: neither may stop a joint."""
+def test_limits_that_a_board_lacks_are_none(bench: Bench):
+    """A board answers 0 or refuses; neither may stop a joint."""
     bench.device.set_temperature_limit(1, 0.0)
     bench.device.knows_torques = False
     guard = bench.guard()
@@ -363,8 +361,8 @@ def test_limits_that_a_board_does_not_have_are_none(bench: Bench):
         guard.watch()
 
 
-def test_joint_whose_board_does_not_answer_is_excluded_all_the_same(bench: Bench, monkeypatch: pytest.MonkeyPatch):
-    """Nobody powers it afterwards."""
+def test_a_joint_is_excluded_although_the_answer_is_lost(bench: Bench, monkeypatch: pytest.MonkeyPatch):
+    """It gets no power afterwards."""
     guard = bench.guard()
 
     def lost(modes: ControlMode, joints: AxisSelection = None) -> None:
@@ -383,8 +381,8 @@ def test_joint_whose_board_does_not_answer_is_excluded_all_the_same(bench: Bench
     assert bench.device.encoders([1]) == pytest.approx(50.0)
 
 
-def test_joint_that_was_excluded_is_not_watched(bench: Bench):
-    """It is left idle, and said so."""
+def test_an_excluded_joint_is_not_watched(bench: Bench):
+    """It is left idle, with a report."""
     guard = bench.guard()
     guard.exclude(1, "it does not obey")
     assert bench.device.control_modes(1) == (ControlMode.IDLE,)
@@ -393,8 +391,8 @@ def test_joint_that_was_excluded_is_not_watched(bench: Bench):
     guard.watch()
 
 
-def test_what_was_changed_is_put_back(bench: Bench):
-    """Settings, speeds, modes and places; and each that was put back is reported."""
+def test_changes_are_restored(bench: Bench):
+    """Settings, speeds, modes and positions, each with a report."""
     board, guard = bench.board, bench.guard()
     gains = board.pid(PidType.POSITION, 1)
     board.set_limits(1, -5.0, 5.0)
@@ -411,15 +409,15 @@ def test_what_was_changed_is_put_back(bench: Bench):
     assert [text.split(":")[0] for text in bench.said] == ["joint1", "joint1", "joint2"]
 
 
-def test_nothing_is_written_where_nothing_was_changed(bench: Bench):
-    """A test that leaves everything as it was has nothing put back."""
+def test_unchanged_settings_are_not_written(bench: Bench):
+    """After a test that changed nothing, no setting is written."""
     guard = bench.guard()
     guard.restore()
     assert bench.said == []
 
 
-def test_board_that_is_gone_is_tried_once(bench: Bench):
-    """The end of a test does not wait for the same board again and again; the problem is reported in one sentence."""
+def test_a_board_without_answers_is_tried_once(bench: Bench):
+    """The end of a test does not wait repeatedly; there is one error for the part."""
     guard = bench.guard()
     bench.server.close()
     with pytest.raises(RobotError, match=r"^/fake could not be restored: .*cannot be reached again") as caught:
@@ -427,8 +425,8 @@ def test_board_that_is_gone_is_tried_once(bench: Bench):
     assert str(caught.value).count("cannot be reached again") == 1
 
 
-def test_joint_that_does_what_it_may_not_on_its_way_back_stops_all(bench: Bench):
-    """Nobody looks on when a robot is put back: the guard does. Where joints are is no matter, as they come back."""
+def test_a_violation_on_the_way_back_stops_all_joints(bench: Bench):
+    """All limits but those of positions are watched then."""
     guard = bench.guard()
     bench.device.position_move([50.0, 50.0], [0, 2])
     bench.time.sleep(10.0)
@@ -440,8 +438,8 @@ def test_joint_that_does_what_it_may_not_on_its_way_back_stops_all(bench: Bench)
 
 
 @pytest.mark.parametrize("mode", [ControlMode.TORQUE, ControlMode.PWM, ControlMode.CURRENT])
-def test_what_is_driven_is_held_instead(bench: Bench, mode: ControlMode):
-    """To a joint in such a mode ``stop`` means nothing: it would go on."""
+def test_driven_joints_are_held_in_position_mode(bench: Bench, mode: ControlMode):
+    """A joint in such a mode ignores ``stop``."""
     guard = bench.guard()
     bench.device.set_control_modes(mode, 1)
     bench.measure("currents", 1, 10.5)
@@ -450,7 +448,7 @@ def test_what_is_driven_is_held_instead(bench: Bench, mode: ControlMode):
     assert bench.device.control_modes(1) == (ControlMode.POSITION,)
 
 
-def test_what_cannot_be_held_has_no_power(bench: Bench):
+def test_a_joint_that_cannot_be_held_gets_no_power(bench: Bench):
     """A board that refuses position mode to one of two joints holds the other."""
     guard = bench.guard()
     bench.device.set_control_modes(ControlMode.TORQUE)
@@ -462,8 +460,8 @@ def test_what_cannot_be_held_has_no_power(bench: Bench):
     assert bench.device.control_modes(0) == (ControlMode.POSITION,)
 
 
-def test_a_stop_that_is_refused_hides_no_danger(bench: Bench):
-    """It is a failure of the robot with both sentences."""
+def test_a_refused_stop_is_a_failure_too(bench: Bench):
+    """The message has the violation and the refusal."""
     guard = bench.guard()
     bench.device.refuses = frozenset({("stop", 1)})
     bench.measure("currents", 1, 10.5)
@@ -474,7 +472,7 @@ def test_a_stop_that_is_refused_hides_no_danger(bench: Bench):
 
 
 def test_a_joint_without_a_position_is_stopped(bench: Bench):
-    """What is no number is within no limits; and nobody brings such a joint back."""
+    """NaN is within no limits, and the joint cannot be moved back."""
     guard = bench.guard()
     bench.measure("joint_positions", 1, float("nan"))
     with pytest.raises(GuardError, match=r"joint1 .* has no position: its encoder gives nan; it was stopped"):
@@ -485,8 +483,8 @@ def test_a_joint_without_a_position_is_stopped(bench: Bench):
     assert bench.device.commands == []
 
 
-def test_what_a_board_has_not_got_is_not_watched(bench: Bench):
-    """Over the network that is told by refusing: of single joints, or of all; or the state has it not."""
+def test_quantities_that_a_board_lacks_are_not_watched(bench: Bench):
+    """The board refuses them for single joints or all, or its state has no valid values."""
     device = bench.device
     device.knows_torques = False
     device.refuses = frozenset({("max_current", 0), ("impedance", 1)})
@@ -508,16 +506,16 @@ def test_what_a_board_has_not_got_is_not_watched(bench: Bench):
     assert bench.board.impedance(2) == guard.snapshot.impedances[2]
 
 
-def test_no_greatest_current_is_no_limit(bench: Bench):
-    """Boards say 0 for joints that have none."""
+def test_a_greatest_current_of_0_is_no_limit(bench: Bench):
+    """Boards report 0 for joints without a limit."""
     bench.device.set_max_current(1, 0.0)
     guard = bench.guard()
     bench.measure("currents", 1, 1000.0)
     guard.watch()
 
 
-def test_one_thing_that_cannot_be_put_back_keeps_no_other(bench: Bench):
-    """Of all joints, and in all that is put back; and it is reported."""
+def test_a_failed_step_does_not_prevent_other_steps(bench: Bench):
+    """For every joint and every kind of setting, with one error for all."""
     board, guard = bench.board, bench.guard()
     for joint in range(3):
         board.set_max_current(joint, 3.0)
@@ -532,8 +530,8 @@ def test_one_thing_that_cannot_be_put_back_keeps_no_other(bench: Bench):
     assert bench.device.control_modes() == guard.snapshot.modes
 
 
-def test_single_answers_that_are_lost_keep_nothing_from_being_put_back(bench: Bench, monkeypatch: pytest.MonkeyPatch):
-    """Only a board that does not answer again and again is not asked any more."""
+def test_restoration_continues_after_single_lost_answers(bench: Bench, monkeypatch: pytest.MonkeyPatch):
+    """A board is given up only after several requests without an answer."""
     guard = bench.guard()
     bench.device.position_move([50.0], [0])
     bench.time.sleep(10.0)
@@ -548,8 +546,8 @@ def test_single_answers_that_are_lost_keep_nothing_from_being_put_back(bench: Be
     assert bench.device.encoders([0]) == pytest.approx(0.0, abs=2.0)
 
 
-def test_first_of_all_nobody_drives_a_joint(bench: Bench):
-    """Before settings, and while others come back, which takes its time."""
+def test_driven_joints_are_stopped_first(bench: Bench):
+    """Before settings are restored and other joints are moved back, which takes time."""
     guard = bench.guard()
     bench.device.position_move([60.0], [0])
     bench.time.sleep(10.0)
@@ -563,8 +561,8 @@ def test_first_of_all_nobody_drives_a_joint(bench: Bench):
 
 
 @pytest.mark.parametrize("mode", [ControlMode.POSITION, ControlMode.MIXED])
-def test_what_is_on_its_way_does_not_go_on(bench: Bench, mode: ControlMode):
-    """A joint that has just set off is still near where it was, and its board would take it to the end."""
+def test_a_move_that_goes_on_is_stopped(bench: Bench, mode: ControlMode):
+    """A joint that has just started is near its old position, and its board would complete the move."""
     bench.device.set_control_modes(mode, 0)
     bench.publish()
     guard = bench.guard()
@@ -577,10 +575,8 @@ def test_what_is_on_its_way_does_not_go_on(bench: Bench, mode: ControlMode):
     assert bench.device.encoders([0]) == pytest.approx(0.0, abs=2.0)
 
 
-def test_what_may_be_on_its_way_is_stopped_where_the_board_does_not_answer(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-):
-    """One answer that is lost keeps no joint going."""
+def test_joints_are_stopped_if_it_is_unknown_whether_they_move(bench: Bench, monkeypatch: pytest.MonkeyPatch):
+    """One lost answer must not let a joint go on."""
     guard = bench.guard()
     bench.device.position_move([60.0], [0])
     bench.device.set_control_modes(ControlMode.TORQUE, 1)
@@ -596,8 +592,8 @@ def test_what_may_be_on_its_way_is_stopped_where_the_board_does_not_answer(
     assert bench.device.control_modes() == guard.snapshot.modes
 
 
-def test_what_does_not_come_back_is_stopped(bench: Bench):
-    """It would push on for ever against what is in its way."""
+def test_a_joint_that_does_not_return_is_stopped(bench: Bench):
+    """It would go on to push against an obstacle."""
     guard = bench.guard()
     bench.measure("joint_positions", 1, 50.0)
     bench.device.commands.clear()
@@ -608,8 +604,8 @@ def test_what_does_not_come_back_is_stopped(bench: Bench):
     assert bench.device.commands[-1] == "stop [1]"
 
 
-def test_without_a_state_all_is_held_unseen(bench: Bench):
-    """A joint that is driven while nobody sees it does not stay so; one that was idle is so again."""
+def test_without_states_all_joints_are_held(bench: Bench):
+    """Driven joints are held; a joint that was idle before is idle again."""
     bench.device.set_control_modes(ControlMode.IDLE, 2)
     bench.publish()
     guard = bench.guard()
@@ -626,8 +622,8 @@ def test_without_a_state_all_is_held_unseen(bench: Bench):
     assert bench.device.control_modes() == held
 
 
-def test_a_part_whose_states_come_again_is_put_back(bench: Bench):
-    """They had stopped for a moment, in which it was held."""
+def test_a_part_is_restored_when_its_states_return(bench: Bench):
+    """They had stopped for a moment, in which the joints were held."""
     guard = bench.guard()
     bench.device.position_move([50.0], [0])
     bench.time.sleep(10.0)
@@ -638,8 +634,8 @@ def test_a_part_whose_states_come_again_is_put_back(bench: Bench):
     assert bench.said[0] == "the states of /fake had stopped and are back; its joints were held meanwhile"
 
 
-def test_what_somebody_else_gave_up_is_left_alone(bench: Bench):
-    """Neither powered nor brought back."""
+def test_joints_excluded_by_another_process_are_left_alone(bench: Bench):
+    """They get no power and are not moved back."""
     guard = bench.guard()
     bench.device.position_move([50.0], [1])
     bench.time.sleep(10.0)
@@ -651,8 +647,8 @@ def test_what_somebody_else_gave_up_is_left_alone(bench: Bench):
     assert bench.device.encoders([1]) == pytest.approx(50.0)
 
 
-def test_what_was_excluded_is_not_powered_with_a_neighbour(bench: Bench):
-    """Nobody would look at it then; after that its neighbour is without power, too."""
+def test_an_excluded_joint_is_not_powered_with_a_coupled_one(bench: Bench):
+    """That is a violation, after which the coupled joint is excluded, too."""
     bench.device.together = frozenset({1, 2})
     guard = bench.guard()
     guard.exclude(1, "it runs away")
@@ -668,8 +664,8 @@ def test_what_was_excluded_is_not_powered_with_a_neighbour(bench: Bench):
     assert bench.said[-1] == "joint2 is left idle: it is coupled with joint1, which is to stay idle"
 
 
-def test_what_does_not_become_idle_is_told_once(bench: Bench):
-    """The others can still be tested; it is asked again and again."""
+def test_an_excluded_joint_that_is_not_idle_is_reported_once(bench: Bench):
+    """The command is repeated, and the other joints can still be tested."""
     guard = bench.guard()
     guard.exclude(1, "it runs away")
     for told in (True, False):
@@ -681,8 +677,8 @@ def test_what_does_not_become_idle_is_told_once(bench: Bench):
         assert bench.device.control_modes(1) == (ControlMode.IDLE,)
 
 
-def test_a_state_of_before_is_no_power(bench: Bench):
-    """The one that was given up a moment ago may still be shown in its old mode."""
+def test_an_old_state_of_an_excluded_joint_is_no_violation(bench: Bench):
+    """A joint that was excluded a moment ago may still be shown in its old mode."""
     guard = bench.guard()
     guard.exclude(1, "it runs away")
     guard.watch()
@@ -690,8 +686,8 @@ def test_a_state_of_before_is_no_power(bench: Bench):
 
 
 @pytest.mark.parametrize("by_somebody_else", [False, True])
-def test_neighbours_of_what_was_excluded_are_not_put_back(bench: Bench, by_somebody_else: bool):
-    """They went idle with it, and it would have power with them; not even for a moment."""
+def test_joints_coupled_with_an_excluded_one_stay_idle(bench: Bench, by_somebody_else: bool):
+    """They went idle with it, and it would get power with them."""
     bench.device.together = frozenset({1, 2})
     guard = bench.guard()
     bench.device.position_move([50.0], [2])
@@ -709,8 +705,8 @@ def test_neighbours_of_what_was_excluded_are_not_put_back(bench: Bench, by_someb
     assert bench.said[-1] == "joint2 is left idle: its board left it idle with joint1, with which it is coupled"
 
 
-def test_a_neighbour_that_kept_its_power_is_put_back(bench: Bench):
-    """There are boards that change modes one by one."""
+def test_a_coupled_joint_that_kept_its_power_is_restored(bench: Bench):
+    """For boards that change modes one by one."""
     guard = bench.guard()
     guard.exclude(1, "it runs away")
     bench.device.set_control_modes(ControlMode.VELOCITY, 2)
@@ -719,8 +715,8 @@ def test_a_neighbour_that_kept_its_power_is_put_back(bench: Bench):
     assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.POSITION)
 
 
-def test_where_couplings_are_not_told_what_was_excluded_stays_idle(bench: Bench):
-    """On the way back its neighbour powers it; it is noticed, and the last word is idle."""
+def test_without_known_couplings_an_excluded_joint_ends_idle(bench: Bench):
+    """Another joint powers it on the way back; that is noticed, and it is idle in the end."""
     bench.device.together = frozenset({1, 2})
     bench.device.set_variable("kinematic_mj", Bottle())
     guard = bench.guard()
@@ -733,16 +729,16 @@ def test_where_couplings_are_not_told_what_was_excluded_stays_idle(bench: Bench)
 
 
 @pytest.mark.parametrize("ratio", [0.0, math.nan])
-def test_gears_that_are_none_are_nothing_to_the_guard(bench: Bench, ratio: float):
-    """It needs to know what is coupled, not by what ratio: there are boards that report 0."""
+def test_the_guard_does_not_need_gear_ratios(bench: Bench, ratio: float):
+    """Some boards report ratios of 0; the guard needs the couplings only."""
     bench.device.gears = ratio
     guard = bench.guard()
     assert guard.exclude_coupled(1, "which has to be stopped") == {2: "is coupled with joint1, which has to be stopped"}
     bench.restore(guard)
 
 
-def test_invalid_couplings_are_reported_once_and_nothing_is_coupled(bench: Bench):
-    """What a joint did is the message that matters, and the part is restored."""
+def test_invalid_couplings_are_reported_once(bench: Bench):
+    """No joint counts as coupled, the violation is still raised, and the part is restored."""
     bench.device.set_variable("kinematic_mj", Bottle([Bottle([1.0, 2.0])]))
     guard = bench.guard()
     guard.exclude(1, "it runs away")
@@ -753,8 +749,8 @@ def test_invalid_couplings_are_reported_once_and_nothing_is_coupled(bench: Bench
     assert said.startswith("the couplings of /fake are unknown, and taken for none: block 0 of kinematic_mj has 2")
 
 
-def test_a_joint_that_was_outside_of_its_limits_is_brought_back_to_the_nearest_one(bench: Bench):
-    """Boards refuse a target outside, which kept the whole part from being restored."""
+def test_a_joint_that_was_outside_its_limits_returns_to_the_nearest_limit(bench: Bench):
+    """Boards refuse targets outside, which prevented the whole part from being restored."""
     bench.device.position_move([50.0], [0])
     bench.time.sleep(10.0)
     bench.device.set_limits(0, -20.0, 20.0)
@@ -769,8 +765,8 @@ def test_a_joint_that_was_outside_of_its_limits_is_brought_back_to_the_nearest_o
     assert bench.device.encoders([0]) == pytest.approx(20.0, abs=2.0)
 
 
-def test_without_a_state_what_was_excluded_stays_idle(bench: Bench):
-    """Whatever is held then does not power it."""
+def test_without_states_excluded_joints_stay_idle(bench: Bench):
+    """Holding the others does not power them."""
     bench.device.together = frozenset({1, 2})
     guard = bench.guard()
     guard.exclude(1, "it runs away")
@@ -780,8 +776,8 @@ def test_without_a_state_what_was_excluded_stays_idle(bench: Bench):
     assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
 
 
-def test_what_was_blocked_is_noted(bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Somebody else would push against it again."""
+def test_an_obstacle_on_the_way_back_is_recorded(bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Otherwise another process would push against it again."""
     monkeypatch.setenv("RTF_RUN_FOLDER", str(tmp_path))
     guard = bench.guard()
     bench.measure("joint_positions", 1, 50.0)
@@ -790,8 +786,8 @@ def test_what_was_blocked_is_noted(bench: Bench, tmp_path: Path, monkeypatch: py
     assert MotionRecord(tmp_path).is_blocked("/fake")
 
 
-def test_move_back_may_be_left_out(bench: Bench):
-    """Nobody moves it; its settings are put back."""
+def test_moving_back_may_be_left_out(bench: Bench):
+    """The settings are restored, and no joint moves."""
     guard = bench.guard()
     bench.device.position_move([50.0], [0])
     bench.time.sleep(10.0)

@@ -24,7 +24,7 @@ _PAIRS = st.tuples(_NUMBERS, _NUMBERS)
 
 @st.composite
 def snapshots(draw: st.DrawFn) -> Snapshot:
-    """Parts with as many joints as one likes, of which some know less than others."""
+    """Snapshots of parts with any number of joints, of which some lack settings."""
     count = draw(st.integers(1, 4))
 
     def each(what: st.SearchStrategy) -> list:
@@ -47,7 +47,7 @@ def snapshots(draw: st.DrawFn) -> Snapshot:
 
 
 @given(snapshots())
-def test_a_snapshot_is_the_same_after_its_journey(snapshot: Snapshot):
+def test_a_snapshot_is_read_as_it_was_written(snapshot: Snapshot):
     """Through JSON, to the last bit."""
     back = Snapshot.from_record(json.loads(json.dumps(snapshot.to_record())))
     for name in Snapshot.__dataclass_fields__:
@@ -56,8 +56,8 @@ def test_a_snapshot_is_the_same_after_its_journey(snapshot: Snapshot):
         assert np.array_equal(before, after) if isinstance(before, np.ndarray) else before == after, name
 
 
-def test_what_was_said_last_counts(tmp_path: Path):
-    """Of each robot on its own; one that nobody was asked about may not move."""
+def test_the_last_permission_counts(tmp_path: Path):
+    """For each robot on its own; without an answer a robot may not move."""
     record = MotionRecord(tmp_path)
     assert not record.may_move("icub")
     record.record_permission("icub", may_move=True)
@@ -68,8 +68,8 @@ def test_what_was_said_last_counts(tmp_path: Path):
     assert not MotionRecord(tmp_path).may_move("icub")
 
 
-def test_what_was_excluded_and_kept_is_of_one_part(tmp_path: Path):
-    """And the first snapshot is the one from before any test."""
+def test_exclusions_and_snapshots_belong_to_a_part(tmp_path: Path):
+    """The first snapshot counts, from before any test."""
     record = MotionRecord(tmp_path)
     record.record_excluded("/icub/head", 2)
     record.record_excluded("/icub/head", 0)
@@ -83,8 +83,8 @@ def test_what_was_excluded_and_kept_is_of_one_part(tmp_path: Path):
     assert record.snapshot("/icub/torso") is None
 
 
-def test_what_was_put_back_is_done_with(tmp_path: Path):
-    """Then the next one keeps how the part is; as long as nobody has put it back, the first counts."""
+def test_a_restored_part_gets_a_new_snapshot(tmp_path: Path):
+    """Until it is restored the first snapshot counts."""
     record = MotionRecord(tmp_path)
     record.save_snapshot("/icub/head", Snapshot(np.array([1.0]), (ControlMode.POSITION,)))
     record.discard_snapshot("/icub/torso")
@@ -97,8 +97,8 @@ def test_what_was_put_back_is_done_with(tmp_path: Path):
     assert kept.positions.tolist() == [2.0]
 
 
-def test_what_was_allowed_before_a_run_was_resumed_is_of_the_past(tmp_path: Path):
-    """So is where robots were; what did not obey still does not."""
+def test_a_resumed_run_has_no_permissions_and_snapshots(tmp_path: Path):
+    """Joints that were excluded before stay excluded."""
     record = MotionRecord(tmp_path)
     record.record_permission("icub", may_move=True)
     record.record_excluded("/icub/head", 2)
@@ -111,14 +111,14 @@ def test_what_was_allowed_before_a_run_was_resumed_is_of_the_past(tmp_path: Path
     assert record.excluded_joints("icu") == []
 
 
-def test_a_run_that_moved_nothing_gets_no_ledger_when_it_is_resumed(tmp_path: Path):
-    """Its folder stays as it is."""
+def test_a_resumed_run_without_a_record_gets_none(tmp_path: Path):
+    """Its folder does not change."""
     MotionRecord(tmp_path).record_resume()
     assert not list(tmp_path.iterdir())
 
 
-def test_what_was_in_the_way_is_until_somebody_lets_the_robot_move(tmp_path: Path):
-    """Of that robot, and of that part."""
+def test_a_part_is_blocked_until_the_next_permission(tmp_path: Path):
+    """An obstacle belongs to one part of one robot."""
     record = MotionRecord(tmp_path)
     record.record_permission("icub", may_move=True)
     record.record_obstacle("/icub/left_arm")
@@ -132,16 +132,16 @@ def test_what_was_in_the_way_is_until_somebody_lets_the_robot_move(tmp_path: Pat
 
 
 @pytest.mark.parametrize("torn", ['{"robot": "icub", "may_mo', '{"place": "/icub/head", "excluded": 1}\n{"pla'])
-def test_a_line_that_was_torn_is_left_out(tmp_path: Path, torn: str):
-    """Its writer was killed meanwhile; all others count."""
+def test_an_incomplete_line_is_skipped(tmp_path: Path, torn: str):
+    """Its writer was killed; all other lines count."""
     (tmp_path / FILE_NAME).write_text('{"robot": "icub", "may_move": true}\n' + torn)
     assert MotionRecord(tmp_path).may_move("icub")
     MotionRecord(tmp_path).record_permission("icub", may_move=False)
     assert not MotionRecord(tmp_path).may_move("icub")
 
 
-def test_without_a_run_nothing_is_kept(monkeypatch: pytest.MonkeyPatch):
-    """And nobody minds."""
+def test_without_a_run_folder_nothing_is_recorded(monkeypatch: pytest.MonkeyPatch):
+    """And no method raises an error."""
     monkeypatch.delenv("RTF_RUN_FOLDER", raising=False)
     record = MotionRecord()
     record.record_permission("icub", may_move=True)

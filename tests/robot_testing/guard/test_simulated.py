@@ -1,4 +1,4 @@
-"""What counts as a simulated robot, and so may move without leave: only what a simulator itself says is its own."""
+"""A robot counts as simulated, and may move without permission, only if a simulator answers for its own ports."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class MovesTheTorso(Moves):
 
 
 class Lab:
-    """A name server of its own, a real robot's head ``/bot/head``, and whatever is registered beside it."""
+    """A name server of its own, the head ``/bot/head`` of a real robot, and further registrations."""
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         self.folder = folder
@@ -70,14 +70,14 @@ class Lab:
         stack.callback(server.close)
 
     def register_dead(self, *names: str) -> None:
-        """Names that lead to where nobody listens any more."""
+        """Register names at an address where no program listens."""
         with listen("127.0.0.1", 0) as listening:
             number = listening.getsockname()[1]
         for name in names:
             self.network.names.register(name, carrier="tcp", host="127.0.0.1", port=number)
 
     def simulator(self, *parts: str) -> SimulatorControl:
-        """A simulator of the same robot's name, with these parts."""
+        """Open a simulator of the same robot's name, with these parts."""
         from rtf.simulator.control_service import SimulatorService
         from rtf.simulator.icub import SimulatedIcub
 
@@ -87,22 +87,22 @@ class Lab:
         return self.stack.enter_context(SimulatorControl("bot", network=self.network))
 
     def answer(self, *groups: Bottle) -> None:
-        """Somebody answers all questions at the simulator's port with these groups."""
+        """Answer all requests at the simulator's port with these groups."""
         server = RpcServer(control_port("bot"), lambda _: Bottle([Vocab("ok"), *groups]), network=self.network)
         self.stack.callback(server.close)
 
     def run(self, test: str) -> Outcome:
-        """Run a test without leave."""
+        """Run a test without permission."""
         return run_suite(self.folder, f"<test param='--robot bot'>{test}</test>", moves__py=MOVES)
 
     def moved(self) -> bool:
-        """Whether the head has left its place."""
+        """Return whether the head has left its position."""
         return bool(self.board.encoders().any())
 
 
 @pytest.fixture
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
-    """Name server and robot, in an environment that says nothing of either."""
+    """Name server and robot, in an environment that names neither."""
     monkeypatch.setenv(MARK, f"{os.getpid()}-{tmp_path.name}")
     monkeypatch.setenv("YARP_CONFIG_HOME", str(tmp_path / "user"))
     for name in ("YARP_NAMESPACE", "YARP_PORT_PREFIX", "RTF_CLOCK", "YARP_CLOCK", "YARP_ROBOT_NAME"):
@@ -114,7 +114,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
 
 
 def refused(outcome: Outcome) -> str:
-    """Why the only test was skipped."""
+    """Return why the only test was skipped."""
     (ended,) = outcome.of(TestEnded)
     assert isinstance(ended, TestEnded)
     assert ended.verdict is Verdict.SKIPPED, [event.detail for event in outcome.of(Message)]
@@ -124,32 +124,32 @@ def refused(outcome: Outcome) -> str:
 # Whole tests -----------------------------------------------------------------------------------------------------
 
 
-def test_a_simulator_that_was_there_gives_no_leave(lab: Lab):
-    """Its name is still registered, and leads to nowhere: the robot behind the other names is real."""
+def test_a_stale_registration_of_a_simulator_gives_no_permission(lab: Lab):
+    """The robot behind the other names is real."""
     lab.register_dead(control_port("bot"))
     assert "--allow-motion" in refused(lab.run("Moves"))
     assert not lab.moved()
 
 
 @needs_physics
-def test_a_simulator_of_other_parts_gives_no_leave(lab: Lab):
-    """A torso is simulated under the robot's name, and the head is somebody else's."""
+def test_a_simulator_of_other_parts_gives_no_permission(lab: Lab):
+    """A torso is simulated under the robot's name, but the head is real."""
     lab.simulator("torso")
     assert "--allow-motion" in refused(lab.run("Moves"))
     assert not lab.moved()
 
 
 @needs_physics
-def test_who_was_refused_once_is_refused_again(lab: Lab):
-    """Also where the refusal only ended a sub-result."""
+def test_a_refusal_holds_for_the_whole_test(lab: Lab):
+    """Also if it only ended a sub-result."""
     lab.simulator("torso")
     assert [event.verdict for event in lab.run("Insists").of(SubResultEnded)] == [Verdict.SKIPPED] * 2
     assert not lab.moved()
 
 
 @needs_physics
-def test_what_is_simulated_moves_without_leave(lab: Lab):
-    """The same simulator, and the part that it has."""
+def test_a_simulated_part_moves_without_permission(lab: Lab):
+    """The simulator answers, and has the part."""
     lab.simulator("torso")
     outcome = lab.run("MovesTheTorso")
     assert [event.verdict for event in outcome.of(TestEnded)] == [Verdict.PASSED]
@@ -159,8 +159,8 @@ def test_what_is_simulated_moves_without_leave(lab: Lab):
 
 
 @needs_physics
-def test_names_that_lead_elsewhere_are_not_simulated(lab: Lab):
-    """The simulator has such a part, but one of its names was taken over by a robot."""
+def test_ports_at_other_addresses_are_not_simulated(lab: Lab):
+    """The simulator has such a part, but a robot has registered one of its names."""
     lab.simulator("torso", "left_arm")
     assert is_simulated(lab.network, "bot")
     assert is_simulated(lab.network, "bot", "torso")
@@ -172,8 +172,8 @@ def test_names_that_lead_elsewhere_are_not_simulated(lab: Lab):
 
 
 @needs_physics
-def test_the_simulator_says_where_its_ports_are(lab: Lab):
-    """They are the addresses that the name server has."""
+def test_the_simulator_reports_its_addresses(lab: Lab):
+    """They agree with those of the name server."""
     control = lab.simulator("torso")
     names = {control_port("bot"), *(f"/bot/torso/{end}" for end in BOARD_ENDS)}
     assert {contact.name: (contact.host, contact.port) for contact in control.serves("torso")} == {
@@ -190,21 +190,21 @@ def test_without_the_name_server_it_is_unknown():
         is_simulated(network, "bot")
 
 
-def test_no_simulator_is_no_simulator(lab: Lab):
+def test_without_a_simulator_no_part_is_simulated(lab: Lab):
     """It is a real robot."""
     assert not is_simulated(lab.network, "bot")
     assert not is_simulated(lab.network, "bot", "head")
 
 
-def test_somebody_else_who_answers_is_no_simulator(lab: Lab):
-    """Whatever it is that says yes to everything, or to the parts alone."""
+def test_another_program_with_the_name_is_no_simulator(lab: Lab):
+    """A program that answers yes to all requests, or only names the parts."""
     lab.answer()
     assert not is_simulated(lab.network, "bot")
     assert not is_simulated(lab.network, "bot", "head")
 
 
-def test_a_simulator_at_another_host_is_none(lab: Lab):
-    """One that claims addresses which do not agree with where it is itself."""
+def test_a_simulator_on_another_host_is_none(lab: Lab):
+    """The reported addresses have to agree with the host that answers."""
     own = lab.network.names.register("/bot/hand/rpc:i", carrier="tcp", host="192.0.2.1", port=10_400)
     lab.network.names.register("/bot/hand/command:i", carrier="tcp", host="192.0.2.1", port=10_401)
     groups = [Bottle(["/bot/hand/rpc:i", own.host, 10_400]), Bottle(["/bot/hand/command:i", own.host, 10_401])]
@@ -217,8 +217,8 @@ def test_a_simulator_at_another_host_is_none(lab: Lab):
     assert not is_simulated(lab.network, "bot", "hand")
 
 
-def test_one_that_does_not_answer_is_none(lab: Lab, monkeypatch: pytest.MonkeyPatch):
-    """It is not waited for longer than it takes."""
+def test_a_simulator_without_answers_is_none(lab: Lab, monkeypatch: pytest.MonkeyPatch):
+    """The request has a short time-out."""
     monkeypatch.setattr(simulated, "PATIENCE", 0.2)
     lab.network.patience = 0.2
     with listen("127.0.0.1", 0) as silent:

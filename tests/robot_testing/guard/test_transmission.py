@@ -1,4 +1,4 @@
-"""How motors are geared to joints, from what a board tells."""
+"""The transmission of a part, from the answers of its board."""
 
 import numpy as np
 import pytest
@@ -14,8 +14,8 @@ TORSO = Bottle([Bottle([1.0, 0, 0, 0, 0.5, -0.5, 0, 0.5, 0.5])])
 NUMBERS = st.floats(-10, 10)
 
 
-def test_blocks_stand_on_the_diagonal_by_the_numbers_of_their_joints():
-    """What is behind the last block is not coupled."""
+def test_coupling_blocks_are_placed_by_the_numbers_of_their_joints():
+    """Joints after the last block are not coupled."""
     told = Bottle([Bottle([2.0]), Bottle([1.0, 3.0, -1.0, 1.0])])
     matrix, members = block_diagonal(told, 4)
     expected = [[2, 0, 0, 0], [0, 1, 3, 0], [0, -1, 1, 0], [0, 0, 0, 1]]
@@ -25,7 +25,7 @@ def test_blocks_stand_on_the_diagonal_by_the_numbers_of_their_joints():
 
 @given(st.lists(st.integers(1, 4), max_size=4), st.integers(0, 3), st.data())
 def test_all_blocks_are_kept(sizes, more, data):
-    """No block is dropped, whatever their sizes are."""
+    """No block is dropped, whatever its size."""
     blocks = [data.draw(arrays(np.float64, (size, size), elements=NUMBERS)) for size in sizes]
     matrix, members = block_diagonal(Bottle([Bottle(block.ravel().tolist()) for block in blocks]), sum(sizes) + more)
     first = 0
@@ -37,14 +37,14 @@ def test_all_blocks_are_kept(sizes, more, data):
 
 
 @pytest.mark.parametrize("told", [Bottle([Bottle([1.0, 2.0])]), TORSO, Bottle([Bottle([])]), Bottle([3])])
-def test_what_is_no_matrix_of_the_part_is_refused(told):
-    """Not square, too large for the part, empty, no list."""
+def test_an_invalid_coupling_matrix_is_refused(told):
+    """Not square, too large for the part, empty, or no list."""
     with pytest.raises(RefusedError, match="block 0 of kinematic_mj"):
         block_diagonal(told, 2)
 
 
-def test_rotors_follow_joints_and_disagreement_is_of_the_joint():
-    """With signs of gears, for one state and for many."""
+def test_the_disagreement_of_the_encoders_is_in_joint_degrees():
+    """With the signs of the gears, for one state and for many."""
     gears = Transmission(np.array([-100.0, -100, -100]), *block_diagonal(TORSO, 3))
     joints = np.array([[1.0, 10, 4], [0, 0, 0]])
     assert gears.rotors(joints).tolist() == [[-100, -300, -700], [0, 0, 0]]
@@ -53,8 +53,8 @@ def test_rotors_follow_joints_and_disagreement_is_of_the_joint():
     assert gears.disagreement(joints, elsewhere).tolist() == [[0, -0.5, 0], [0, 0, 0]]
 
 
-def test_the_holding_duty_of_one_motor_stands_for_all_of_its_joint():
-    """Two motors hold a roll by 10 % each; the one alone needs both shares."""
+def test_the_holding_duty_of_one_motor_carries_the_whole_joint():
+    """Two motors hold a roll by 10 % each; one alone needs both shares."""
     gears = Transmission(np.array([-100.0, -100, -100]), *block_diagonal(TORSO, 3))
     assert gears.holding_duty([0.0, 10.0, 10.0], 1) == pytest.approx(20.0)
     assert gears.holding_duty([7.0, 10.0, 10.0], 0) == pytest.approx(7.0)
@@ -62,7 +62,7 @@ def test_the_holding_duty_of_one_motor_stands_for_all_of_its_joint():
 
 
 def test_joints_of_a_differential_share_their_motors():
-    """A joint beside them does not; one without a coupling shares with nobody."""
+    """A joint beside them does not; a joint without a coupling shares with none."""
     matrix, members = block_diagonal(TORSO, 3)
     torso = Transmission(np.ones(3), matrix, members)
     assert [torso.sharing(joint) for joint in range(3)] == [{0}, {1, 2}, {1, 2}]

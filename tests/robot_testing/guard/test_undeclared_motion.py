@@ -1,4 +1,4 @@
-"""A test that has not said that it moves the robot cannot: neither by its parts nor by their boards."""
+"""A test that does not declare motion cannot move the robot, neither by its parts nor by their boards."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ COMMANDS: dict[str, Callable[[ReadOnlyBoard], object]] = {
 
 
 class Bench:
-    """A board of three joints behind its ports, and somebody who listens to it."""
+    """A board of three joints behind its ports, and a listener to its commands."""
 
     def __init__(self, stack: ExitStack) -> None:
         self.network = Network(LocalNames())
@@ -75,13 +75,13 @@ def bench() -> Iterator[Bench]:
 
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
 def test_no_command_is_sent(bench: Bench, command: Callable[[ReadOnlyBoard], object]):
-    """Each is refused before it is sent, and the sentence says how that is fixed."""
+    """Each command is refused before it is sent, with the remedy in the message."""
     with pytest.raises(UndeclaredMotionError, match=r"declare safety = Safety\.MOTION"):
         command(bench.board)
 
 
-def test_everything_may_be_asked(bench: Bench):
-    """Where joints are, and all that the guard of a moving test would keep."""
+def test_requests_for_data_are_allowed(bench: Bench):
+    """The positions, and everything that a snapshot has."""
     board = bench.board
     assert board.encoders().tolist() == [0.0, 0.0, 0.0]
     assert board.control_modes() == bench.device.control_modes()
@@ -91,7 +91,7 @@ def test_everything_may_be_asked(bench: Bench):
 
 
 def test_a_part_without_a_guard_does_not_move(bench: Bench):
-    """Its words say the same, and looking is free."""
+    """Its methods raise the same error; measurements can be read."""
     part = Part("fake", bench.board, bench.time, None)
     for move in (lambda: part.move([5.0], [1]), lambda: part.set_mode(ControlMode.IDLE), part.go_home):
         with pytest.raises(UndeclaredMotionError, match="declare safety"):
@@ -100,8 +100,8 @@ def test_a_part_without_a_guard_does_not_move(bench: Bench):
     assert bench.device.control_modes() == (ControlMode.POSITION,) * 3
 
 
-def test_with_a_guard_of_its_own_a_part_moves(bench: Bench):
-    """A test may guard a part itself; then its board obeys."""
+def test_a_part_with_a_guard_moves(bench: Bench):
+    """A test may create the guard itself; then the board accepts commands."""
     guard = MotionGuard(bench.board, "/fake", clock=bench.time, report=bench.told.append)
     part = Part("fake", bench.board, bench.time, guard)
     part.board.set_reference_speeds(7.0, 1)
@@ -135,8 +135,8 @@ class GoesRound(Base):
 '''
 
 
-def test_a_test_that_forgets_it_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """It is the test that is wrong, not the robot; and it says how that is fixed."""
+def test_undeclared_motion_is_an_error_of_the_test(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The robot has not failed, and the message has the remedy."""
     monkeypatch.setenv(MARK, f"{os.getpid()}-{tmp_path.name}")
     for name in ("RTF_CLOCK", "YARP_CLOCK", "YARP_ROBOT_NAME"):
         monkeypatch.delenv(name, raising=False)

@@ -1,4 +1,4 @@
-"""The torques that hold a robot still, by a model."""
+"""The torques that hold a robot at rest, by a model."""
 
 import math
 
@@ -28,7 +28,7 @@ def test_a_pendulum_needs_mass_times_gravity_times_lever(tmp_path, angle):
 
 
 def test_the_own_model_and_the_published_description_agree():
-    """The legs, which have the same links in both, need the same torques; axes that are unknown are passed over."""
+    """The legs have the same links in both, and need the same torques; unknown axes are left out."""
     posture = {"l_hip_pitch": 40.0, "l_hip_roll": 20.0, "l_knee": -50.0, "elsewhere": 12.0}
     own, published = GravityModel().torques(posture), GravityModel(str(robot_description())).torques(posture)
     assert abs(own["l_hip_pitch"]) > 1.0
@@ -36,8 +36,8 @@ def test_the_own_model_and_the_published_description_agree():
         assert own[joint] == pytest.approx(published[joint], abs=1e-3)
 
 
-def test_what_is_no_description_is_refused(tmp_path):
-    """A file that is not there, and one that says something else: the error names it."""
+def test_an_invalid_description_is_refused(tmp_path):
+    """For a missing file and for other content the error names the file."""
     with pytest.raises(RefusedError, match=r"nowhere\.urdf"):
         GravityModel("nowhere.urdf")
     path = tmp_path / "other.urdf"

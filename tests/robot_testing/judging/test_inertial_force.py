@@ -1,4 +1,4 @@
-"""What a limb may press with: noise of its speeds explains next to nothing, and what hastens it all that it should."""
+"""The inertial force of a limb: noise of the speeds explains hardly any force, and an acceleration all of it."""
 
 import numpy as np
 import pytest
@@ -17,8 +17,8 @@ def noise(rng, sd):
 
 
 @pytest.mark.parametrize("sd", [1.0, 3.0])
-def test_noise_is_taken_off(sd):
-    """3 deg/s of it in each joint seemed to press with 96 N; it is known after 15 looks at rest, and told."""
+def test_noise_is_subtracted(sd):
+    """A noise of 3 deg/s in each joint seems to cause 96 N; after 15 samples at rest it is known and reported."""
     rng = np.random.default_rng(1)
     pressing = InertialForce(LEG)
     for _ in range(15):
@@ -30,16 +30,16 @@ def test_noise_is_taken_off(sd):
     assert np.mean([pressing.bound(TIMES + 1.0, STILL, STILL) for _ in range(3)]) == 0.0
 
 
-def test_a_limb_that_is_hastened_presses_with_all_of_it():
-    """Steadily, or for a moment within the time: a line through all of it would make little of that."""
+def test_an_acceleration_counts_in_full():
+    """Whether it is constant or lasts a moment: a line through the whole window would underestimate it."""
     steady = TIMES[:, None] * 2.0
     assert InertialForce(LEG).bound(TIMES, STILL, steady) == pytest.approx(INERTIA * (2.0 + 0.14**2))
     kick = np.clip(TIMES - 0.03, 0.0, 0.03)[:, None] * 20.0
     assert InertialForce(LEG).bound(TIMES, STILL, kick) == pytest.approx(INERTIA * (20.0 + 0.6**2))
 
 
-def test_what_hastens_a_limb_is_no_noise():
-    """Only looks at rest count, and not those at a limb that has just come to rest."""
+def test_an_acceleration_is_no_noise():
+    """Only samples at rest count, and not those of a limb that has just come to rest."""
     pressing = InertialForce(LEG)
     moved = STILL + np.linspace(0.0, 0.1, 8)[:, None]
     for positions in [moved, *[STILL] * 5] * 10:
@@ -48,6 +48,6 @@ def test_what_hastens_a_limb_is_no_noise():
 
 
 @pytest.mark.parametrize("times", [np.array([0.0, 0.05, 0.1]), np.zeros(3), np.array([0.0, 0.0, 0.01])])
-def test_states_that_come_slowly_or_at_once_are_borne(times):
-    """Whatever the board's period is, and its stamps are."""
+def test_any_period_and_equal_stamps_are_accepted(times):
+    """Whatever the period of the board and its stamps are."""
     assert np.isfinite(InertialForce(LEG).bound(times, STILL[:3], STILL[:3] + np.arange(3.0)[:, None]))

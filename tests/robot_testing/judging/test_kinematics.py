@@ -31,14 +31,14 @@ vectors = st.tuples(angles, angles, angles).map(np.array)
 
 @pytest.fixture
 def arm(tmp_path):
-    """A turning, a sliding and a fixed joint."""
+    """An arm with a revolute, a prismatic and a fixed joint."""
     path = tmp_path / "arm.urdf"
     path.write_text(ARM, encoding="utf-8")
     return KinematicModel.read(path)
 
 
 def test_transforms_follow_the_joints(arm):
-    """Turning and sliding joints add up along the chain, and an axis of any length is a direction."""
+    """Revolute and prismatic joints add up along the chain; an axis of any length is a direction."""
     found = arm.transform("tool", {"shoulder": math.pi / 2, "slide": 0.25})
     assert found[:3, 3] == pytest.approx([-0.25, 1.0, 1.5])
     assert found[:3, :3] == pytest.approx(rotation_of(0, 0, math.pi))
@@ -46,8 +46,8 @@ def test_transforms_follow_the_joints(arm):
     assert arm.limits("shoulder") == (-1.0, 2.0)
 
 
-def test_what_is_not_there_is_named(arm):
-    """A link that the description lacks is an error with the file and its name."""
+def test_an_unknown_link_is_named(arm):
+    """The error has the file and the name of the link."""
     with pytest.raises(DescriptionError, match=r"arm\.urdf.*'thumb'"):
         arm.transform("thumb", {})
 
@@ -64,15 +64,15 @@ def test_what_is_not_there_is_named(arm):
     ],
 )
 def test_a_wrong_description_is_refused(tmp_path, change, said):
-    """What cannot be understood is an error that names the file and what is wrong."""
+    """The error names the file and the problem."""
     path = tmp_path / "wrong.urdf"
     path.write_text(ARM.replace(*change), encoding="utf-8")
     with pytest.raises(DescriptionError, match=rf"wrong\.urdf.*{said}"):
         KinematicModel.read(path)
 
 
-def test_a_circle_of_joints_ends(tmp_path):
-    """Links that hang at each other are an error, not an endless search."""
+def test_a_circle_of_joints_is_refused(tmp_path):
+    """Links that are connected in a circle are an error, not an endless search."""
     path = tmp_path / "circle.urdf"
     path.write_text(ARM.replace('<parent link="base"/>', '<parent link="tool"/>'), encoding="utf-8")
     with pytest.raises(DescriptionError, match="circle"):
@@ -81,7 +81,7 @@ def test_a_circle_of_joints_ends(tmp_path):
 
 @given(vectors)
 def test_a_rotation_and_its_vector_are_inverse(vector):
-    """The vector of a rotation gives that rotation again, and no turn is more than half of one."""
+    """The vector of a rotation gives that rotation again, with at most half a turn."""
     rotation = rotation_about(vector)
     back = rotation_vector(rotation)
     assert np.linalg.norm(back) <= math.pi + 1e-9
@@ -90,7 +90,7 @@ def test_a_rotation_and_its_vector_are_inverse(vector):
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0.6, 0, 0.8), (0, 0.6, -0.8)])
 def test_half_a_turn_has_an_axis(axis):
-    """Half a turn, where the sine is nought, is found about its axis."""
+    """The axis of half a turn is found, where the sine is 0."""
     vector = rotation_vector(rotation_about(np.array(axis) * math.pi))
     assert np.abs(vector) == pytest.approx(np.abs(np.array(axis)) * math.pi, abs=1e-6)
     assert rotation_about(vector) == pytest.approx(rotation_about(np.array(axis) * math.pi), abs=1e-6)
@@ -98,7 +98,7 @@ def test_half_a_turn_has_an_axis(axis):
 
 @given(st.floats(-3.0, 3.0), st.lists(vectors, min_size=1, max_size=5))
 def test_the_heading_between_two_series_is_found(heading, turns):
-    """A turn about the vertical is reported, whatever the orientations are."""
+    """A rotation about the vertical is found for all orientations."""
     wanted = np.array([rotation_about(vector) for vector in turns])
     found = rotation_of(0, 0, -heading) @ wanted
     assert vertical_turn(found, wanted) == pytest.approx(heading, abs=1e-6)
@@ -106,13 +106,13 @@ def test_the_heading_between_two_series_is_found(heading, turns):
 
 @given(vectors)
 def test_the_turn_between_vectors_is_found(vector):
-    """Vectors of all directions tell by which rotation others came of them."""
+    """Vectors of all directions show the rotation between them."""
     rotation = rotation_about(vector)
     found = np.vstack([np.eye(3), [0.3, -0.5, 0.8]])
     assert turn_between(found, found @ rotation.T) == pytest.approx(rotation, abs=1e-6)
 
 
-def test_turning_rates_are_in_the_frame_itself():
+def test_angular_velocities_are_in_the_moving_frame():
     """A frame that lies on its side and turns about the vertical turns about its own horizontal axis."""
     times = np.arange(30) * 0.01
     lying = rotation_of(math.pi / 2, 0, 0)

@@ -1,4 +1,4 @@
-"""By which turn vectors differ, and how surely."""
+"""The rotation between two series of vectors, with its confidence."""
 
 import math
 from types import SimpleNamespace
@@ -17,12 +17,12 @@ _RUNS = 300
 
 
 def noisy(random, wanted, turn=0.0):
-    """Vectors as a sensor feels them that is turned about its z axis by so many degrees."""
+    """Return vectors of a sensor that is rotated about its z axis by these degrees."""
     return wanted @ rotation_of(0.0, 0.0, math.radians(turn)) + random.normal(0.0, 0.2, wanted.shape)
 
 
-def test_a_turn_is_within_its_interval():
-    """Angle and axis are reported; the interval is that of 99 of a hundred."""
+def test_a_rotation_is_within_its_interval():
+    """Angle and axis are reported, with an interval of 99 %."""
     random = np.random.default_rng(3)
     wanted = random.normal(size=(30, 3)) * (3.0, 2.0, 1.0)
     turns = [sure_turn(noisy(random, wanted, 10.0), wanted) for _ in range(_RUNS)]
@@ -31,8 +31,8 @@ def test_a_turn_is_within_its_interval():
     assert np.mean([turn.axis for turn in turns], axis=0) == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
 
 
-def test_vectors_of_one_direction_tell_no_turn_about_it():
-    """Nor do a few vectors tell anything, nor those that have nothing in common with what is wanted."""
+def test_vectors_of_one_direction_show_no_rotation_about_it():
+    """Nor do too few vectors, or vectors without a common rotation."""
     random = np.random.default_rng(4)
     upright = np.tile([0.0, 0.0, 9.81], (30, 1))
     assert math.isinf(sure_turn(upright, upright).interval)
@@ -42,8 +42,8 @@ def test_vectors_of_one_direction_tell_no_turn_about_it():
     assert frozen.interval > 180.0
 
 
-class Felt(NamedTuple):
-    """What a unit measured: it has no accelerometer."""
+class Measured(NamedTuple):
+    """The measurements of a unit without an accelerometer."""
 
     times: np.ndarray
     expected: np.ndarray
@@ -52,9 +52,9 @@ class Felt(NamedTuple):
     accelerations: None = None
 
 
-def test_measurements_that_are_no_numbers_fail_their_unit():
-    """They are counted, and have likely causes."""
-    felt = Felt(np.arange(30.0), *np.ones((2, 30, 3, 3)), np.ones((30, 3)))
+def test_measurements_that_are_not_finite_fail_their_unit():
+    """They are counted, and the failure has likely causes."""
+    felt = Measured(np.arange(30.0), *np.ones((2, 30, 3, 3)), np.ones((30, 3)))
     test, unit = kept_test("Imu"), SimpleNamespace(name="head_imu_0")
     test._require_numbers(unit, felt)
     felt.speeds[7:9, 1] = math.nan

@@ -1,4 +1,4 @@
-"""Pictures as files."""
+"""PNG files of pictures."""
 
 import struct
 import zlib
@@ -12,7 +12,7 @@ from rtf.robot_testing.judging.png import png
 
 
 def read(data):
-    """An own reader of such files: their size, kind, and rows."""
+    """Read a file independently: its size, kind and rows."""
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     at, chunks = 8, {}
     while at < len(data):
@@ -27,7 +27,7 @@ def read(data):
 
 @given(st.integers(1, 20), st.integers(1, 20), st.sampled_from([(), (3,)]), st.integers(0, 2**32 - 1))
 def test_every_pixel_is_in_the_file(height, width, channels, seed):
-    """The rows of the file, each behind its filter 0, are those of the picture."""
+    """The rows of the file, each after its filter 0, are those of the picture."""
     pixels = np.random.default_rng(seed).integers(0, 256, (height, width, *channels), dtype=np.uint8)
     (found_width, found_height, depth, colour, *rest), rows = read(png(pixels))
     assert (found_width, found_height, depth, colour, rest) == (width, height, 8, 2 if channels else 0, [0, 0, 0])
@@ -41,6 +41,6 @@ def test_every_pixel_is_in_the_file(height, width, channels, seed):
     [np.zeros((2, 2), float), np.zeros((0, 3, 3), np.uint8), np.zeros((2, 2, 4), np.uint8), np.zeros(3, np.uint8)],
 )
 def test_other_arrays_are_refused(pixels):
-    """Anything but pixels of one or three channels is an error that says what came."""
+    """The error has the shape of the array."""
     with pytest.raises(ValueError, match="not"):
         png(pixels)

@@ -1,4 +1,4 @@
-"""The sine that joints are told, and the sine in what they do."""
+"""The commanded sine of joints, and the sine that is fitted to their motion."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ frequencies = st.floats(0.1, 5.0)
 
 @given(frequency=frequencies, cycles=st.integers(1, 6), amplitude=st.floats(0.1, 20))
 def test_it_begins_and_ends_at_rest_and_is_a_sine_between(frequency, cycles, amplitude):
-    """Zero at both ends, without speed; on the plateau the amplitude is whole; never faster than it says."""
+    """Position and speed are 0 at both ends; the plateau has the full amplitude; the speed limit holds."""
     sine = RampedSine(np.array([amplitude]), frequency, cycles)
     time = np.linspace(0.0, sine.duration, 4000)
     wave = sine.at(time)[:, 0]
@@ -31,7 +31,7 @@ def test_it_begins_and_ends_at_rest_and_is_a_sine_between(frequency, cycles, amp
 
 @given(frequency=frequencies, amplitude=st.floats(0.1, 10), phase=st.floats(-3.0, 3.0), mean=st.floats(-90, 90))
 def test_a_sine_is_found_again(frequency, amplitude, phase, mean):
-    """Amplitude, phase and mean come out as they went in, and nothing is left."""
+    """The fit has the same amplitude, phase and mean, without a residual."""
     time = np.linspace(0.0, 3.0 / frequency, 500)
     fit = fit_sine(time, mean + amplitude * np.sin(2 * np.pi * frequency * time - phase), frequency)
     assert fit.amplitude == pytest.approx(amplitude, rel=1e-6)
@@ -41,14 +41,14 @@ def test_a_sine_is_found_again(frequency, amplitude, phase, mean):
 
 
 def test_a_ramp_is_no_sine():
-    """What has lost its sine leaves more than half of it over."""
+    """More than half of a ramp is left as residual."""
     time = np.linspace(0.0, 2.0, 400)
     fit = fit_sine(time, 2 * np.pi * 0.5 * 3.0 * time, 0.5)
     assert fit.rms > 1.5
 
 
 def test_several_joints_have_their_own_amplitudes():
-    """One column a joint; a single time gives one value each."""
+    """One column for each joint; a single time gives one value each."""
     sine = RampedSine(np.array([1.0, 3.0]), 1.0, 1.0)
     assert sine.at(1.25) == pytest.approx([1.0, 3.0])
     assert sine.at([0.0, 1.25]).shape == (2, 2)

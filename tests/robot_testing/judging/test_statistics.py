@@ -1,4 +1,4 @@
-"""What is said of numbers, and how sure it is, by numbers that are known."""
+"""Statistics and their confidence, for known numbers."""
 
 import math
 
@@ -38,7 +38,7 @@ def test_the_true_slope_is_within_its_interval(count):
 
 @pytest.mark.parametrize("count", [2, 3, 6])
 def test_the_true_mean_is_within_its_interval(count):
-    """The same of a mean; a single value says nothing."""
+    """In 99 of a hundred series; a single value has no interval."""
     random = np.random.default_rng(count)
     means = [confidence(random.normal(size=count)) for _ in range(_RUNS)]
     assert np.mean([abs(mean) <= interval for mean, interval in means]) > 0.98
@@ -46,14 +46,14 @@ def test_the_true_mean_is_within_its_interval(count):
 
 
 @pytest.mark.parametrize("missing", [math.nan, math.inf])
-def test_a_line_through_what_is_no_number_is_refused(missing):
-    """It would have a slope that is none, and pass for no slope."""
+def test_a_fit_of_values_that_are_not_finite_is_refused(missing):
+    """Its slope would be NaN, and pass for a slope of 0."""
     with pytest.raises(ValueError, match="1 of 4 points are not finite"):
         fit_line(range(4), [0.0, 1.0, missing, 3.0])
 
 
-def test_the_rate_of_a_steady_beat_is_well_known():
-    """A late message makes one period longer and the next one shorter: two ms are 0.4 Hz of 100, not five."""
+def test_the_rate_of_a_steady_stream_has_a_narrow_interval():
+    """A late message makes one period longer and the next one shorter: 2 ms are 0.4 Hz of 100 Hz, not 5."""
     random = np.random.default_rng(7)
     found = [periods_of(0.01 * np.arange(201) + random.normal(0.0, 0.002, 201)) for _ in range(_RUNS)]
     assert np.median([one.rate_interval for one in found]) == pytest.approx(0.37, abs=0.05)

@@ -1,4 +1,4 @@
-"""The numbers of an answer to a step."""
+"""The characteristics of step responses."""
 
 import math
 
@@ -13,7 +13,7 @@ TIME = np.arange(-0.5, 3.0, 0.01)
 
 
 def first_order(start, target, tau):
-    """What a first-order system makes of a step at 0."""
+    """Return the response of a first-order system to a step at 0."""
     return np.where(TIME < 0, start, target + (start - target) * np.exp(-np.maximum(TIME, 0) / tau))
 
 
@@ -22,8 +22,8 @@ def first_order(start, target, tau):
     height=st.floats(0.5, 20) | st.floats(-20, -0.5),
     tau=st.floats(0.05, 0.3),
 )
-def test_a_first_order_answer_has_the_numbers_of_the_books(start, height, tau):
-    """The rise is ln 9 time constants, the delay ln(10/9); it settles when exp says so, and never overshoots."""
+def test_a_first_order_response_has_the_textbook_characteristics(start, height, tau):
+    """Rise ln 9 and delay ln(10/9) time constants, exponential settling, no overshoot."""
     target = start + height
     answer = step_response(TIME, first_order(start, target, tau), start, target, band=abs(height) * 0.05)
     assert answer.rise_time == pytest.approx(math.log(9) * tau, abs=0.01)
@@ -35,7 +35,7 @@ def test_a_first_order_answer_has_the_numbers_of_the_books(start, height, tau):
 
 
 def test_overshoot_error_and_ripple_are_told_apart():
-    """A bump is overshoot, a shift at the end is an error, what swings about it is ripple."""
+    """A bump is overshoot, a shift at the end is an error, an oscillation about it is ripple."""
     values = np.where(TIME < 0, 0.0, 1.1) + np.where((TIME > 0.2) & (TIME < 0.3), 0.4, 0.0)
     values += np.where(TIME > 2.0, 0.02 * np.sin(2 * np.pi * 10 * TIME), 0.0)
     answer = step_response(TIME, values, 0.0, 1.0, band=0.2)
@@ -45,8 +45,8 @@ def test_overshoot_error_and_ripple_are_told_apart():
     assert answer.ripple == pytest.approx(0.02 / math.sqrt(2), rel=0.05)
 
 
-def test_what_does_not_move_has_no_rise_and_never_settles():
-    """The numbers that do not exist are NaN and infinite, and no zero."""
+def test_a_joint_at_rest_has_no_rise_and_never_settles():
+    """Missing characteristics are NaN or infinite, not 0."""
     answer = step_response(TIME, np.zeros_like(TIME), 0.0, 2.0, band=0.1)
     assert math.isnan(answer.delay)
     assert math.isnan(answer.rise_time)
@@ -55,8 +55,8 @@ def test_what_does_not_move_has_no_rise_and_never_settles():
 
 
 @pytest.mark.parametrize("reached", [0.6, 0.84, 1.3])
-def test_delay_and_rise_are_those_of_what_is_reached(reached):
-    """By how much it misses the target is the steady error, and nothing else."""
+def test_delay_and_rise_refer_to_the_reached_value(reached):
+    """The distance to the target is the steady-state error, and nothing else."""
     whole = step_response(TIME, first_order(0.0, 1.0, 0.1), 0.0, 1.0, band=0.1)
     answer = step_response(TIME, first_order(0.0, reached, 0.1), 0.0, 1.0, band=0.5)
     assert answer.delay == pytest.approx(whole.delay, abs=0.002)
@@ -65,16 +65,16 @@ def test_delay_and_rise_are_those_of_what_is_reached(reached):
     assert answer.steady_error == pytest.approx(reached - 1.0, abs=1e-3)
 
 
-def test_what_reaches_less_than_half_has_no_rise():
-    """Else noise about the start would rise, too."""
+def test_a_response_of_less_than_half_has_no_rise():
+    """Otherwise noise about the start would have one."""
     answer = step_response(TIME, first_order(0.0, 0.4, 0.1), 0.0, 1.0, band=0.1)
     assert math.isnan(answer.rise_time)
 
 
 @pytest.mark.parametrize("missing", [np.nan, np.inf])
 @pytest.mark.parametrize("place", [10, 80, 340])
-def test_what_is_no_number_is_refused(missing, place):
-    """One of them would hide the greatest overshoot."""
+def test_values_that_are_not_finite_are_refused(missing, place):
+    """A single one would hide the overshoot."""
     values = first_order(0.0, 1.0, 0.1)
     values[place] = missing
     with pytest.raises(ValueError, match="1 of 350 values are not finite"):
@@ -82,7 +82,7 @@ def test_what_is_no_number_is_refused(missing, place):
 
 
 def test_noise_is_neither_overshoot_nor_out_of_the_band():
-    """As much of it as there was before the step; a bump above it is."""
+    """Up to the noise before the step; a bump above it counts."""
     noise = np.random.default_rng(1).normal(0.0, 0.05, TIME.size)
     values = first_order(0.0, 1.0, 0.02) + noise
     known = noise_before(TIME, values)
@@ -94,8 +94,8 @@ def test_noise_is_neither_overshoot_nor_out_of_the_band():
     assert step_response(TIME, values + bump, 0.0, 1.0, 0.02, known).overshoot > 50.0
 
 
-def test_what_nobody_measured_before_the_step_has_no_noise():
-    """Nor has what came to rest: a slope is none."""
+def test_without_samples_before_the_step_the_noise_is_0():
+    """A slope before the step is no noise either."""
     assert noise_before(TIME[46:], np.zeros(TIME.size - 46)) == 0.0
     assert noise_before(TIME, 3.0 * TIME) == pytest.approx(0.0, abs=1e-12)
 
@@ -107,13 +107,13 @@ def test_too_few_points_are_refused():
 
 
 def test_a_step_of_no_height_is_refused():
-    """There is nothing to compare its numbers with."""
+    """Its characteristics have nothing to refer to."""
     with pytest.raises(ValueError, match="a step from 2 to 2 has no response"):
         step_response(TIME, np.full_like(TIME, 2.0), 2.0, 2.0, band=0.1)
 
 
 def test_the_spread_is_that_between_repetitions():
-    """Shifted copies are as far apart as their shifts deviate; a single one has no spread."""
+    """The spread of shifted copies is the deviation of their shifts; a single copy has none."""
     base = first_order(0.0, 1.0, 0.1)
     assert spread_of([TIME] * 3, [base - 0.1, base, base + 0.1], 0.01) == pytest.approx(0.1)
     assert math.isnan(spread_of([TIME], [base], 0.01))

@@ -1,4 +1,4 @@
-"""Joints that swing while their encoders are compared: what is held against them, and what becomes of the others."""
+"""Joints that swing while their encoders are compared: failures, and the other joints after one."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class PreemptedBoard(RemoteControlBoard):
-    """A client whose process gets no processor for half a second whenever it is about to read the motors' encoders."""
+    """A client whose process is suspended for half a second before each reading of the motor encoders."""
 
     preempted = False
 
@@ -53,28 +53,28 @@ def bench() -> Iterator[Bench]:
         yield Bench(stack)
 
 
-def test_joints_that_arrive_are_fine(bench: Bench):
-    """Together, and one of them alone: the motors of the other two turn with either."""
+def test_joints_that_arrive_pass(bench: Bench):
+    """Together and one alone, although the motors of two joints turn with each other."""
     assert bench.swinger.go([10.0, 10.0, -10.0], [0, 1, 2], [20.0] * 3) == {}
     assert bench.swinger.go([-10.0], [1], [20.0]) == {}
     assert bench.board.encoders() == pytest.approx([10.0, -10.0, -10.0], abs=1.0)
 
 
-def test_a_process_that_is_late_blames_no_joint(bench: Bench):
-    """Joint and motor encoders are compared as they were at the same moment, also when another joint was stopped."""
+def test_a_suspended_process_fails_no_joint(bench: Bench):
+    """Joint and motor encoders of the same time are compared, also when another joint was stopped."""
     outcomes = {}
 
-    def course(joint: int) -> Routine[None]:
+    def routine(joint: int) -> Routine[None]:
         outcomes[joint] = yield from bench.swinger.swinging(joint, Ends(-10.0, 30.0), 1, 10.0)
 
     bench.board.preempted = True
     bench.device.speeds = {0: 100.0}
-    run_queues(bench.part, [[[1]]], course, pace=0.02)
+    run_queues(bench.part, [[[1]]], routine, pace=0.02)
     assert outcomes[1].complaint.startswith("had to be stopped: joint0")
 
 
-def test_a_joint_that_is_turned_unseen_takes_those_along_that_are_coupled_with_it(bench: Bench):
-    """It fails; of the other nothing can be said, and it gets no power either. The first one goes on."""
+def test_an_undetected_motion_excludes_the_coupled_joints(bench: Bench):
+    """The joint fails; the coupled joint is excluded without a verdict; the others go on."""
     bench.device.shown = {2: 0.0}
     outcomes = bench.swinger.go([10.0] * 3, [0, 1, 2], [20.0] * 3)
     assert "does not move by its encoder," in outcomes[2].complaint
@@ -89,20 +89,20 @@ def test_a_joint_that_is_turned_unseen_takes_those_along_that_are_coupled_with_i
     assert "does not obey any more" in again[2].complaint
 
 
-def test_a_joint_that_goes_on_before_it_turns_back_is_seen(bench: Bench):
-    """At the end of a swing it still moves. Where it began the next one it has been away and back, and not stood."""
-    course = bench.swinger.moving([10.0], [0], [20.0])
-    next(course)
+def test_a_joint_that_overruns_before_it_turns_back_has_moved(bench: Bench):
+    """At the end of a swing it still moves, so at the begin of the next it has not been at rest."""
+    routine = bench.swinger.moving([10.0], [0], [20.0])
+    next(routine)
     for place in (-0.5, -1.0, -1.0, -0.5, 0.0):  # its motor turns by a degree each time
         bench.device.shown = {0: place}
         bench.time.sleep(0.05)
-        next(course)
+        next(routine)
     bench.device.shown = {}
-    assert run_to_end(bench.part, course, pace=0.02) == {}
+    assert run_to_end(bench.part, routine, pace=0.02) == {}
 
 
 def test_a_joint_without_a_position_has_not_arrived(bench: Bench):
-    """What is no number is near nothing."""
+    """NaN is within no tolerance."""
     bench.part.guard = None  # which would stop it at once
     bench.device.shown = {0: math.nan}
     bench.publish()

@@ -1,4 +1,4 @@
-"""A motor that is driven by its duty cycle, when the guard gives its joint up meanwhile."""
+"""A motor that is driven by its duty cycle, and whose joint the guard excludes."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from ..guard.test_motion_guard import Bench  # noqa: TID252 - a neighbour among 
 COUPLED = Transmission(np.ones(3), np.array([[1.0, 0, 0], [0, 1, -1], [0, 1, 1]]), ((0,), (1, 2), (1, 2)))
 
 
-def test_a_joint_that_was_excluded_gets_no_power_any_more():
-    """Nor does the one that shares its motors, which its board has taken along: both would get it at once."""
+def test_an_excluded_joint_gets_no_power():
+    """Nor does the joint that shares its motors, as the board would power both."""
     with ExitStack() as stack:
         bench = Bench(stack)
         guard = bench.guard()
@@ -40,7 +40,7 @@ def test_a_joint_that_was_excluded_gets_no_power_any_more():
 
 
 class Jittery:
-    """A motor whose joint creeps by 0.5 deg/s for each % that its duty cycle is off; its encoder jitters by ``sd``."""
+    """A joint that creeps by 0.5 deg/s for each % of wrong duty cycle; its encoder has a noise of ``sd``."""
 
     needed = 12.0  # %
 
@@ -72,11 +72,11 @@ class Jittery:
         assert motors == [0]
         (self.duty,) = duties
 
-    def whether(self, course) -> bool:
-        """What a course finds, with beats of 20 ms."""
+    def whether(self, routine) -> bool:
+        """Return the result of a routine, with a tick of 20 ms."""
         while True:
             try:
-                next(course)
+                next(routine)
             except StopIteration as end:
                 return end.value
             self.time += 0.02
@@ -84,8 +84,8 @@ class Jittery:
 
 
 @pytest.mark.parametrize("sd", [0.0, 0.03, 0.05])
-def test_a_joint_that_only_jitters_correct_creep(sd: float):
-    """A healthy encoder does so by 0.2 deg; else its joint would be let go, and fall out of its posture."""
+def test_noise_of_an_encoder_is_no_creep(sd: float):
+    """Healthy encoders have 0.2 deg of it; with a correction the joint would fall."""
     for seed in range(50):
         still = Jittery(sd, seed)
         assert still.whether(still.motor._correct_creep()), seed
@@ -95,8 +95,8 @@ def test_a_joint_that_only_jitters_correct_creep(sd: float):
 
 @pytest.mark.parametrize("sd", [0.0, 0.03, 0.05])
 @pytest.mark.parametrize("off", [-2.0, 1.0])
-def test_a_joint_that_creeps_correct_creep_by_a_change(sd: float, off: float):
-    """Its duty cycle comes near to what it needs, whichever way it went."""
+def test_creep_is_corrected_by_the_duty_cycle(sd: float, off: float):
+    """It approaches the duty cycle that holds the joint, in both directions."""
     for seed in range(20):
         creeping = Jittery(sd, seed, creeps=0.5)
         creeping.motor.holding = creeping.needed + off
@@ -105,8 +105,8 @@ def test_a_joint_that_creeps_correct_creep_by_a_change(sd: float, off: float):
 
 
 @pytest.mark.parametrize(("sd", "least", "most"), [(0.0, 0.1, 0.1), (0.03, 0.13, 0.2), (0.05, 0.2, 0.2)])
-def test_the_jitter_that_shows_while_a_joint_is_held_is_no_motion(sd: float, least: float, most: float):
-    """By either encoder; without it the first tenth of a degree is motion, and is answered at once."""
+def test_noise_while_a_joint_is_held_is_no_motion(sd: float, least: float, most: float):
+    """For both encoders; without noise a tenth of a degree is motion, and corrected at once."""
     jitter = np.random.default_rng(1).normal(0.0, sd, (20, 1))
     for positions, turns in ((jitter, 0.0 * jitter), (0.0 * jitter, 100.0 * jitter)):
         trace = SimpleNamespace(positions=positions, motor_positions=turns)
@@ -114,7 +114,7 @@ def test_the_jitter_that_shows_while_a_joint_is_held_is_no_motion(sd: float, lea
 
 
 def test_a_joint_that_falls_is_not_caught():
-    """Nor by what its encoder jitters."""
+    """Nor because of the noise of its encoder."""
     falling = Jittery(0.05, 1, creeps=10.0)
     falling.motor.holding = falling.needed + 8.0
     assert not falling.whether(falling.motor._correct_creep())

@@ -1,4 +1,4 @@
-"""A part in the words of tests: modes that boards refuse, joints that were given up, and moves that do not arrive."""
+"""Parts: modes that boards refuse, excluded joints, and moves that do not arrive."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def bench() -> Iterator[PartBench]:
 
 @pytest.fixture
 def test(bench: PartBench) -> Joints:
-    """A test of all its joints."""
+    """A test of all joints of the part."""
     made = Joints()
     made.robot_part, made.chosen = bench.part, [0, 1, 2]
     return made
 
 
-def test_a_mode_that_a_board_refuses_is_a_mode_that_joints_are_not_in(bench: PartBench, test: Joints):
-    """Boards answer that they failed when a joint has not obeyed: which one shows in its mode, and is named."""
+def test_joints_that_refuse_a_mode_are_named(bench: PartBench, test: Joints):
+    """Boards answer with an error for all joints; the mode of each shows which one has refused."""
     assert bench.part.set_mode(DIRECT, [0])
     bench.device.refuses = True
     assert not bench.part.set_mode(DIRECT)
@@ -48,15 +48,15 @@ def test_a_mode_that_a_board_refuses_is_a_mode_that_joints_are_not_in(bench: Par
         test.hold()
 
 
-def test_what_refuses_to_be_stiff_is_held_all_the_same(bench: PartBench, test: Joints):
-    """Over the network, boards without interaction modes say no more than that they failed."""
+def test_joints_without_interaction_modes_are_held(bench: PartBench, test: Joints):
+    """Over the network such boards only answer with an error."""
     bench.device.refuses = True
     hold(bench.part, [0, 1, 2])
     test.hold()
 
 
-def test_joints_that_were_excluded_get_no_power_any_more(bench: PartBench, test: Joints):
-    """Nor are they waited for, by any move of the part."""
+def test_excluded_joints_get_no_power(bench: PartBench, test: Joints):
+    """Nor does any move of the part wait for them."""
     part = bench.part
     bench.guard.exclude(1, "it does not obey")
     bench.time.sleep(0.1)
@@ -75,8 +75,8 @@ def test_joints_that_were_excluded_get_no_power_any_more(bench: PartBench, test:
     assert bench.device.control_modes() == (POSITION, IDLE, POSITION)
 
 
-def test_a_joint_that_was_excluded_is_in_no_mode_and_arrives_nowhere(bench: PartBench):
-    """Where there is no other to wait for, it is reported at once; where nothing is asked of any, all is well."""
+def test_an_excluded_joint_enters_no_mode_and_does_not_arrive(bench: PartBench):
+    """Alone it is reported at once; a command for no joint succeeds."""
     bench.guard.exclude(1, "it does not obey")
     before = bench.time.now()
     assert not bench.part.set_mode(POSITION, [1])
@@ -86,8 +86,8 @@ def test_a_joint_that_was_excluded_is_in_no_mode_and_arrives_nowhere(bench: Part
     assert bench.part.move([], []).reached
 
 
-def test_a_move_that_a_test_stands_on_names_its_joints_by_the_tolerance_it_had(bench: PartBench):
-    """However small that is."""
+def test_a_required_move_names_the_joints_beyond_its_tolerance(bench: PartBench):
+    """However small the tolerance is."""
     bench.device.shown = {1: 0.3}
     part = bench.part
     arrival = part.move([5.0, 0.0, 0.0], tolerance=0.2, timeout=2.0)
@@ -95,8 +95,8 @@ def test_a_move_that_a_test_stands_on_names_its_joints_by_the_tolerance_it_had(b
         RobotTest.require(Joints(), arrival, "home", part, [0, 1, 2], [5.0, 0.0, 0.0])
 
 
-def test_what_is_there_already_goes_the_rest_slowly(bench: PartBench, monkeypatch: pytest.MonkeyPatch):
-    """The next command comes in the middle of it. Commands that a test gives itself are at the speed of the move."""
+def test_a_joint_within_the_tolerance_moves_slowly(bench: PartBench, monkeypatch: pytest.MonkeyPatch):
+    """The next command interrupts the move. Later commands of the test have the speed of the move."""
     told: list[tuple[str, list[float]]] = []
     for name in ("set_reference_speeds", "position_move"):
         monkeypatch.setattr(bench.part.board, name, lambda values, _, name=name: told.append((name, list(values))))
@@ -115,7 +115,7 @@ def test_what_is_there_already_goes_the_rest_slowly(bench: PartBench, monkeypatc
 
 
 def test_a_joint_without_a_position_has_not_arrived(bench: PartBench):
-    """What is no number is near nothing."""
+    """NaN is within no tolerance."""
     bench.part._need_guard = lambda what: None
     bench.part.guard = None  # which would stop it at once
     bench.device.shown = {1: math.nan}
@@ -123,8 +123,8 @@ def test_a_joint_without_a_position_has_not_arrived(bench: PartBench):
     assert list(late_joints(bench.part, [0, 1], [1.0, 1.0])) == [1]
 
 
-def test_joints_that_slide_are_left_out(bench: PartBench):
-    """Where none is named; one that is named is refused. Whatever moves the part does not move them."""
+def test_prismatic_joints_are_left_out(bench: PartBench):
+    """By default; a named one is refused. No move of the part moves them."""
     part, bench.guard.sliding = bench.part, frozenset({1})
     assert part.select([]) == part.held() == [0, 2]
     with pytest.raises(RefusedError, match="joint1 of fake is prismatic"):
@@ -138,6 +138,6 @@ def test_joints_that_slide_are_left_out(bench: PartBench):
         part.select([])
 
 
-def test_a_test_that_only_listens_looks_at_joints_that_slide(bench: PartBench):
+def test_a_test_without_motion_has_prismatic_joints(bench: PartBench):
     """It does not move them."""
     assert Part("fake", bench.board, bench.time, None).select([]) == [0, 1, 2]

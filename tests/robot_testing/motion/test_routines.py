@@ -1,4 +1,4 @@
-"""Courses of joints: beats, queues, and what becomes of a queue in which the guard stops a joint."""
+"""Routines of joints: ticks, queues, and a queue in which the guard stops a joint."""
 
 import pytest
 
@@ -9,7 +9,7 @@ NAMES = ["neck_pitch", "neck_roll", "eyes_tilt", "eyes_version"]
 
 
 class Scripted:
-    """A part without joints: a clock that only sleeps, and a guard that trips when it is told to."""
+    """A part without joints: a clock that only advances by sleeping, and a guard that raises scripted errors."""
 
     def __init__(self, trips=()):
         self.clock = self.guard = self
@@ -17,45 +17,45 @@ class Scripted:
         self.time, self.trips, self.idle = 0.0, dict(trips), []
 
     def now(self):
-        """Seconds."""
+        """Return the time, in s."""
         return self.time
 
     def sleep(self, seconds):
-        """No time but this passes."""
+        """Advance the time; nothing else does."""
         assert seconds > 0
         self.time += seconds
 
     def watch(self):
-        """Trip at the beats that were given, for their joints."""
+        """Raise the errors that are scripted for this tick."""
         joint = self.trips.get(round(self.time / 0.1))
         if joint is not None:
             raise GuardError(f"{NAMES[joint]} is too fast", joint)
 
     def exclude(self, joint, reason):
-        """Keep who was left without power."""
+        """Keep the number of an excluded joint."""
         assert reason
         self.idle.append(joint)
 
 
-def journal(part, beats):
-    """A course of so many beats that writes down when it does what, and errors that come meanwhile."""
+def journal(part, ticks):
+    """Return the lines of a log, and a routine with ``ticks`` ticks that logs its begin, its end and the errors."""
     lines = []
 
-    def course(joint):
+    def routine(joint):
         lines.append((round(part.now(), 3), joint, "begins"))
         try:
-            for _ in range(beats):
+            for _ in range(ticks):
                 yield None
         except GuardError as error:
             lines.append((round(part.now(), 3), joint, str(error)))
             yield None
         lines.append((round(part.now(), 3), joint, "ends"))
 
-    return lines, course
+    return lines, routine
 
 
-def test_a_course_returns_what_it_finds():
-    """A wait ends with what it waits for, or at its time."""
+def test_a_routine_returns_its_result():
+    """A wait ends when its condition holds, or at its time-out."""
     part = Scripted()
     assert run_to_end(part, until(part, lambda: part.time > 0.25, 1.0), pace=0.1)
     assert part.time == pytest.approx(0.3)
@@ -63,76 +63,76 @@ def test_a_course_returns_what_it_finds():
     assert part.time == pytest.approx(0.5)
 
 
-def test_what_the_guard_stops_ends_a_single_course():
-    """Its error is that of the caller."""
+def test_a_stop_ends_a_single_routine():
+    """The caller gets the error of the guard."""
     part = Scripted({1: 0})
     with pytest.raises(GuardError, match="neck_pitch"):
         run_to_end(part, pause(part, 1.0), pace=0.1)
 
 
-def test_queues_go_at_the_same_time_and_their_joints_in_turn():
-    """An eye does not wait for the neck, but for the eye before it; the next joint begins when one has ended."""
+def test_queues_run_in_parallel_and_their_joints_in_turn():
+    """An eye waits for the eye before it and not for the neck; a joint begins when the one before has ended."""
     part = Scripted()
-    lines, course = journal(part, beats=2)
-    run_queues(part, one_at_a_time(NAMES, range(4)), course, pace=0.1)
+    lines, routine = journal(part, ticks=2)
+    run_queues(part, one_at_a_time(NAMES, range(4)), routine, pace=0.1)
     assert one_at_a_time(NAMES, range(4)) == [[[0], [1]], [[2], [3]]]
     assert [(when, joint) for when, joint, what in lines if what == "begins"] == [(0, 0), (0, 2), (0.3, 1), (0.3, 3)]
     assert part.time == pytest.approx(0.6)
 
 
-def test_a_trip_concerns_the_queue_of_its_joint_only():
-    """The course that has its turn there hears of it, whichever joint of the queue it was; it may still clean up."""
+def test_a_stop_concerns_the_queue_of_its_joint_only():
+    """The running routine of the queue gets the error, whichever joint of it was stopped, and may clean up."""
     part = Scripted({1: 3})
-    lines, course = journal(part, beats=2)
-    run_queues(part, one_at_a_time(NAMES, range(4)), course, pace=0.1)
+    lines, routine = journal(part, ticks=2)
+    run_queues(part, one_at_a_time(NAMES, range(4)), routine, pace=0.1)
     assert (0.1, 2, "eyes_version is too fast") in lines
     assert [joint for _, joint, what in lines if what == "ends"] == [0, 2, 1, 3]
     assert part.idle == []
 
 
-def test_a_round_is_over_when_all_its_joints_are():
-    """Joints of a round go together; a trip of one is its own business."""
+def test_a_group_ends_with_its_last_joint():
+    """The joints of a group move together, and each gets its own errors only."""
     part = Scripted({1: 1})
-    lines, course = journal(part, beats=2)
-    run_queues(part, [[[0, 1], [2]]], course, pace=0.1)
+    lines, routine = journal(part, ticks=2)
+    run_queues(part, [[[0, 1], [2]]], routine, pace=0.1)
     assert [(when, joint) for when, joint, what in lines if what == "begins"] == [(0, 0), (0, 1), (0.3, 2)]
     assert [(when, joint) for when, joint, what in lines if "fast" in what] == [(0.1, 1)]
 
 
-def test_a_joint_that_is_stopped_again_is_left_without_power():
-    """Once may be an accident; and it is no fault of the joints that have their turns then."""
+def test_a_joint_that_is_stopped_twice_is_excluded():
+    """The first time may be an accident; the joints that run then have not failed."""
     part = Scripted({1: 0, 4: 0})
-    lines, course = journal(part, beats=3)
-    run_queues(part, one_at_a_time(NAMES, range(4)), course, pace=0.1)
+    lines, routine = journal(part, ticks=3)
+    run_queues(part, one_at_a_time(NAMES, range(4)), routine, pace=0.1)
     assert part.idle == [0]
     assert [(when, joint) for when, joint, what in lines if "fast" in what] == [(0.1, 0)]
 
 
-def test_a_joint_of_no_queue_ends_a_course_all_the_same():
-    """Nothing that the guard finds is lost."""
+def test_a_stop_of_a_joint_in_no_queue_ends_a_routine():
+    """No error of the guard is lost."""
     part = Scripted({1: 3})
-    lines, course = journal(part, beats=2)
-    run_queues(part, [[[0]]], course, pace=0.1)
+    lines, routine = journal(part, ticks=2)
+    run_queues(part, [[[0]]], routine, pace=0.1)
     assert (0.1, 0, "eyes_version is too fast") in lines
 
 
-def test_a_course_that_has_just_begun_hears_of_a_trip_at_its_first_beat():
-    """A joint that trips as its course has ended is a failure all the same: of the next one, or of all."""
+def test_a_routine_that_has_just_begun_gets_the_error_at_its_first_tick():
+    """A joint that is stopped when its routine has ended is a failure of the next one, or of all."""
     part = Scripted({3: 0})
-    lines, course = journal(part, beats=2)
-    run_queues(part, [[[0], [1]]], course, pace=0.1)
+    lines, routine = journal(part, ticks=2)
+    run_queues(part, [[[0], [1]]], routine, pace=0.1)
     assert [(when, joint) for when, joint, what in lines if "fast" in what] == [(0.4, 1)]
     part = Scripted({3: 0})
-    _, course = journal(part, beats=2)
+    _, routine = journal(part, ticks=2)
     with pytest.raises(GuardError):
-        run_queues(part, [[[0]]], course, pace=0.1)
+        run_queues(part, [[[0]]], routine, pace=0.1)
 
 
-def test_other_errors_end_all():
-    """What a course does not handle is nobody else's to handle; those that wait are closed, and clean up."""
+def test_other_errors_end_all_routines():
+    """An error that a routine does not handle is raised; the other routines are closed, and clean up."""
     closed = []
 
-    def course(joint):
+    def routine(joint):
         try:
             yield None
             if joint == 0:
@@ -142,20 +142,20 @@ def test_other_errors_end_all():
             closed.append(joint)
 
     with pytest.raises(ValueError, match="broken"):
-        run_queues(Scripted(), one_at_a_time(NAMES, range(4)), course, pace=0.1)
+        run_queues(Scripted(), one_at_a_time(NAMES, range(4)), routine, pace=0.1)
     assert closed == [0, 2]
 
 
-def test_a_late_beat_is_not_made_up_for():
-    """The beats after it are where they would have been."""
-    part, beats = Scripted(), []
+def test_late_ticks_are_skipped():
+    """The following ones keep their times."""
+    part, ticks = Scripted(), []
 
-    def course(_joint):
+    def routine(_joint):
         for number in range(5):
-            beats.append(part.time)
+            ticks.append(part.time)
             if number == 1:
                 part.time += 0.25
             yield None
 
-    run_queues(part, [[[0]]], course, pace=0.1)
-    assert beats == pytest.approx([0.0, 0.1, 0.4, 0.5, 0.6])
+    run_queues(part, [[[0]]], routine, pace=0.1)
+    assert ticks == pytest.approx([0.0, 0.1, 0.4, 0.5, 0.6])

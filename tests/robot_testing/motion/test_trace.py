@@ -1,4 +1,4 @@
-"""What a board published: by its own stamps, and by the clock of the test where the two differ."""
+"""Recorded states: times by the stamps of the board, and by the clock of the test where the two differ."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from ..part_bench import LocalTime, PartBench  # noqa: TID252 - a neighbour amon
 
 
 @pytest.mark.parametrize("ahead", [-0.1, 3600.0])
-def test_stamps_of_another_clock_are_compared_without_the_difference(ahead: float):
-    """A real robot's clock may be anywhere: what was seen is put where it was by the clock of the test."""
+def test_stamps_of_another_clock_are_converted(ahead: float):
+    """The clock of a real robot may be anywhere; the local times are those of the test's clock."""
     with ExitStack() as stack:
         bench = PartBench(stack, local=True)
         bench.device.ahead = ahead
@@ -31,8 +31,8 @@ def test_stamps_of_another_clock_are_compared_without_the_difference(ahead: floa
         assert f"{abs(ahead):.3f} s {'ahead of' if ahead > 0 else 'behind'} this machine's" in said[0]
 
 
-def test_a_late_message_moves_nothing():
-    """The usual one counts, not the one that a busy machine has kept waiting."""
+def test_a_late_message_does_not_change_the_offset():
+    """The median delay counts, not that of a message that a busy machine delayed."""
     with clock.use(LocalTime()) as time:
         trace = Trace()
         for age in (0.0, 0.0, 5.0):
@@ -40,8 +40,8 @@ def test_a_late_message_moves_nothing():
         assert trace.offset == 0.0
 
 
-def test_by_a_simulators_clock_stamps_are_what_they_are():
-    """To the last bit, and nothing is said of them."""
+def test_stamps_of_a_simulators_clock_are_not_converted():
+    """To the last bit, and no offset is reported."""
     with ExitStack() as stack:
         bench = PartBench(stack)
         bench.device.ahead = 0.1

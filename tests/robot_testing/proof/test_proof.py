@@ -47,7 +47,7 @@ class Looks(RobotTest):
 
 @pytest.fixture
 def claims(tmp_path: Path):
-    """Writes the claims of the test ``Looks``, and reads them."""
+    """Write the claims of the test ``Looks``, and read them."""
     (tmp_path / "claims").mkdir()
     (tmp_path / "looks.py").write_text(TEST)
 
@@ -60,7 +60,7 @@ def claims(tmp_path: Path):
 
 
 def test_claims_become_cases(claims):
-    """The healthy robot, each severity, the part of the joint that is broken, and the reason."""
+    """The healthy robot, each severity, the part of the faulty joint, and the reason."""
     found = claims("""
         parameters = { inject = "" }
         fast_parameters = { joints = [1] }
@@ -105,15 +105,15 @@ def test_claims_become_cases(claims):
         ("claims = 1", "the file has unknown keys claims"),
     ],
 )
-def test_claims_that_cannot_be_are_refused(claims, text: str, said: str):
-    """With the file, and what is wrong."""
+def test_invalid_claims_are_refused(claims, text: str, said: str):
+    """The error has the file and the problem."""
     with pytest.raises(ClaimsError, match=r"looks\.toml") as caught:
         claims(text)
     assert said in str(caught.value)
 
 
 def test_suites_are_those_of_the_runner(tmp_path: Path):
-    """Each case is a test of one of the suites, with its fault and its parameters, whatever stands in them."""
+    """Each case is a test of one of the suites, with its fault and its parameters, whatever their characters."""
     cases = [
         Case("JointLimits", Expectation.FOUND, "jam", "l_elbow", {"torque": 400.0}, "l_elbow", {"part": "left_arm"}),
         Case("JointLimits", Expectation.HEALTHY, parameters={"part": "head", "joints": [0, 1], "name": '<&">'}),
@@ -130,12 +130,12 @@ def test_suites_are_those_of_the_runner(tmp_path: Path):
 
 
 def healthy(count: int) -> list[Case]:
-    """So many cases."""
+    """Return this number of cases without a fault."""
     return [Case("Imu", Expectation.HEALTHY, parameters={"name": '<&">', "n": n}) for n in range(count)]
 
 
 def test_each_suite_has_a_robot_of_its_own(tmp_path: Path):
-    """So that the runner may run all of them at the same time, each with a few of the cases."""
+    """So the runner can run all suites at the same time, each with some of the cases."""
     files, by_test = write_suites(healthy(14), tmp_path)
     planned = Planner().plan([load_suite(file).suite for file in files])
     assert [len(suite.tests) for suite in planned] == [6, 6, 2]
@@ -143,8 +143,8 @@ def test_each_suite_has_a_robot_of_its_own(tmp_path: Path):
     assert [*by_test.values()] == healthy(14)
 
 
-def test_written_suites_tell_their_cases(tmp_path: Path):
-    """A proof is gone on with as it was begun, and nothing of an earlier one is left in the folder."""
+def test_the_cases_are_read_from_written_suites(tmp_path: Path):
+    """A proof is resumed as it was begun, and the folder has no files of an earlier one."""
     write_suites(healthy(20), tmp_path)
     _, by_test = write_suites(healthy(8), tmp_path)
     assert read_suites(tmp_path, healthy(9)) == by_test
@@ -153,7 +153,7 @@ def test_written_suites_tell_their_cases(tmp_path: Path):
 
 
 def result(verdict: Verdict, *failures: str) -> TestResult:
-    """The result of a test."""
+    """Return the result of a test."""
     made = TestResult(TestPlanned(test="s/t", suite="s", name="t"), "t")
     made.verdict = verdict
     made.attempts.append(TestEnded(test="s/t", outcome=verdict, verdict=verdict))
@@ -179,8 +179,8 @@ def result(verdict: Verdict, *failures: str) -> TestResult:
         (Expectation.FOUND, Verdict.FIXTURE_LOST, ["l_elbow"], Judgement.NOT_TESTED),
     ],
 )
-def test_what_is_said_of_a_case(expectation: Expectation, verdict: Verdict, failures: list[str], said: Judgement):
-    """Found only if it failed and named the joint, silent only if it passed, and nothing that was not run."""
+def test_the_judgement_of_a_case(expectation: Expectation, verdict: Verdict, failures: list[str], said: Judgement):
+    """Found if it failed and named the joint, silent if it passed; neither if it was not run."""
     case = Case("JointLimits", expectation, "jam", "l_elbow", names="l_elbow")
     assert judge(case, result(verdict, *failures)).judgement is said
     assert judge(case, None).judgement is Judgement.NOT_TESTED
@@ -196,16 +196,16 @@ def test_what_is_said_of_a_case(expectation: Expectation, verdict: Verdict, fail
         ("/icubSim/left_leg/analog:o", "l_knee", "states of /icubSim/left_leg/analog:o came late", Judgement.FOUND),
     ],
 )
-def test_a_joint_is_found_where_the_failure_is_its_own(names: str, subject: str, detail: str, said: Judgement):
-    """To be mentioned in that of another joint is not to be found; in one of the part, or of a port, it is."""
+def test_a_joint_is_found_only_by_its_own_failure(names: str, subject: str, detail: str, said: Judgement):
+    """Not by being mentioned in that of another joint, but by one of its part or of a port."""
     found = result(Verdict.FAILED, detail)
     found.problems = [replace(problem, subject=subject) for problem in found.problems]
     case = Case("JointLimits", Expectation.FOUND, "motor_dead", names, names=names)
     assert judge(case, found).judgement is said
 
 
-def test_the_matrix_tells_what_does_not_hold():
-    """A fault that nothing finds stands out, and a cell cannot break the table."""
+def test_the_matrix_shows_claims_that_do_not_hold():
+    """A fault that no test finds is marked, and a cell cannot break the table."""
     case = Case("JointLimits", Expectation.FOUND, "jam", "l_elbow", {"torque": 400.0})
     page = write_matrix([JudgedCase(case, Judgement.MISSED, "passed", "a | b\nc", 1.0)])
     assert "0 of 1 claims hold" in page
@@ -225,13 +225,13 @@ def test_the_matrix_tells_what_does_not_hold():
         (Case("JointLimits", Expectation.HEALTHY), ""),
     ],
 )
-def test_the_matrix_says_how_bad_a_fault_was(case: Case, severity: str):
-    """Also where its claim leaves the numbers as they are."""
+def test_the_matrix_has_the_severity_of_a_fault(case: Case, severity: str):
+    """Also if the claim does not change the default values."""
     assert f" | {severity} | found | " in write_matrix([JudgedCase(case, Judgement.FOUND, "failed", "", 0.0)])
 
 
 def test_every_shipped_claim_can_be_tried():
-    """All claims are sound, every test has a healthy case, and every fault that lasts is claimed by somebody."""
+    """All claims are valid, every test has a healthy case, and every permanent fault is claimed."""
     files = sorted((shipped_folder("test") / "claims").glob("*.toml"))
     cases = [case for file in files for case in cases_of(read_claims(file))]
     assert len({case.name for case in cases}) == len(cases)
@@ -240,8 +240,8 @@ def test_every_shipped_claim_can_be_tried():
     assert "**nothing**" not in page
 
 
-def test_a_part_of_the_proof_may_be_asked_for(tmp_path: Path):
-    """The cases of one test with one fault; that they are then carried out is seen in test_proof_fast.py."""
+def test_a_part_of_the_proof_can_be_selected(tmp_path: Path):
+    """The cases of one test with one fault; test_proof_fast.py runs such cases."""
     words = ["proof", "--list", "--test", "SensorsDuplicateReadings", "--fault", "duplicate"]
     command = [sys.executable, "-m", "rtf", *words]
     done = subprocess.run(command, capture_output=True, text=True, timeout=100, cwd=tmp_path, check=False)
@@ -252,8 +252,8 @@ def test_a_part_of_the_proof_may_be_asked_for(tmp_path: Path):
     assert all(case.split()[:4] == ["found", "SensorsDuplicateReadings", "on", "duplicate"] for case in cases)
 
 
-def test_a_proof_of_nothing_is_refused(tmp_path: Path):
-    """And what an earlier one has left in the folder stays."""
+def test_an_empty_proof_is_refused(tmp_path: Path):
+    """The files of an earlier proof are kept."""
     kept = tmp_path / "rtf-runs" / "proof" / "run"
     kept.mkdir(parents=True)
     command = [sys.executable, "-m", "rtf", "proof"]

@@ -27,8 +27,8 @@ SHARES = 2
 
 @pytest.mark.timeout(800)
 @pytest.mark.parametrize("share", range(SHARES))
-def test_what_the_tests_claim_holds(share: int, tmp_path: Path):
-    """What is claimed to be found is found and named, the healthy robot passes, and the matrix has it all."""
+def test_the_claims_hold(share: int, tmp_path: Path):
+    """Claimed faults are found and named, the healthy robot passes, and the matrix has all cases."""
     tests = TESTS[share::SHARES]
     words = [sys.executable, "-m", "rtf", "proof", "--fast", "-j", "1", "--folder", str(tmp_path / "proof")]
     words += [word for name in tests for word in ("--test", name)]
@@ -42,7 +42,7 @@ def test_what_the_tests_claim_holds(share: int, tmp_path: Path):
 
 @pytest.mark.timeout(200)
 def test_two_robots_are_tested_at_the_same_time(tmp_path: Path):
-    """Each in a queue of its own; a proof that is gone on with keeps to its cases, whatever is asked for then."""
+    """Each in a queue of its own; a resumed proof keeps its cases, whatever is selected then."""
     proof = [sys.executable, "-m", "rtf", "proof"]
     words = ["-j", "2", "--test", "SensorsDuplicateReadings"]
     for more in (words, ["--resume", "-j", "1"]):
@@ -55,7 +55,7 @@ def test_two_robots_are_tested_at_the_same_time(tmp_path: Path):
 
 
 def test_every_test_of_the_robot_takes_part():
-    """Others look at computers, files and this process, which no fault of a robot changes."""
+    """The other tests are about computers and files, which no fault of a robot changes."""
     others = {"cluster_tests", "models_consistency", "skin_wrapper_test", "system_status"}
     assert {claims.file.stem for claims in CLAIMS} == {
         file.stem for file in shipped_folder("test").glob("*.py")

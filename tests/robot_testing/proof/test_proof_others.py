@@ -1,4 +1,4 @@
-"""Faults without a claim: a test is run on all of them, and a test that does not pass needs a reason."""
+"""Faults without a claim: a test is run with all of them, and a test that does not pass needs a reason."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DEAD = '[[reason]]\nfaults = ["motor_dead"]\ntext = "a joint that does not move 
 
 @pytest.fixture
 def reasons(tmp_path: Path):
-    """Writes a file of reasons, and reads it."""
+    """Write a file of reasons, and read it."""
 
     def read(text: str):
         file = tmp_path / "reasons.toml"
@@ -40,8 +40,8 @@ def reasons(tmp_path: Path):
     return read
 
 
-def test_claims_and_others_are_every_test_on_every_fault():
-    """Each pair once, and none twice."""
+def test_claims_and_others_cover_every_test_with_every_fault():
+    """Each pair exactly once."""
     for file in CLAIMS.glob("*.toml"):
         claims = read_claims(file)
         claimed = {claim.fault for claim in claims.claims}
@@ -51,8 +51,8 @@ def test_claims_and_others_are_every_test_on_every_fault():
         assert len(others) == len({*others})
 
 
-def test_a_fault_strikes_what_is_tested(reasons):
-    """The joint is one of the part that the test is given, and that is the one that it has in other cases."""
+def test_a_fault_is_injected_where_the_test_looks(reasons):
+    """The joint belongs to the part under test, and is the same as in other cases."""
     arm = {case.fault: case for case in others_of(read_claims(CLAIMS / "motor_test.toml"), reasons(DEAD))}
     assert all(case.parameters.get("part") for case in arm.values())
     assert {case.target for case in arm.values()} >= {"left_arm", "imu"}
@@ -60,7 +60,7 @@ def test_a_fault_strikes_what_is_tested(reasons):
 
 
 def test_a_reason_holds_for_the_tests_that_it_names(reasons):
-    """For all of them when it names none."""
+    """Without names it holds for all tests."""
     (everywhere,) = reasons(DEAD)
     assert everywhere.holds_for("JointLimits", "motor_dead")
     assert not everywhere.holds_for("JointLimits", "jam")
@@ -80,7 +80,7 @@ def test_a_reason_holds_for_the_tests_that_it_names(reasons):
     ],
 )
 def test_a_wrong_file_of_reasons_is_refused(reasons, text: str, complaint: str):
-    """By what is wrong with it."""
+    """The error has the problem."""
     with pytest.raises(ClaimsError, match=complaint):
         reasons(text)
 
@@ -95,8 +95,8 @@ def test_a_wrong_file_of_reasons_is_refused(reasons, text: str, complaint: str):
         (Verdict.NOT_RUN, "", Judgement.NOT_TESTED),
     ],
 )
-def test_what_does_not_pass_needs_a_reason(verdict: Verdict, reason: str, judgement: Judgement):
-    """And what passes needs none."""
+def test_a_test_that_does_not_pass_needs_a_reason(verdict: Verdict, reason: str, judgement: Judgement):
+    """A test that passes needs none."""
     result = TestResult(TestPlanned(test="s/t", suite="s", name="t"), "t")
     result.verdict = verdict
     result.attempts.append(TestEnded(test="s/t", outcome=verdict, verdict=verdict))
@@ -104,8 +104,8 @@ def test_what_does_not_pass_needs_a_reason(verdict: Verdict, reason: str, judgem
     assert judge(case, result).judgement is judgement
 
 
-def test_the_page_tells_what_did_not_pass():
-    """The others are counted, and not listed."""
+def test_the_page_lists_tests_that_did_not_pass():
+    """The others are counted only."""
     case = Case("Looks", Expectation.OTHER, "jam", "l_elbow", reason="it cannot move")
     quiet = JudgedCase(Case("Looks", Expectation.OTHER, "ft_bias", "left_arm"), Judgement.SILENT, "passed", "", 1.0)
     page = write_matrix([quiet, JudgedCase(case, Judgement.EXPECTED, "failed", "l_elbow: it stays", 1.0)])

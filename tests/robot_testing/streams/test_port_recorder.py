@@ -1,4 +1,4 @@
-"""Recorders on real ports."""
+"""Recorders of real ports."""
 
 import copy
 import math
@@ -28,7 +28,7 @@ def network():
 
 
 def test_every_message_is_kept_with_its_stamp(network):
-    """Nothing is skipped, however fast it comes; stamp, size, arrival and bytes are kept."""
+    """No message is skipped; stamp, size, arrival and content are kept."""
     with Port("/source", network=network, inputs=False) as source:
         recorder = PortRecorder("/source", network=network, now=lambda: 7.5, keep=True)
         recorder.connect("tcp")
@@ -43,7 +43,7 @@ def test_every_message_is_kept_with_its_stamp(network):
 
 
 def test_messages_without_stamps_are_kept_too(network):
-    """They have the number -1, and their moment is that of their arrival."""
+    """They have the number -1, and their time is that of their arrival."""
     with Port("/source", network=network, inputs=False) as source:
         recorder = PortRecorder("/source", network=network, now=lambda: 7.5)
         recorder.connect("tcp")
@@ -54,8 +54,8 @@ def test_messages_without_stamps_are_kept_too(network):
     assert math.isnan(message.time)
 
 
-def test_what_cannot_be_understood_is_told_and_counted(network):
-    """A message that makes no sense to who looks is a message all the same, and its problem is kept."""
+def test_messages_that_cannot_be_decoded_are_kept_and_reported(network):
+    """They count as messages, with their problem."""
 
     def look(data):
         raise ValueError(f"{len(data)} bytes of nonsense")
@@ -70,8 +70,8 @@ def test_what_cannot_be_understood_is_told_and_counted(network):
     assert len(recorder.problems) == 2
 
 
-def test_nobody_there_is_an_error(network):
-    """A port that does not exist raises, and leaves no port of the recorder's behind."""
+def test_a_missing_port_is_an_error(network):
+    """The recorder leaves no port behind."""
     with Listener(network, SystemClock()) as listener:
         before = len(network.names.list())
         with pytest.raises(MiddlewareError, match="/absent"):
@@ -81,7 +81,7 @@ def test_nobody_there_is_an_error(network):
 
 
 def test_many_ports_at_once(network):
-    """Each port has its own record, and listening lasts as long as the robot's clock says."""
+    """Each port has its own record, and the recording lasts for the given time of the robot's clock."""
 
     class Quick(Clock):
         time = 100.0
@@ -107,7 +107,7 @@ def test_many_ports_at_once(network):
 
 
 def test_messages_are_decoded_by_their_connection(network):
-    """Two sensors, one of YARP 3 and one of YARP 4, are read at once, in a network that knows of neither."""
+    """A sensor of YARP 3 and one of YARP 4 are read at once, in a network that knows neither's dialect."""
     from rtf.robot_testing.streams.sensor_streams import readings_of
 
     with Listener(network, SystemClock()) as listener:
@@ -123,7 +123,7 @@ def test_messages_are_decoded_by_their_connection(network):
 
 
 def test_loads_hang_downwards():
-    """At home a leg pulls its sensor down by its weight, and other places have no sensor."""
+    """At home a leg pulls its sensor down by its weight; other links have no sensor."""
     model = WeightModel()
     left, right = model.load("left_leg"), model.load("right_leg")
     assert math.hypot(*left[:3]) == pytest.approx(math.hypot(*right[:3]), rel=0.02)

@@ -1,4 +1,4 @@
-"""What is said of streams, by messages that are known."""
+"""Statistics of streams, for known messages."""
 
 import math
 
@@ -12,20 +12,20 @@ from rtf.robot_testing.streams.stream_statistics import stream_of, within
 
 
 def message(number, *, delay=0.001, period=0.01):
-    """A message of a stream that sends regularly."""
+    """Return a message of a regular stream."""
     return Message(number, number * period, number * period + delay, 8, number, None)
 
 
 def test_a_healthy_stream():
-    """Nothing is missing or repeated, and the rate is that of intervals, not of messages."""
+    """No message is missing or repeated; the rate counts intervals, not messages."""
     stream = stream_of([message(number) for number in range(101)])
     assert stream.periods.rate == pytest.approx(100.0)
     assert (stream.lost, stream.duplicates, stream.overtaken, stream.every) == (0, 0, 0, 0)
     assert stream.jitter(0.99) == pytest.approx(0.0)
 
 
-def test_every_second_message_is_told_from_loss():
-    """A stream of which only each k-th message is sent says so."""
+def test_a_decimated_stream_is_told_from_losses():
+    """A stream that sends only each k-th message is reported as such."""
     stream = stream_of([message(number) for number in range(0, 100, 2)])
     assert stream.every == 2
     assert stream.periods.rate == pytest.approx(50.0)
@@ -34,7 +34,7 @@ def test_every_second_message_is_told_from_loss():
 
 @given(st.permutations(range(20)), st.sets(st.integers(1, 18), max_size=10), st.sets(st.integers(0, 19), max_size=10))
 def test_messages_are_counted_in_any_order(order, missing, twice):
-    """Losses and duplicates are found whatever the order of arrival, and the rate does not depend on it."""
+    """Losses and duplicates are found in any order of arrival, and the rate does not depend on it."""
     kept = [number for number in order if number not in missing]
     again = [number for number in kept if number in twice]
     stream = stream_of([message(number) for number in kept + again])
@@ -45,7 +45,7 @@ def test_messages_are_counted_in_any_order(order, missing, twice):
 
 
 def test_late_messages_are_jitter_and_overtaken():
-    """A message that comes late is jitter, and one that comes behind a later one is counted."""
+    """A late message is jitter, and one that arrives after a later one is counted as overtaken."""
     late = message(5, delay=0.035)
     stream = stream_of([*map(message, (0, 1, 2, 3, 4, 6, 7, 8)), late, message(9)])
     assert stream.overtaken == 1
@@ -63,21 +63,21 @@ def test_without_stamps_arrivals_count():
 
 
 def test_the_window_is_by_stamps():
-    """What was sent within the window belongs to it, though it came late; what was sent before or after does not."""
+    """A message belongs to the window in which it was sent, however late it arrives."""
     messages = [message(number, delay=0.2) for number in range(100)]
     found = within(messages, 0.095, 0.5)
     assert [one.number for one in found] == [*range(10, 60)]
     assert within([], 0.1, 1.0) == []
 
 
-def test_too_few_messages_say_nothing():
-    """Two messages are refused; the error says how many are needed."""
+def test_too_few_messages_are_refused():
+    """The error has the number that is needed."""
     with pytest.raises(ValueError, match="3 are needed"):
         stream_of([message(0), message(0), message(1)])
 
 
-def test_a_few_late_messages_are_no_sure_jitter():
-    """Of two hundred messages 22 late ones may be bad luck where 20 are allowed; 40 are not."""
+def test_jitter_is_judged_with_its_confidence():
+    """With 20 of two hundred late messages allowed, 22 may be chance; 40 are not."""
     stream = stream_of([message(number, delay=0.031 if number % 9 == 0 else 0.001) for number in range(200)])
     assert stream.jitter(0.9) == pytest.approx(0.03)
     assert stream.sure_jitter(0.9) == pytest.approx(0.0)
@@ -85,7 +85,7 @@ def test_a_few_late_messages_are_no_sure_jitter():
     assert stream.sure_jitter(0.9) == pytest.approx(0.03)
 
 
-def test_a_small_sample_says_little_of_a_quantile():
-    """Of three values it is the least."""
+def test_the_quantile_of_a_small_sample_has_a_wide_interval():
+    """For three values the bound is the least value."""
     assert surely_beyond([3.0, 1.0, 2.0], 0.9) == 1.0
     assert surely_beyond([5.0] * 100, 0.9) == 5.0
