@@ -74,8 +74,10 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> SuiteFile 
 
     if not is_suite(file_path):
         return None
+    from rtf.pytest_suites.hooks import register_hooks
     from rtf.pytest_suites.nodes import SuiteFile
 
+    register_hooks(config)
     return SuiteFile.from_parent(parent, path=file_path)
 
 
